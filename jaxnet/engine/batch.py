@@ -1,0 +1,44 @@
+"""Many lanes at once: one compiled program per shape and choice of types, run chunk by chunk.
+
+A chunk has a fixed width and is padded, so that a lane's result is the same to the last bit whatever lanes
+stand beside it and however many there are.
+"""
+
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxnet.engine import chassis
+from jaxnet.engine.stepper import Tolerances
+from jaxnet.model.lane import Batch
+
+CHUNK = 16
+
+
+def simulate(
+    lanes: Batch, clock: chassis.Clock, tolerances: Tolerances, plan: chassis.Plan
+) -> chassis.Outcome:
+    """Outcomes of lanes (leading axis on every leaf of the first three arguments), as NumPy arrays."""
+    inputs = (lanes, clock, tolerances)
+    with jax.enable_x64(True):
+        outcomes = [_chunk(plan, *padded) for padded in _chunks(inputs)]
+        outcomes = jax.tree.map(np.asarray, outcomes)
+    count = len(lanes.initial)
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *outcomes)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _chunk(plan: chassis.Plan, lanes: Batch, clock: Any, tolerances: Any) -> chassis.Outcome:
+    return jax.vmap(lambda *lane: chassis.simulate(*lane, plan))(lanes, clock, tolerances)
+
+
+def _chunks(inputs: Any) -> Iterator[Any]:
+    """The inputs in pieces of CHUNK lanes, the last filled up with copies of its first lane."""
+    count = len(jax.tree.leaves(inputs)[0])
+    for start in range(0, count, CHUNK):
+        index = np.arange(start, start + CHUNK)
+        index[index >= count] = start
+        yield jax.tree.map(lambda leaf, index=index: np.asarray(leaf)[index], inputs)

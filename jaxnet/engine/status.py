@@ -1,0 +1,24 @@
+"""How a lane ended. A failed lane stops where it failed and spoils no other."""
+
+from enum import IntEnum
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
+
+
+class Status(IntEnum):
+    """The first that applies, in this order."""
+
+    ok = 0
+    singular = 1  # |v| < 1e-9 m/s at the start or at a step
+    nonfinite = 2  # a state that is not finite, or a vector field no step is small enough for
+    max_steps = 3  # the step limit, or a step too small to move the time
+    disconnected = 4  # the weights in force cut a vehicle off from the navigator
+
+
+Code = Int[Array, ""]
+
+
+def fail(status: Code, reason: Status, when: Bool[Array, ""]) -> Code:
+    """The status, or this reason if the lane was ok until now."""
+    return jnp.where((status == Status.ok) & when, int(reason), status)

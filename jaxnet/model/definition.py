@@ -1,0 +1,60 @@
+"""The law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and 4.3).
+
+Nothing runs on it: it is the definition to which the structured solve of `control` is held.
+Stacks are vehicle by vehicle, `ȳ = [y_1; …; y_m]`, and `η_i = [ε_i; ε̇_i; ε̈_i]`.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxnet.model import robot
+
+
+def brunovsky() -> tuple[Float[Array, "6 6"], Float[Array, "6 2"]]:
+    """`𝒜` and `ℬ`: two chains of three integrators."""
+    return jnp.kron(jnp.eye(3, k=1), jnp.eye(2)), jnp.kron(jnp.eye(3)[:, 2:], jnp.eye(2))
+
+
+def feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
+    """`𝒦 = -[k0 I₂, k1 I₂, k2 I₂]`, the paper's diagonal in the order of η."""
+    return -jnp.kron(gain[None], jnp.eye(2))
+
+
+def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
+    """`𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
+    chains, entry = brunovsky()
+    return jnp.kron(jnp.eye(vehicles), chains + entry @ feedback(gain))
+
+
+def decoupling(state: robot.State) -> Float[Array, "n n"]:
+    """`Ψ = diag{ψ_1, …, ψ_m}`."""
+    return jax.scipy.linalg.block_diag(*robot.decoupling(state))
+
+
+def mixing(state: robot.State, weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
+    """`M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`."""
+    psi = decoupling(state)
+    coupling = jnp.eye(len(psi)) - jnp.kron(weights[:, 1:], jnp.eye(2))
+    return jnp.linalg.solve(psi, coupling @ psi)
+
+
+def inputs(
+    state: robot.State,
+    weights: Float[Array, "m sources"],
+    heard_third: Float[Array, "m 2"],
+    error: Float[Array, "3 m 2"],
+    gain: Float[Array, "3"],
+) -> Float[Array, "m 2"]:
+    """`u` from the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]`.
+
+    `heard_third` is `a0 ⊗ y_0‴ + d‴`, `error` the jets ε, ε̇, ε̈.
+    """
+    vehicles = len(state)
+    sigma = robot.drift(state).reshape(-1)
+    eta = error.transpose(1, 0, 2).reshape(-1)
+    gains = jnp.kron(jnp.eye(vehicles), feedback(gain))
+    spread = jnp.kron(weights[:, 1:], jnp.eye(2))
+    demand = -sigma + spread @ sigma + heard_third.reshape(-1) + gains @ eta
+    u = jnp.linalg.solve(mixing(state, weights), jnp.linalg.solve(decoupling(state), demand))
+    return u.reshape(vehicles, 2)
