@@ -5,7 +5,7 @@ stand beside it and however many there are.
 """
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -19,14 +19,21 @@ CHUNK = 16
 
 
 def simulate(
-    lanes: Batch, clock: chassis.Clock, tolerances: Tolerances, plan: chassis.Plan
+    lanes: Batch,
+    clock: chassis.Clock,
+    tolerances: Tolerances,
+    plan: chassis.Plan,
+    chunk_done: Callable[[int], None] = lambda lanes: None,
 ) -> chassis.Outcome:
-    """Outcomes of lanes (leading axis on every leaf of the first three arguments), as NumPy arrays."""
-    inputs = (lanes, clock, tolerances)
+    """Outcomes of lanes (leading axis on every leaf of the first three arguments), as NumPy arrays.
+
+    `chunk_done` is told how many lanes each chunk brought to their end.
+    """
+    count, outcomes = len(lanes.initial), []
     with jax.enable_x64(True):
-        outcomes = [_chunk(plan, *padded) for padded in _chunks(inputs)]
-        outcomes = jax.tree.map(np.asarray, outcomes)
-    count = len(lanes.initial)
+        for padded in _chunks((lanes, clock, tolerances)):
+            outcomes.append(jax.tree.map(np.asarray, _chunk(plan, *padded)))
+            chunk_done(min(CHUNK, count - CHUNK * (len(outcomes) - 1)))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *outcomes)
 
 

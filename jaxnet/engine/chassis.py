@@ -104,7 +104,8 @@ def simulate(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Pla
         t = (number * plan.ticks).astype(float) * clock.interval
         seen = observe(lane, fleet, t)
         in_tail = number > plan.outputs - clock.tail_outputs
-        saved = {name: SERIES[name](seen) for name in plan.save}
+        ok = fleet.stepper.status == Status.ok
+        saved = {name: jnp.where(ok, SERIES[name](seen), jnp.nan) for name in plan.save}
         return metrics.gather(seen, in_tail, clock.tail_outputs), saved
 
     fleet = start(lane, clock, tolerances, plan)

@@ -1,0 +1,127 @@
+"""What a script calls: `load` a study, `run` it, `open` its results."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jaxnet.study import sweep
+from jaxnet.study.config import Config, shown
+from jaxnet.study.document import Document
+from jaxnet.study.folder import Folder, FolderError
+from jaxnet.study.sweep import Cell
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Study:
+    """A validated config and the cells that its sweep spans."""
+
+    config: Config
+    cells: tuple[Cell, ...]
+
+    @property
+    def lanes(self) -> int:
+        """How many lanes it has."""
+        return len(self.cells) * self.config.samples
+
+
+@dataclass(frozen=True)
+class Results:
+    """A results folder, read when asked."""
+
+    path: Path
+
+    @cached_property
+    def study(self) -> Study:
+        """The study that was run."""
+        return load(self.path / "study.yaml")
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What `manifest.json` says."""
+        return Folder(self.path).manifest
+
+    @cached_property
+    def lanes(self) -> "pd.DataFrame":
+        """One row per lane."""
+        from jaxnet.study.run import read_rows
+
+        return read_rows(Folder(self.path))
+
+    @cached_property
+    def cells(self) -> "pd.DataFrame":
+        """One row per cell."""
+        import pandas as pd
+
+        return pd.read_csv(self.path / "cells.csv")
+
+    @property
+    def errors(self) -> "xr.Dataset":
+        """`ẽ` and `ε̃` over time."""
+        return self.arrays("errors.zarr", "save.errors=true")
+
+    @property
+    def trajectories(self) -> "xr.Dataset":
+        """States, navigator, attack signals and kept weights over time."""
+        return self.arrays("trajectories.zarr", "save.trajectories=all")
+
+    def arrays(self, name: str, remedy: str) -> "xr.Dataset":
+        """One of the stores; raises FolderError if the study did not save it."""
+        import xarray as xr
+
+        if not (self.path / name).exists():
+            raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
+        return xr.open_zarr(self.path / name)
+
+
+def load(path: str | Path, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
+    """Read a study from YAML, with overrides by dotted key or as KEY=VALUE words.
+
+    Raises ConfigError with everything that is wrong.
+    """
+    document = Document.read(path)
+    if isinstance(overrides, Mapping):
+        overrides = [f"{key}={as_yaml(value)}" for key, value in overrides.items()]
+    for word in overrides:
+        document.override(word)
+    return Study(*sweep.read(document))
+
+
+def as_yaml(value: Any) -> str:
+    """A plain value as YAML (JSON is YAML)."""
+    import json
+
+    return json.dumps(value)
+
+
+def run(
+    study: Study,
+    out: str | Path | None = None,
+    fresh: bool = False,
+    progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
+) -> Results:
+    """Simulate what is not there yet into `out` (default results/NAME); raises FolderError.
+
+    `fresh` throws earlier results of that folder away; `progress` is told lanes done, all, failed.
+    """
+    from jaxnet.study.run import execute
+
+    folder = Folder(out or Path("results") / study.config.name)
+    with folder.writing():
+        if fresh:
+            folder.clear()
+        folder.admit(study.config)
+        execute(study.config, study.cells, folder, progress)
+    return Results(folder.path)
+
+
+def open(path: str | Path) -> Results:  # noqa: A001 (the contract's name)
+    """Results of a folder that a run has made; raises FolderError."""
+    if not Folder(path).manifest:
+        raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    return Results(Path(path))

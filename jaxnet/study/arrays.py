@@ -1,0 +1,155 @@
+"""`errors.zarr` and `trajectories.zarr`: labelled arrays over (cell, sample, time, …), readable by xarray.
+
+A chunk belongs to one cell and one shard (or one lane, where lanes are chosen), so a write is whole and
+touches nobody else's. Lanes that were not stored are not-a-number and take no room.
+
+`state` has a last dimension of its own name, as the contract says; its labels are therefore under
+`state_name`, since xarray takes a variable named like a dimension for that dimension's coordinate.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import zarr
+import zarr.errors
+
+from jaxnet.model import robot
+from jaxnet.study import config
+from jaxnet.study.network import navigator_of
+from jaxnet.study.sweep import Cell
+
+
+class Variable(NamedTuple):
+    """An array of a store: its dimensions, type and meaning."""
+
+    dims: tuple[str, ...]
+    dtype: str
+    meaning: str
+
+
+LANE_TIME = ("cell", "sample", "time")
+ERRORS = {
+    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]"),
+    "disagreement": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]"),
+}
+TRAJECTORIES = {
+    "state": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]"),
+    "attack": Variable((*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]"),
+    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force"),
+}
+NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]")
+
+
+def trajectory_series(cells: Sequence[Cell]) -> tuple[str, ...]:
+    """Series of a trajectory: `kept` only where a defence trims."""
+    trims = any(isinstance(cell.scenario.defence, config.TrustedTrim) for cell in cells)
+    return ("state", "attack", "kept") if trims else ("state", "attack")
+
+
+def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
+    """Labels along every dimension."""
+    scenario = cells[0].scenario
+    outputs = round(scenario.horizon / scenario.output_step)
+    return {
+        "cell": np.arange(len(cells)),
+        "sample": np.arange(samples),
+        "time": np.arange(outputs + 1) * scenario.output_step,
+        "vehicle": np.arange(1, scenario.vehicles + 1),
+        "source": np.arange(scenario.vehicles + 1),
+        "axis": np.array(["x", "y"], dtype=object),
+        "state": np.array(robot.STATE_NAMES, dtype=object),
+    }
+
+
+def prepare(
+    path: Path, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
+) -> zarr.Group:
+    """The store at this path, made if it is not there, else with room for that many samples."""
+    coords = coordinates(cells, samples)
+    if path.exists():
+        group = zarr.open_group(path, mode="r+")
+        for name in variables:
+            array = member(group, name)
+            array.resize((array.shape[0], samples, *array.shape[2:]))
+        member(group, "sample").resize((samples,))
+        member(group, "sample")[:] = coords["sample"]
+    else:
+        group = zarr.open_group(path, mode="w")
+        create(group, variables, coords, chunk)
+        if "state" in variables:
+            add_navigator(group, cells, coords)
+        label_cells(group, cells)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
+        zarr.consolidate_metadata(group.store)
+    return group
+
+
+def member(group: zarr.Group, name: str) -> zarr.Array:
+    """An array of a store."""
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
+
+
+def create(
+    group: zarr.Group, variables: Mapping[str, Variable], coords: Mapping[str, Any], chunk: int
+) -> None:
+    """Empty arrays, and the coordinates of their dimensions."""
+    for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
+        add(group, "state_name" if dim == "state" else dim, (dim,), coords[dim])
+    member(group, "time").attrs["units"] = "s"
+    for name, (dims, dtype, meaning) in variables.items():
+        shape = [len(coords[dim]) for dim in dims]
+        array = group.create_array(
+            name,
+            shape=shape,
+            chunks=[1, min(chunk, shape[1]), *shape[2:]],
+            dtype=dtype,
+            fill_value=np.nan,
+            dimension_names=dims,
+        )
+        array.attrs["long_name"] = meaning
+
+
+def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray) -> None:
+    """A whole array, written at once."""
+    dtype: Any = str if values.dtype == object else values.dtype
+    array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)
+    array[...] = values
+
+
+def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str, Any]) -> None:
+    """`navigator`, the same for all lanes of a cell."""
+    paths = [navigator_of(cell.scenario).jets(coords["time"])[:, 0] for cell in cells]
+    add(group, "navigator", NAVIGATOR.dims, np.stack(paths))
+    member(group, "navigator").attrs["long_name"] = NAVIGATOR.meaning
+
+
+def label_cells(group: zarr.Group, cells: Sequence[Cell]) -> None:
+    """Swept keys as coordinates along `cell`."""
+    keys = list(cells[0].labels)
+    for key in keys:
+        values = np.array([cell.labels[key] for cell in cells])
+        add(group, key, ("cell",), values.astype(object) if values.dtype.kind in "UO" else values)
+    group.attrs["coordinates"] = " ".join(["state_name", *keys] if "state_name" in group else keys)
+
+
+def write(
+    group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]
+) -> None:
+    """Store the series of consecutive samples of one cell."""
+    for name, values in series.items():
+        stored = wrapped(values) if name == "state" else values
+        member(group, name)[cell, samples] = stored.astype(member(group, name).dtype)
+
+
+def wrapped(states: np.ndarray) -> np.ndarray:
+    """States with headings in (-π, π]."""
+    states = states.copy()
+    heading = states[..., robot.HEADING]
+    states[..., robot.HEADING] = np.pi - np.mod(np.pi - heading, 2 * np.pi)
+    return states

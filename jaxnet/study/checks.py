@@ -1,0 +1,150 @@
+"""What cannot be simulated, and why: faults that only several keys together show (DESIGN, section 3)."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxnet.model import graph
+from jaxnet.study import config
+from jaxnet.study.config import Config, Scenario
+from jaxnet.study.network import navigator_of, weights_of
+
+SLOWEST_NAVIGATOR = 0.05  # [m/s]
+MULTIPLE = 1e-9  # relative
+
+
+class Objection(NamedTuple):
+    """A fault: the keys that it stands on, the first the one to name, and what is wrong."""
+
+    keys: tuple[str, ...]
+    message: str
+
+
+def study_objections(study: Config) -> Iterator[Objection]:
+    """Faults of a study beyond its cells."""
+    chosen = study.save.trajectories
+    if isinstance(chosen, config.Samples):
+        beyond = [sample for sample in chosen.samples if sample >= study.samples]
+        if beyond:
+            yield Objection(
+                ("save.trajectories.samples", "samples"),
+                f"samples are 0 to {study.samples - 1} (got {beyond[0]})",
+            )
+
+
+def scenario_objections(scenario: Scenario) -> Iterator[Objection]:
+    """Faults of one cell."""
+    yield from time_objections(scenario)
+    yield from gain_objections(scenario)
+    vehicles = list(vehicle_objections(scenario))
+    yield from vehicles
+    if not vehicles:
+        yield from graph_objections(scenario)
+    yield from navigator_objections(scenario)
+
+
+def multiple(value: float, of: float) -> bool:
+    """Whether one duration is a whole multiple of another."""
+    times = round(value / of)
+    return times >= 1 and abs(value - times * of) <= MULTIPLE * value
+
+
+def time_objections(scenario: Scenario) -> Iterator[Objection]:
+    """Ticks, output times, tail and horizon must fit into each other."""
+    tick, step, horizon, tail = scenario.tick, scenario.output_step, scenario.horizon, scenario.tail
+    if tick > 0 and not multiple(step, tick):
+        yield Objection(("output_step", "tick"), f"must be a multiple of tick = {tick:g} (got {step:g})")
+    if not multiple(horizon, step):
+        yield Objection(
+            ("horizon", "output_step"), f"must be a multiple of output_step = {step:g} (got {horizon:g})"
+        )
+    if tail > 0 and not multiple(tail, step):
+        yield Objection(
+            ("tail", "output_step"), f"must be a multiple of output_step = {step:g} (got {tail:g})"
+        )
+    if tail > horizon:
+        yield Objection(("tail", "horizon"), f"must fit into horizon = {horizon:g} (got {tail:g})")
+
+
+def gain_objections(scenario: Scenario) -> Iterator[Objection]:
+    """The closed loop `s³ + k2 s² + k1 s + k0` must be Hurwitz."""
+    k0, k1, k2 = scenario.gain
+    if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
+        roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
+        shown = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
+        yield Objection(
+            ("gain",), f"unstable: eigenvalues {shown} (got {config.shown(scenario.gain)})"
+        )
+
+
+def vehicle_objections(scenario: Scenario) -> Iterator[Objection]:
+    """Whoever is named must exist."""
+    m, topology = scenario.vehicles, scenario.topology
+    if isinstance(topology, config.Figure1) and m != 5:
+        yield Objection(("vehicles", "topology"), f"figure1 has 5 vehicles (got {m})")
+    if isinstance(topology, config.Cyclic) and m < 3:
+        yield Objection(("vehicles", "topology"), f"a ring has at least 3 vehicles (got {m})")
+    if isinstance(topology, config.Edges):
+        yield from edge_objections(topology, m)
+    if isinstance(scenario.attack, config.Attacked):
+        listed = scenario.attack.vehicles
+        yield from unknown_vehicles("attack.vehicles", listed, m, first=1)
+        if len(set(listed)) < len(listed):
+            yield Objection(("attack.vehicles",), f"named twice (got {config.shown(listed)})")
+    if isinstance(scenario.defence, config.TrustedTrim):
+        defence = scenario.defence
+        yield from unknown_vehicles("defence.trusted", list(defence.trusted), m, first=1)
+        sources = [source for trusted in defence.trusted.values() for source in trusted]
+        yield from unknown_vehicles("defence.trusted", sources, m, first=0)
+        if isinstance(defence.theta, dict):
+            yield from unknown_vehicles("defence.theta", list(defence.theta), m, first=1)
+
+
+def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Objection]:
+    """Those of a list that do not exist."""
+    beyond = sorted({one for one in listed if not first <= one <= vehicles})
+    if beyond:
+        noun = "vehicles are" if first else "sources are"
+        yield Objection(
+            (key, "vehicles"),
+            f"{noun} {first} to {vehicles} (got {', '.join(map(str, beyond))})",
+        )
+
+
+def edge_objections(topology: config.Edges, vehicles: int) -> Iterator[Objection]:
+    """Every edge joins two that exist and differ, once."""
+    seen: set[tuple[int, int]] = set()
+    for number, (listener, source, _) in enumerate(topology.edges):
+        key = f"topology.edges.{number}"
+        if not (1 <= listener <= vehicles and 0 <= source <= vehicles):
+            yield Objection(
+                (key, "topology.edges", "vehicles"),
+                f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
+            )
+        elif listener == source:
+            yield Objection((key, "topology.edges"), f"{listener} hears itself")
+        elif (listener, source) in seen:
+            yield Objection((key, "topology.edges"), f"[{listener}, {source}] is given twice")
+        seen.add((listener, source))
+
+
+def graph_objections(scenario: Scenario) -> Iterator[Objection]:
+    """The navigator must reach everybody, otherwise L is singular."""
+    lost = graph.unreachable(weights_of(scenario))
+    if lost:
+        yield Objection(
+            ("topology.edges", "topology"),
+            f"the navigator does not reach {', '.join(map(str, lost))}",
+        )
+
+
+def navigator_objections(scenario: Scenario) -> Iterator[Objection]:
+    """A navigator that stops makes every vehicle singular."""
+    slowest, when = navigator_of(scenario).slowest(scenario.horizon)
+    if slowest < SLOWEST_NAVIGATOR:
+        yield Objection(
+            ("navigator", "horizon"),
+            f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {SLOWEST_NAVIGATOR} m/s is needed,"
+            " for the law is singular where a vehicle stands still",
+        )

@@ -1,0 +1,174 @@
+"""The results folder (DESIGN, section 5): what belongs to whom, who may write, and what is done already.
+
+A file is written under a temporary name and then renamed, so a reader sees it whole or not at all, and a
+shard is done when its file is there.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import platform
+import shutil
+from collections.abc import Callable, Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+import jaxnet
+from jaxnet.study.config import Config
+from jaxnet.study.document import Document
+from jaxnet.study.sweep import plain
+
+UNHASHED = ("name", "save", "samples")  # keys that change no row
+OURS = ("study.yaml", "manifest.json", "cells.csv", "report.html", "lanes", "figures", "replays")
+ARRAYS = ("errors.zarr", "trajectories.zarr")
+PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
+
+
+class FolderError(ValueError):
+    """A results folder that cannot be used for what was asked."""
+
+
+def digest(config: Config) -> str:
+    """Hash of everything in a config that changes rows."""
+    kept = {key: value for key, value in plain(config).items() if key not in UNHASHED}
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the rows may depend on."""
+    packages = {package: metadata.version(package) for package in PACKAGES}
+    return {"jaxnet": jaxnet.__version__, **packages, "python": platform.python_version()}
+
+
+class Folder:
+    """One results folder."""
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What `manifest.json` says; empty before a run."""
+        file = self.path / "manifest.json"
+        try:
+            return json.loads(file.read_text())
+        except FileNotFoundError:
+            return {}
+        except ValueError as error:
+            raise FolderError(f"{file}: not a manifest: {error}") from error
+
+    def write_manifest(self, **entries: Any) -> None:
+        """Change entries of the manifest."""
+        text = json.dumps(self.manifest | entries, indent=2) + "\n"
+        self.put("manifest.json", lambda file: file.write_text(text))
+
+    def put(self, name: str, write: Callable[[Path], Any]) -> None:
+        """Have `write` make a file, and give it its name once it is whole and on the disk."""
+        final = self.path / name
+        final.parent.mkdir(parents=True, exist_ok=True)
+        temporary = final.with_name(f".{final.name}.{os.getpid()}")
+        try:
+            write(temporary)
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
+            temporary.replace(final)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Hold the folder as its one writer."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        with (self.path / ".lock").open("a+") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                lock.seek(0)
+                owner = lock.read().strip() or "another process"
+                raise FolderError(f"{self.path} is being written by {owner}") from error
+            lock.truncate(0)
+            lock.write(f"process {os.getpid()} on {platform.node()}")
+            lock.flush()
+            yield
+
+    def clear(self) -> None:
+        """Remove results, and nothing else."""
+        self.clear_arrays()
+        for name in OURS:
+            target = self.path / name
+            if target.is_dir():
+                shutil.rmtree(target)
+            else:
+                target.unlink(missing_ok=True)
+
+    def clear_arrays(self) -> None:
+        """Remove the arrays, not the rows."""
+        for name in ARRAYS:
+            shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def admit(self, config: Config) -> None:
+        """Refuse a folder that holds another study, or one by another version, or something else."""
+        manifest = self.manifest
+        if not manifest:
+            strangers = [p.name for p in self.path.iterdir() if p.name != ".lock"] if self.path.exists() else []
+            if strangers and not set(strangers) <= {*OURS, *ARRAYS}:
+                raise FolderError(f"{self.path} is not a results folder: it holds {sorted(strangers)[0]}")
+            return
+        remedy = "give another folder with --out, or replace its results with --fresh"
+        written_by = manifest["versions"]["jaxnet"]
+        if written_by != jaxnet.__version__:
+            raise FolderError(
+                f"{self.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {remedy}"
+            )
+        if manifest["hash"] != digest(config):
+            raise FolderError(
+                f"{self.path} holds another study: {self.difference(config)}; {remedy}"
+            )
+
+    def difference(self, config: Config) -> str:
+        """Keys in which the folder's study differs from a config."""
+        theirs = flat(Document.read(self.path / "study.yaml").data)
+        ours = flat(plain(config))
+        keys = [
+            key
+            for key in dict.fromkeys([*theirs, *ours])
+            if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
+        ]
+        return ", ".join(f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
+
+    def write_study(self, config: Config) -> None:
+        """`study.yaml`, the study with every default written out, runnable as it is."""
+        body = yaml.safe_dump(plain(config), sort_keys=False, default_flow_style=None, width=100)
+        text = f"# jaxnet run study.yaml\n{body}"
+        self.put("study.yaml", lambda file: file.write_text(text))
+
+    def shard(self, number: int) -> Path:
+        """The row file of a shard."""
+        return self.path / "lanes" / f"{number:05d}.parquet"
+
+    def write_shard(self, number: int, rows: pa.Table) -> None:
+        """Write a shard's rows; from then on it is done."""
+        name = str(self.shard(number).relative_to(self.path))
+        self.put(name, lambda file: pq.write_table(rows, file, compression="zstd"))
+
+    def done(self, number: int, lanes: int) -> bool:
+        """Whether a shard's file is there with that many lanes."""
+        file = self.shard(number)
+        return file.exists() and pq.read_metadata(file).num_rows >= lanes
+
+
+def flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested mappings as one with dotted keys."""
+    if not isinstance(value, dict) or not value:
+        return {prefix: value}
+    joined = {}
+    for key, each in value.items():
+        joined |= flat(each, f"{prefix}.{key}" if prefix else str(key))
+    return joined

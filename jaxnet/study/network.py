@@ -1,0 +1,60 @@
+"""The host's side of a scenario: its graph, links and navigator as NumPy arrays."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jaxnet.model import graph
+from jaxnet.model.navigator import Lissajous
+from jaxnet.study import config
+from jaxnet.study.config import Scenario
+
+
+class Network(NamedTuple):
+    """Who hears whom, who lies on which links, who trusts and trims; arrays as in `model.graph`."""
+
+    weights: Float[np.ndarray, "m sources"]
+    attacked: Bool[np.ndarray, "m sources"]
+    trusted: Bool[np.ndarray, "m sources"]
+    theta: Int[np.ndarray, " m"]
+    protected: Bool[np.ndarray, " m"]
+
+
+def network_of(scenario: Scenario) -> Network:
+    """The network of a scenario; without a defence nobody trims, without an attack no link is attacked."""
+    weights, m = weights_of(scenario), scenario.vehicles
+    attacked = np.zeros(weights.shape, dtype=bool)
+    if isinstance(scenario.attack, config.Attacked):
+        attacked = graph.attacked_links(weights, scenario.attack.vehicles, scenario.attack.channel)
+    theta, trusted = np.zeros(m, dtype=np.int64), graph.trusted_links(weights, {})
+    if isinstance(scenario.defence, config.TrustedTrim):
+        trusted = graph.trusted_links(weights, scenario.defence.trusted)
+        given = scenario.defence.theta
+        each = given if isinstance(given, dict) else dict.fromkeys(range(1, m + 1), given)
+        for vehicle, value in each.items():
+            theta[vehicle - 1] = value
+    return Network(
+        weights, attacked, trusted, theta, graph.protected(weights, trusted, theta)
+    )
+
+
+def weights_of(scenario: Scenario) -> Float[np.ndarray, "m sources"]:
+    """Weights of a scenario's graph."""
+    match scenario.topology:
+        case config.Star():
+            return graph.star(scenario.vehicles)
+        case config.Cyclic(navigator_weight=weight):
+            return graph.cyclic(scenario.vehicles, weight)
+        case config.Path():
+            return graph.path(scenario.vehicles)
+        case config.Figure1():
+            return graph.figure1()
+        case config.Edges(edges=edges):
+            return graph.weighted(scenario.vehicles, edges)
+
+
+def navigator_of(scenario: Scenario) -> Lissajous:
+    """The navigator of a scenario."""
+    given = scenario.navigator
+    return Lissajous(*(np.array(each) for each in (given.amplitude, given.frequency, given.phase)))

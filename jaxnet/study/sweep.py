@@ -1,0 +1,238 @@
+"""A document becomes a study: one validated config, and the cells that its sweep spans."""
+
+import functools
+import itertools
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from jaxnet.study import checks, config
+from jaxnet.study.config import KINDS, Config, Scenario
+from jaxnet.study.document import ConfigError, Document, Keys, Problem, dotted, put, split
+
+Place = Any  # Keys → FILE:LINE:COL
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One point of the sweep's grid: its number from 0, its swept keys as tables show them, its scenario."""
+
+    number: int
+    labels: dict[str, Any]
+    scenario: Scenario
+
+    def __str__(self) -> str:
+        """How messages name it."""
+        swept = ", ".join(f"{key}={value}" for key, value in self.labels.items())
+        return f"cell {self.number}" + (f" ({swept})" if swept else "")
+
+
+def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
+    """The study that a document describes; raises ConfigError with everything that is wrong."""
+    name_kinds(document)
+    settled, problems = validate(Config, document.data, document.place)
+    given, _ = validate(SweepAlone, document.data, document.place)
+    cells: tuple[Cell, ...] = ()
+    if given is not None:
+        values = {key: spread(each) for key, each in given.sweep.items()}
+        wrong = list(refuse_sweep(settled, values))
+        problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
+        if not wrong:
+            cells, faults = span(document, values, known=set(problems))
+            problems += faults
+    if settled is not None:
+        problems += [located(fault, document.place) for fault in checks.study_objections(settled)]
+    if settled is None or problems:
+        raise ConfigError(problems)
+    return settled, cells
+
+
+class SweepAlone(BaseModel):
+    """The sweep of a config whose other keys may be wrong."""
+
+    model_config = config.Record.model_config | {"extra": "ignore"}
+
+    sweep: config.Sweep = {}
+
+
+def located(fault: checks.Objection, place: Place) -> Problem:
+    """An objection with the place of the first of its keys that was written."""
+    return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
+
+
+def name_kinds(document: Document) -> None:
+    """Write out what a kind's bare name, or a mapping without one, stands for."""
+    for field in KINDS:
+        if field in document.data:
+            document.data[field] = with_kind(field, document.data[field])
+            place = document.place((field, "kind"), (field,))
+            document.places.setdefault((field, "kind"), place)
+
+
+def with_kind(field: str, value: Any) -> Any:
+    """The mapping that a value of a kind's field means."""
+    if isinstance(value, str):
+        return {"kind": value}
+    if isinstance(value, dict) and "kind" not in value:
+        return {"kind": Scenario.model_fields[field].default.kind, **value}
+    return value
+
+
+def validate(
+    model: type[Any], data: Mapping[str, Any], place: Place
+) -> tuple[Any, list[Problem]]:
+    """The model, or what is wrong with each key."""
+    try:
+        return model.model_validate(dict(data)), []
+    except ValidationError as error:
+        problems = []
+        for one in error.errors(include_url=False):
+            keys = written(one["loc"], data, one["type"])
+            problems.append(Problem(place(keys), dotted(keys), config.explain(one)))
+        return None, problems
+
+
+def written(location: tuple[Any, ...], data: Any, kind: str) -> Keys:
+    """Keys of a place as the user writes them: pydantic's own union tags taken out."""
+    keys: list[Any] = []
+    inside = location[:-1] if kind == "missing" else location
+    for part in inside:
+        if isinstance(data, dict) and part in data or isinstance(data, list) and part in range(len(data)):
+            keys.append(part)
+            data = data[part]
+    if kind == "missing" and not isinstance(location[-1], int):
+        keys.append(location[-1])
+    return tuple(keys)
+
+
+def spread(given: Any) -> list[Any]:
+    """Values of one swept key."""
+    if isinstance(given, config.Linspace):
+        return np.linspace(*given.linspace).tolist()
+    if isinstance(given, config.Geomspace):
+        return np.geomspace(*given.geomspace).tolist()
+    return list(given)
+
+
+def refuse_sweep(
+    settled: Config | None, values: Mapping[str, list[Any]]
+) -> Iterator[tuple[str, str]]:
+    """What is wrong with a sweep before its cells are looked at: key and message."""
+    saves = settled is not None and (settled.save.errors or settled.save.trajectories != "none")
+    for number, (key, listed) in enumerate(values.items()):
+        root = key.split(".")[0]
+        if root not in Scenario.model_fields:
+            wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
+            yield key, wrong + config.suggestion(root, list(Scenario.model_fields))
+        if any(other.startswith(f"{key}.") for other in list(values)[:number]):
+            yield key, "must stand before the dotted keys that set into it"
+        if saves and key in ("vehicles", "horizon", "output_step"):
+            yield key, "cannot be swept while save stores errors or trajectories"
+        named = names(key, listed)
+        twice = [name for n, name in enumerate(named) if name in named[:n]]
+        if twice:
+            remedy = "; give each a label" if key in KINDS else ""
+            yield key, f"two values are named {twice[0]}{remedy}"
+
+
+def names(key: str, listed: list[Any]) -> list[Any]:
+    """What tables call the values of one swept key.
+
+    A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
+    """
+    if key not in KINDS:
+        return [value if isinstance(value, int | float | str) else config.shown(value) for value in listed]
+    kinds = [full_kind(key, with_kind(key, value)) for value in listed]
+    return [kind_label(kind, kinds) for kind in kinds]
+
+
+def full_kind(field: str, value: Any) -> Any:
+    """The mapping of a kind with its defaults written out."""
+    if not isinstance(value, dict):
+        return value
+    models = {config.kind_name(kind): kind for kind in KINDS[field]}
+    if value["kind"] not in models:
+        return value
+    fields = models[value["kind"]].model_fields
+    defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
+    return {key: tidy(each) for key, each in (defaults | value).items()}
+
+
+def kind_label(kind: Any, among: list[Any]) -> str:
+    """Name of one swept kind among the others."""
+    if not isinstance(kind, dict):
+        return config.shown(kind)
+    if isinstance(kind.get("label"), str):
+        return kind["label"]
+    alike = [other for other in among if isinstance(other, dict) and other["kind"] == kind["kind"]]
+    telling = [
+        f"{key}={config.shown(value)}"
+        for key, value in kind.items()
+        if key not in ("kind", "label", "edges") and any(other.get(key) != value for other in alike)
+    ]
+    return str(kind["kind"]) + (f"({', '.join(telling)})" if telling else "")
+
+
+def span(
+    document: Document, values: Mapping[str, list[Any]], known: set[Problem]
+) -> tuple[tuple[Cell, ...], list[Problem]]:
+    """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
+    base = {key: value for key, value in document.data.items() if key in Scenario.model_fields}
+    labels = {key: names(key, listed) for key, listed in values.items()}
+    cells: list[Cell] = []
+    faults: dict[Problem, list[str]] = {}
+    grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
+    for number, indices in enumerate(grid):
+        chosen = dict(zip(values, indices, strict=True))
+        data = deepcopy(base)
+        for key, index in chosen.items():
+            set_swept(data, key, deepcopy(values[key][index]))
+        place = functools.partial(place_in_cell, document, chosen)
+        scenario, problems = validate(Scenario, data, place)
+        cell = Cell(number, {key: labels[key][n] for key, n in chosen.items()}, scenario)
+        cells.append(cell)
+        if scenario is not None:
+            problems = [located(fault, place) for fault in checks.scenario_objections(scenario)]
+        for problem in set(problems) - known:
+            faults.setdefault(problem, []).append(str(cell))
+    noted = [
+        problem if len(where) == len(grid) else problem._replace(message=f"{problem.message}, in {where[0]}")
+        for problem, where in faults.items()
+    ]
+    return tuple(cells), noted
+
+
+def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it."""
+    root = key.split(".")[0]
+    put(data, split(key), value)
+    if root in KINDS:
+        data[root] = with_kind(root, data[root])
+
+
+def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
+    """Where a cell's fault stands: at the swept value that set the key, else where the key is written."""
+    for keys in candidates:
+        for key, index in chosen.items():
+            swept = split(key)
+            if swept[: len(keys)] == keys[: len(swept)]:
+                return document.place(("sweep", key, index), ("sweep", key))
+    return document.place(*candidates)
+
+
+def plain(model: BaseModel) -> dict[str, Any]:
+    """A model as plain data, for YAML and JSON."""
+    return tidy(model.model_dump(mode="python"))
+
+
+def tidy(value: Any) -> Any:
+    """Plain data of models, mappings and lists, without labels that nobody gave."""
+    if isinstance(value, BaseModel):
+        return plain(value)
+    if isinstance(value, dict):
+        return {key: tidy(each) for key, each in value.items() if not (key == "label" and each is None)}
+    return [tidy(each) for each in value] if isinstance(value, list | tuple) else value
