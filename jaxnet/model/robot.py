@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 State = Float[Array, "m 6"]
 Plane = Float[Array, "m 2"]
 
-STATE_NAMES = ("x", "y", "heading", "speed", "turn_rate", "force")
 HEADING, SPEED, TURN_RATE, FORCE = 2, 3, 4, 5
 
 

@@ -10,58 +10,16 @@ touches nobody else's. Lanes that were not stored are not-a-number and take no r
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import zarr
 import zarr.errors
 
 from jaxnet.model import robot
-from jaxnet.study import config
+from jaxnet.study.layout import NAVIGATOR, Variable, coordinates
 from jaxnet.study.network import navigator_of
 from jaxnet.study.sweep import Cell
-
-
-class Variable(NamedTuple):
-    """An array of a store: its dimensions, type and meaning."""
-
-    dims: tuple[str, ...]
-    dtype: str
-    meaning: str
-
-
-LANE_TIME = ("cell", "sample", "time")
-ERRORS = {
-    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]"),
-    "disagreement": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]"),
-}
-TRAJECTORIES = {
-    "state": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]"),
-    "attack": Variable((*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]"),
-    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force"),
-}
-NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]")
-
-
-def trajectory_series(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """Series of a trajectory: `kept` only where a defence trims."""
-    trims = any(isinstance(cell.scenario.defence, config.TrustedTrim) for cell in cells)
-    return ("state", "attack", "kept") if trims else ("state", "attack")
-
-
-def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
-    """Labels along every dimension."""
-    scenario = cells[0].scenario
-    outputs = round(scenario.horizon / scenario.output_step)
-    return {
-        "cell": np.arange(len(cells)),
-        "sample": np.arange(samples),
-        "time": np.arange(outputs + 1) * scenario.output_step,
-        "vehicle": np.arange(1, scenario.vehicles + 1),
-        "source": np.arange(scenario.vehicles + 1),
-        "axis": np.array(["x", "y"], dtype=object),
-        "state": np.array(robot.STATE_NAMES, dtype=object),
-    }
 
 
 def prepare(

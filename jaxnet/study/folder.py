@@ -145,7 +145,9 @@ class Folder:
 
     def write_study(self, config: Config) -> None:
         """`study.yaml`, the study with every default written out, runnable as it is."""
-        body = yaml.safe_dump(plain(config), sort_keys=False, default_flow_style=None, width=100)
+        data = plain(config)
+        ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
+        body = yaml.safe_dump(ordered, sort_keys=False, default_flow_style=None, width=100)
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write_text(text))
 

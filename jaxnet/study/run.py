@@ -7,7 +7,7 @@ advanced together. `lanes/` is written last, so a shard that is there is complet
 import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -18,35 +18,16 @@ import zarr
 from jaxnet.engine import batch, chassis
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.status import Status
-from jaxnet.study import arrays, config, summary
+from jaxnet.study import arrays, config, layout, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import Folder, digest, versions
 from jaxnet.study.lanes import Job, job
+from jaxnet.study.layout import Shard, shard_size, shards_of
 from jaxnet.study.sweep import Cell, plain
 
-SHARD = 256  # lanes, fewer where their arrays would take more than SHARD_BYTES
-SHARD_BYTES = 2**27
 TOGETHER = 4 * batch.CHUNK  # lanes of small shards advanced as one
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
-
-
-class Shard(NamedTuple):
-    """Consecutive samples of one cell; numbered so that more samples leave the numbers as they are."""
-
-    number: int
-    cell: Cell
-    samples: range
-
-
-def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
-    """All shards of a study: first every cell's first samples, then every cell's next."""
-    blocks = enumerate(range(0, samples, size))
-    return [
-        Shard(block * len(cells) + cell.number, cell, range(start, min(start + size, samples)))
-        for block, start in blocks
-        for cell in cells
-    ]
 
 
 def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Progress) -> None:
@@ -111,34 +92,17 @@ class Tally:
         self.progress(self.done, self.total, self.failed)
 
 
-def shard_size(cells: Sequence[Cell], save: config.Save) -> int:
-    """Lanes a shard, so that its saved arrays stay small."""
-    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, save)), 1, SHARD))
-
-
-def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:
-    """Bytes of arrays that one lane leaves behind in the folder, at most."""
-    coords = arrays.coordinates(cells, 1)
-    wanted = list(arrays.ERRORS.values()) if save.errors else []
-    if save.trajectories == "all":
-        wanted += [arrays.TRAJECTORIES[name] for name in arrays.trajectory_series(cells)]
-    return sum(
-        int(np.prod([len(coords[dim]) for dim in variable.dims[2:]])) * np.dtype(variable.dtype).itemsize
-        for variable in wanted
-    )
-
-
 def prepare_stores(
     study: Config, cells: Sequence[Cell], folder: Folder, size: int, anew: bool
 ) -> dict[str, zarr.Group]:
     """Stores by what goes into them: `errors`, `all` trajectories, or those of `chosen` lanes."""
     stores, save = {}, study.save
-    trajectories = {name: arrays.TRAJECTORIES[name] for name in arrays.trajectory_series(cells)}
+    trajectories = {name: layout.TRAJECTORIES[name] for name in layout.trajectory_series(cells)}
     if anew:
         folder.clear_arrays()
     if save.errors:
         path = folder.path / "errors.zarr"
-        stores["errors"] = arrays.prepare(path, arrays.ERRORS, cells, study.samples, size)
+        stores["errors"] = arrays.prepare(path, layout.ERRORS, cells, study.samples, size)
     if save.trajectories != "none":
         path, kind = folder.path / "trajectories.zarr", "all" if save.trajectories == "all" else "chosen"
         chunk = size if kind == "all" else 1
@@ -150,9 +114,9 @@ def outcomes(
     study: Config, shards: Sequence[Shard], chunk_done: Callable[[int], None]
 ) -> Iterator[tuple[Shard, chassis.Outcome]]:
     """Outcome of each shard, those that fit one program advanced together."""
-    save = tuple(arrays.ERRORS) if study.save.errors else ()
+    save = tuple(layout.ERRORS) if study.save.errors else ()
     if study.save.trajectories == "all":
-        save += arrays.trajectory_series([shard.cell for shard in shards])
+        save += layout.trajectory_series([shard.cell for shard in shards])
     kinds: dict[Any, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(program_of(job(shard.cell.scenario, study.seed, [0], save)), []).append(shard)
@@ -196,7 +160,7 @@ def store_shard(
 ) -> None:
     """Arrays first, rows last."""
     samples = slice(shard.samples.start, shard.samples.stop)
-    for kind, names in (("errors", arrays.ERRORS), ("all", arrays.TRAJECTORIES)):
+    for kind, names in (("errors", layout.ERRORS), ("all", layout.TRAJECTORIES)):
         if kind in stores:
             series = {name: outcome.series[name] for name in names if name in outcome.series}
             arrays.write(stores[kind], shard.cell.number, samples, series)
@@ -229,7 +193,7 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
 
 def store_chosen(study: Config, cells: Sequence[Cell], rows: pd.DataFrame, store: zarr.Group) -> None:
     """Simulate the chosen lanes again with their trajectories."""
-    series = arrays.trajectory_series(cells)
+    series = layout.trajectory_series(cells)
     for cell in cells:
         samples = chosen_samples(study.save, rows[rows["cell"] == cell.number])
         if not samples:

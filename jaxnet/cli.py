@@ -1,0 +1,148 @@
+"""The command line: thin, and quick to say what it can do. JAX is imported by the commands that simulate."""
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+import jaxnet
+
+INTERRUPTED = 130
+FAILED_LANES = 3
+
+config_arguments = [
+    click.argument("config", type=click.Path(path_type=Path)),
+    click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
+]
+results_argument = click.argument("results", type=click.Path(path_type=Path))
+
+
+def takes_config(command):
+    """Give a command its CONFIG and overrides."""
+    for argument in reversed(config_arguments):
+        command = argument(command)
+    return command
+
+
+@contextlib.contextmanager
+def user_errors() -> Iterator[None]:
+    """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
+    from jaxnet.study.document import ConfigError
+    from jaxnet.study.folder import FolderError
+
+    try:
+        yield
+    except (ConfigError, FolderError) as error:
+        click.echo(str(error), err=True)
+        if isinstance(error, ConfigError) and len(error.problems) > 1:
+            click.echo(f"{len(error.problems)} errors", err=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        click.echo("interrupted; finished shards are kept, the same command goes on", err=True)
+        sys.exit(INTERRUPTED)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(jaxnet.__version__, prog_name="jaxnet")
+def main() -> None:
+    """Monte Carlo attack studies on networks of two-wheeled robots.
+
+    A study is a YAML file; its first line is the command that runs it. Try `jaxnet check configs/quick.yaml`,
+    then `jaxnet run configs/quick.yaml`.
+    """
+
+
+@main.command()
+@takes_config
+@click.option("--out", type=click.Path(path_type=Path), help="Results folder.  [default: results/NAME]")
+@click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
+@click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
+def run(config: Path, overrides: tuple[str, ...], out: Path | None, fresh: bool, strict: bool) -> None:
+    """Simulate a study; an unfinished run of it is resumed.
+
+    KEY=VALUE overrides a key of CONFIG by its dotted name, the value in YAML:
+    attack.magnitude=10 samples=100 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'
+    """
+    with user_errors():
+        study = jaxnet.load(config, overrides)
+        from jaxnet.view import progress, tables
+
+        start_jax()
+        with progress.reporting() as report:
+            results = jaxnet.run(study, out, fresh, report)
+        click.echo(tables.summary(results))
+        click.echo(tables.written(results), err=True)
+        failed = tables.failures(results)
+        if failed:
+            click.echo(failed, err=True)
+    if failed and strict:
+        sys.exit(FAILED_LANES)
+
+
+@main.command()
+@takes_config
+def check(config: Path, overrides: tuple[str, ...]) -> None:
+    """Validate a config; print its cells and what is known of them before anything moves."""
+    with user_errors():
+        study = jaxnet.load(config, overrides)
+        from jaxnet.view import check
+
+        click.echo(check.text(study))
+
+
+@main.command()
+def schema() -> None:
+    """Print the config's JSON schema, for editors."""
+    from jaxnet.study.schema import schema_text
+
+    click.echo(schema_text(), nl=False)
+
+
+@main.command()
+@results_argument
+@click.option("--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0.")
+@click.option("--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0.")
+@click.option("--engine", type=click.Choice(["chassis"]), default="chassis", show_default=True)
+def replay(results: Path, cell: int, sample: int, engine: str) -> None:
+    """Simulate one lane again, with its full trajectory."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.study.replay import replay as again
+        from jaxnet.view import tables
+
+        start_jax()
+        path, row = again(opened, cell, sample)
+        click.echo(tables.lane(opened, row))
+        click.echo(f"wrote {path}", err=True)
+
+
+@main.command()
+@results_argument
+def show(results: Path) -> None:
+    """Print the summary table again."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.view import tables
+
+        click.echo(tables.summary(opened))
+
+
+@main.command()
+@results_argument
+def report(results: Path) -> None:
+    """Draw the figures as PNG and PDF."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.view import figures
+
+        for path in figures.draw(opened):
+            click.echo(f"wrote {path}", err=True)
+
+
+def start_jax() -> None:
+    """Keep compiled programs between runs, in a folder for this machine type and version of XLA."""
+    from jaxnet.study.cache import enable
+
+    enable()

@@ -1,0 +1,42 @@
+"""The closed loop solved (SCIENCE, O1 and O2): what a simulation must give while the kept sets are known.
+
+`E_i = y_i - y_0` obeys `E‴ + k2 Ë + k1 Ė + k0 E = 0` around `G = L⁻¹ d`, so from t to t + h
+
+    E(t + h) = G(t + h) + expm(A_c h) (E(t) - G(t)).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import expm
+
+from jaxnet.model import graph
+
+Jets = Float[np.ndarray, "3 m 2"]
+
+
+def companion(gain: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """`A_c`, of one vehicle and axis."""
+    return np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [*(-np.asarray(gain))]])
+
+
+def tracking_errors(
+    start: Jets,
+    corruption: Callable[[float, Float[np.ndarray, "m sources"]], Jets],
+    weights: Float[np.ndarray, "times m sources"],
+    gain: Float[np.ndarray, "3"],
+    interval: float,
+) -> Float[np.ndarray, "times m 2"]:
+    """`E` [m] at times 0, interval, 2 interval …, with `weights[n]` in force from the n-th to the next.
+
+    `start` holds E, Ė and Ë at time 0; `corruption(t, weights)` gives the jets of d.
+    """
+    step = expm(companion(gain) * interval)
+    error, path = start, [start[0]]
+    for n, in_force in enumerate(weights[:-1]):
+        inverse = np.linalg.inv(graph.laplacian(in_force))
+        now, then = (inverse @ corruption(t * interval, in_force)[:3] for t in (n, n + 1))
+        error = then + np.einsum("kl,lmx->kmx", step, error - now)
+        path.append(error[0])
+    return np.stack(path)

@@ -1,0 +1,1 @@
+"""What people look at: tables, the check's text, progress, figures."""

@@ -1,0 +1,66 @@
+"""Results as text for a terminal."""
+
+import pandas as pd
+
+from jaxnet.study.api import Results
+
+MOST_ROWS = 60
+MOST_FAILURES = 20
+SUMMARY = {
+    "tail_mean_mean": "tail mean [m]",
+    "tail_mean_low": "low",
+    "tail_mean_high": "high",
+    "tail_mean_median": "median",
+    "tail_mean_q95": "q95",
+    "tail_max_max": "worst [m]",
+}
+
+
+def summary(results: Results) -> str:
+    """The summary table: a line per cell."""
+    cells = results.cells
+    swept = list(results.study.cells[0].labels)
+    table = cells[[*swept, "ok", "failed", *SUMMARY]].rename(columns=SUMMARY)
+    table.insert(0, "cell", range(len(table)))
+    text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
+    if len(table) > MOST_ROWS:
+        text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
+    return text
+
+
+def number(value: float) -> str:
+    """A number to four significant digits."""
+    return f"{value:.4g}"
+
+
+def written(results: Results) -> str:
+    """What a run wrote where."""
+    lanes = results.manifest["lanes"]
+    names = ["cells.csv", "lanes/"]
+    names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
+    return (
+        f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
+        f" wrote {results.path}: {', '.join(names)}"
+    )
+
+
+def failures(results: Results) -> str:
+    """The failed lanes, each with the command that replays it; empty if there is none."""
+    failed = results.lanes[results.lanes["status"] != "ok"]
+    lines = [
+        f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
+        f" (jaxnet replay {results.path} --cell {row.cell} --sample {row.sample})"
+        for row in failed.head(MOST_FAILURES).itertuples()
+    ]
+    if len(failed) > MOST_FAILURES:
+        lines.append(f"… {len(failed) - MOST_FAILURES} more; see the column status in lanes/")
+    return "\n".join(lines)
+
+
+def lane(results: Results, row: pd.Series) -> str:
+    """One lane's row, and whether it is the one that the folder holds."""
+    lanes = results.lanes
+    stored = lanes[(lanes["cell"] == row["cell"]) & (lanes["sample"] == row["sample"])]
+    same = len(stored) == 1 and stored.iloc[0].equals(row)
+    verdict = "the same as the stored row" if same else "DIFFERS from the stored row"
+    return f"{row.to_string()}\n{verdict}"
