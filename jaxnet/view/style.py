@@ -1,0 +1,43 @@
+"""How figures look: sizes and type for a two-column journal, colours that survive grey and colour blindness."""
+
+from typing import Any
+
+WIDTH = 7.16  # [in], across two columns
+
+# Okabe and Ito's palette; what must be told apart also differs in line style or marker.
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#CC79A7",
+    "#56B4E9",
+    "#000000",
+)
+SERIES = [
+    {"color": BLUE, "linestyle": "-"},
+    {"color": RED, "linestyle": (0, (5, 1.5))},
+    {"color": GREEN, "linestyle": (0, (1, 1))},
+    {"color": PURPLE, "linestyle": (0, (4, 1, 1, 1))},
+    {"color": ORANGE, "linestyle": (0, (8, 2))},
+    {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+]
+
+RC: dict[str, Any] = {
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "lines.linewidth": 1.0,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 300,
+    "pdf.fonttype": 42,
+}

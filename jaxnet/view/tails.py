@@ -1,0 +1,40 @@
+"""Where the lanes of each cell end: every lane's tail error, with median and 5 to 95 %."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxnet.study.api import Results
+from jaxnet.view import style
+
+MOST = 24  # cells that one figure takes
+FLOOR = 1e-9  # [m] below it a log axis shows rounding
+
+
+def figure(results: Results) -> Figure:
+    """`tail_mean` of the ok lanes of the first MOST cells."""
+    cells = results.study.cells[:MOST]
+    lanes = results.lanes[results.lanes["status"] == "ok"]
+    drawn = Figure(figsize=(style.WIDTH, 0.28 * len(cells) + 1.0))
+    panel = drawn.add_subplot()
+    for cell in cells:
+        values = np.maximum(FLOOR, lanes.loc[lanes["cell"] == cell.number, "tail_mean"].to_numpy())
+        if not len(values):
+            continue
+        jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(values))
+        panel.plot(values, cell.number + jitter, ".", color=style.SKY, markersize=3, zorder=1)
+        low, median, high = np.quantile(values, [0.05, 0.5, 0.95])
+        panel.plot([low, high], [cell.number] * 2, color=style.BLACK, zorder=2)
+        panel.plot(median, cell.number, "D", color=style.BLACK, markersize=4, zorder=3)
+    panel.set_xscale("log")
+    panel.set_xlabel("mean error over the tail and the vehicles, one dot per lane [m]")
+    panel.set_yticks(
+        [cell.number for cell in cells],
+        [", ".join(f"{key} = {value}" for key, value in cell.labels.items()) for cell in cells],
+    )
+    panel.set_ylim(len(cells) - 0.4, -0.6)
+    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    title = "median and 5 to 95 %"
+    if len(results.study.cells) > MOST:
+        title += f"; the first {MOST} of {len(results.study.cells)} cells"
+    panel.set_title(title, loc="left")
+    return drawn

@@ -1,0 +1,42 @@
+"""Problems whose answer is known, as batches of lanes that the engines can run."""
+
+import json
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxnet.engine import batch
+from jaxnet.engine.chassis import Outcome
+from jaxnet.study import sweep
+from jaxnet.study.api import Study
+from jaxnet.study.document import Document
+from jaxnet.study.lanes import Job, job
+
+
+def study(**keys: Any) -> Study:
+    """A study of these keys, the defaults elsewhere."""
+    return Study(*sweep.read(Document(json.dumps({"name": "test", **keys}), "test.yaml")))
+
+
+def joined(jobs: list[Job]) -> Job:
+    """Several jobs that share a compiled program, as one."""
+    arrays = jax.tree.map(lambda *leaves: np.concatenate(leaves), *(one[:3] for one in jobs))
+    return Job(*arrays, jobs[0].plan)
+
+
+def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Job:
+    """Lanes of all cells of a study, cell by cell."""
+    return joined(
+        [job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells]
+    )
+
+
+def simulate(one: Job) -> Outcome:
+    """Outcomes of a job."""
+    return batch.simulate(*one)
+
+
+def lane(one: Job, number: int) -> Any:
+    """One lane of a job, by itself."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf[number]), one.lanes)
