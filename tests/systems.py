@@ -1,10 +1,10 @@
 """Problems whose answer is known, as batches of lanes that the engines can run."""
 
-import json
 from typing import Any
 
 import jax
 import numpy as np
+import yaml
 
 from jaxnet.engine import batch
 from jaxnet.engine.chassis import Outcome
@@ -16,7 +16,7 @@ from jaxnet.study.lanes import Job, job
 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""
-    return Study(*sweep.read(Document(json.dumps({"name": "test", **keys}), "test.yaml")))
+    return Study(*sweep.read(Document(yaml.safe_dump({"name": "test", **keys}), "test.yaml")))
 
 
 def joined(jobs: list[Job]) -> Job:

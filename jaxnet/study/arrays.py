@@ -28,7 +28,7 @@ def prepare(
     """The store at this path, made if it is not there, else with room for that many samples."""
     coords = coordinates(cells, samples)
     if path.exists():
-        group = zarr.open_group(path, mode="r+")
+        group = zarr.open_group(path, mode="r+", use_consolidated=False)
         for name in variables:
             array = member(group, name)
             array.resize((array.shape[0], samples, *array.shape[2:]))

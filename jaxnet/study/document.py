@@ -136,6 +136,7 @@ class Document:
             problem = Problem(f"{source}:1:1", "", "a config is a mapping of keys to values")
             raise ConfigError([problem])
         self.source, self.places = source, reader.places
+        self.overridden: list[str] = []  # dotted keys set from the command line
         self.data: dict[str, Any] = data or {}
 
     @classmethod
@@ -165,6 +166,7 @@ class Document:
             raise ConfigError([Problem(source, "", "an override is KEY=VALUE")])
         reader, keys = Reader(source), split(key)
         put(self.data, keys, reader.read(text))
+        self.overridden.append(key)
         kept = {known: at for known, at in self.places.items() if known[: len(keys)] != keys}
         self.places = kept | {(*keys, *inner): source for inner in [(), *reader.places]}
 

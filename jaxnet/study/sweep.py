@@ -2,7 +2,7 @@
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -27,8 +27,7 @@ class Cell:
 
     def __str__(self) -> str:
         """How messages name it."""
-        swept = ", ".join(f"{key}={value}" for key, value in self.labels.items())
-        return f"cell {self.number}" + (f" ({swept})" if swept else "")
+        return cell_name(self.number, self.labels)
 
 
 def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
@@ -41,6 +40,7 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         values = {key: spread(each) for key, each in given.sweep.items()}
         wrong = list(refuse_sweep(settled, values))
         problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
+        problems += idle_overrides(document, list(values))
         if not wrong:
             cells, faults = span(document, values, known=set(problems))
             problems += faults
@@ -49,6 +49,15 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     if settled is None or problems:
         raise ConfigError(problems)
     return settled, cells
+
+
+def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem]:
+    """Overrides that the sweep would silently replace."""
+    for key in document.overridden:
+        for other in swept:
+            if key == other or key.startswith(f"{other}."):
+                message = f"has no effect, {other} is swept; override sweep.{other} instead"
+                yield Problem(document.place(split(key)), key, message)
 
 
 class SweepAlone(BaseModel):
@@ -193,17 +202,23 @@ def span(
             set_swept(data, key, deepcopy(values[key][index]))
         place = functools.partial(place_in_cell, document, chosen)
         scenario, problems = validate(Scenario, data, place)
-        cell = Cell(number, {key: labels[key][n] for key, n in chosen.items()}, scenario)
-        cells.append(cell)
+        named = {key: labels[key][index] for key, index in chosen.items()}
         if scenario is not None:
+            cells.append(Cell(number, named, scenario))
             problems = [located(fault, place) for fault in checks.scenario_objections(scenario)]
         for problem in set(problems) - known:
-            faults.setdefault(problem, []).append(str(cell))
+            faults.setdefault(problem, []).append(cell_name(number, named))
     noted = [
         problem if len(where) == len(grid) else problem._replace(message=f"{problem.message}, in {where[0]}")
         for problem, where in faults.items()
     ]
     return tuple(cells), noted
+
+
+def cell_name(number: int, labels: Mapping[str, Any]) -> str:
+    """How messages name a cell."""
+    swept = ", ".join(f"{key}={value}" for key, value in labels.items())
+    return f"cell {number}" + (f" ({swept})" if swept else "")
 
 
 def set_swept(data: dict[str, Any], key: str, value: Any) -> None:

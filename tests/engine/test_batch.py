@@ -1,0 +1,102 @@
+"""Lanes in a batch do not know of each other, and a failed one is named."""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxnet.engine import batch
+from jaxnet.engine.status import Status
+from tests import systems
+
+SHORT = {"horizon": 2.0, "tail": 1.0}
+
+
+def with_faults(one):
+    """Lane 1 starts from NaN, lane 3 with a vehicle at rest, lane 5 may take ten steps."""
+    initial, limit = one.lanes.initial.copy(), one.tolerances.max_steps.copy()
+    initial[1, 4, 0] = np.nan
+    initial[3, 7, 3] = 0.0
+    limit[5] = 10
+    return one._replace(
+        lanes=one.lanes._replace(initial=initial),
+        tolerances=one.tolerances._replace(max_steps=limit),
+    )
+
+
+@pytest.mark.parametrize("defence", ["none", "trusted_trim"])
+def test_a_failed_lane_is_named_and_spoils_no_other(defence):
+    """The others of its batch are the same to the last bit."""
+    one = systems.lanes(systems.study(defence=defence, **SHORT), 20, ("state", "tracking"))
+    clean, faulty = systems.simulate(one), systems.simulate(with_faults(one))
+    assert (clean.status == Status.ok).all()
+    failed = {1: Status.nonfinite, 3: Status.singular, 5: Status.max_steps}
+    for number, status in failed.items():
+        assert faulty.status[number] == status
+        assert all(np.isnan(metric[number]) for metric in faulty.metrics)
+        assert np.isnan(faulty.series["tracking"][number, -1])
+    assert faulty.steps[5] == 10
+    others = [number for number in range(20) if number not in failed]
+    for ours, theirs in zip(jax.tree.leaves(faulty), jax.tree.leaves(clean), strict=True):
+        np.testing.assert_array_equal(ours[others], theirs[others])
+
+
+def test_a_lane_is_the_same_alone_and_among_others():
+    """Whatever the number of lanes and its place in the chunk."""
+    given = systems.study(**SHORT)
+    many = systems.simulate(systems.lanes(given, batch.CHUNK + 3, ()))
+    few = systems.simulate(systems.lanes(given, 3, ()))
+    for ours, theirs in zip(jax.tree.leaves(few), jax.tree.leaves(many), strict=True):
+        np.testing.assert_array_equal(ours, theirs[:3])
+
+
+def test_a_defence_that_cuts_vehicles_off_is_disconnected():
+    """2 and 3 trust each other more than 1, their only way to the navigator."""
+    graph = {
+        "kind": "edges",
+        "edges": [[1, 0, 1], [2, 1, 1], [2, 3, 1], [2, 4, 1], [3, 2, 1], [3, 1, 1], [3, 4, 1]]
+        + [[4, 2, 1], [4, 3, 1]],
+    }
+    defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
+    given = systems.study(
+        topology=graph, vehicles=4, defence=defence, attack="none", horizon=10.0, tail=1.0
+    )
+    outcome = systems.simulate(systems.lanes(given, 16, ("kept",)))
+    cut = outcome.status == Status.disconnected
+    assert cut.any()
+    assert set(outcome.status.tolist()) <= {Status.ok, Status.disconnected}
+    assert np.isnan(outcome.metrics.tail_mean[cut]).all()
+
+
+def test_metrics_are_those_of_the_stored_trajectory():
+    """Each number by its definition, from states and weights at output times."""
+    one = systems.lanes(systems.study(**SHORT), 4, ("state", "kept", "tracking", "disagreement"))
+    outcome = systems.simulate(one)
+    for number in range(4):
+        lane = systems.lane(one, number)
+        path = lane.navigator.jets(np.arange(21) * 0.1)[:, 0]
+        states, kept = outcome.series["state"][number], outcome.series["kept"][number]
+        errors = np.linalg.norm(states[:, :, :2] - path[:, None], axis=2)
+        sources = np.concatenate([path[:, None], states[:, :, :2]], axis=1)
+        apart = np.linalg.norm(states[:, :, :2] - kept @ sources, axis=2)
+        known = {
+            "tail_mean": errors[10:].mean(),
+            "tail_max": errors[10:].max(),
+            "tail_disagreement": apart[10:].mean(),
+            "peak_error": errors.max(),
+            "min_speed": np.abs(states[:, :, 3]).min(),
+            "peak_turn_rate": np.abs(states[:, :, 4]).max(),
+        }
+        for name, value in known.items():
+            np.testing.assert_allclose(getattr(outcome.metrics, name)[number], value, rtol=1e-12)
+        np.testing.assert_allclose(outcome.series["tracking"][number], errors.mean(axis=1), rtol=1e-12)
+        np.testing.assert_allclose(outcome.series["disagreement"][number], apart.mean(axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["tsit5", "dopri8"])
+def test_other_solvers_agree(solver):
+    """A choice of solver changes the steps, not the answer."""
+    keys = {"attack": "none", "defence": "none", **SHORT}
+    ours = systems.simulate(systems.lanes(systems.study(engine={"solver": solver}, **keys), 2))
+    theirs = systems.simulate(systems.lanes(systems.study(**keys), 2))
+    np.testing.assert_allclose(ours.series["state"][..., :2], theirs.series["state"][..., :2], atol=1e-5)
+    assert not np.array_equal(ours.steps, theirs.steps)
