@@ -7,11 +7,12 @@ import numpy as np
 import yaml
 
 from jaxnet.engine import batch
+from jaxnet.engine.batch import Job
 from jaxnet.engine.chassis import Outcome
 from jaxnet.study import sweep
 from jaxnet.study.api import Study
 from jaxnet.study.document import Document
-from jaxnet.study.lanes import Job, job
+from jaxnet.study.lanes import job
 
 
 def study(**keys: Any) -> Study:
@@ -19,24 +20,16 @@ def study(**keys: Any) -> Study:
     return Study(*sweep.read(Document(yaml.safe_dump({"name": "test", **keys}), "test.yaml")))
 
 
-def joined(jobs: list[Job]) -> Job:
-    """Several jobs that share a compiled program, as one."""
-    arrays = jax.tree.map(lambda *leaves: np.concatenate(leaves), *(one[:3] for one in jobs))
-    return Job(*arrays, jobs[0].plan)
-
-
 def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Job:
-    """Lanes of all cells of a study, cell by cell."""
-    return joined(
-        [job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells]
-    )
+    """Lanes of all cells of a study, cell by cell; the cells must share a compiled program."""
+    return batch.join([job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells])
 
 
 def simulate(one: Job) -> Outcome:
     """Outcomes of a job."""
-    return batch.simulate(*one)
+    return batch.simulate(one)
 
 
 def lane(one: Job, number: int) -> Any:
     """One lane of a job, by itself."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf[number]), one.lanes)
+    return jax.tree.map(lambda leaf: np.asarray(leaf[number]), one.inputs.lane)

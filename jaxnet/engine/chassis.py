@@ -63,7 +63,7 @@ class Outcome(NamedTuple):
     metrics: Metrics
     steps: Int[Array, ""]
     switches: Int[Array, ""]
-    series: dict[str, Float[Array, "..."]]
+    series: dict[str, Any]
 
 
 SERIES = {
@@ -110,13 +110,15 @@ def simulate(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Pla
 
     fleet = start(lane, clock, tolerances, plan)
     metrics, first = measure(fleet, Metrics.start(), jnp.asarray(0))
-    (fleet, metrics), rest = jax.lax.scan(
-        output, (fleet, metrics), jnp.arange(1, plan.outputs + 1)
-    )
+    (fleet, metrics), rest = jax.lax.scan(output, (fleet, metrics), jnp.arange(1, plan.outputs + 1))
     status = fleet.stepper.status
     series = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
     return Outcome(
-        status, metrics.blank_unless(status == Status.ok), fleet.stepper.steps, fleet.switches, series
+        status,
+        metrics.blank_unless(status == Status.ok),
+        fleet.stepper.steps,
+        fleet.switches,
+        series,
     )
 
 
@@ -125,7 +127,12 @@ def start(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Plan) 
     zero = jnp.zeros(())
     held, memory, connected = choose(lane, lane.defence.start(), lane.initial, zero)
     first = stepper.start(
-        vector_field(plan.in_field), plan.solver, lane.initial, (lane, held), tolerances, clock.interval
+        vector_field(plan.in_field),
+        plan.solver,
+        lane.initial,
+        (lane, held),
+        tolerances,
+        clock.interval,
     )
     status = fail(first.status, Status.singular, ~moving(lane.initial))
     status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all())
@@ -148,9 +155,7 @@ def decide(lane: Lane, fleet: Fleet, t: Time, plan: Plan) -> Fleet:
     )
 
 
-def choose(
-    lane: Lane, memory: Any, state: robot.State, t: Time
-) -> tuple[Held, Any, Bool[Array, ""]]:
+def choose(lane: Lane, memory: Any, state: robot.State, t: Time) -> tuple[Held, Any, Bool[Array, ""]]:
     """The weights in force for what is heard now, the new memory, and whether all are reached."""
     sources = jnp.concatenate([lane.navigator.jets(t)[:1], state[:, :2]])
     heard = sources[None] + attack.on_links(lane.attack.jets(t)[0], lane.attack.links)

@@ -50,9 +50,7 @@ class Metrics(NamedTuple):
         zero = jnp.zeros(())
         return cls(zero, zero, zero, zero, jnp.asarray(jnp.inf), zero)
 
-    def gather(
-        self, seen: Observation, in_tail: Bool[Array, ""], tail_outputs: Int[Array, ""]
-    ) -> "Metrics":
+    def gather(self, seen: Observation, in_tail: Bool[Array, ""], tail_outputs: Int[Array, ""]) -> "Metrics":
         """With one more output time, which counts for the tail or not; means are built up as they go."""
         errors = seen.errors()
         share = jnp.where(in_tail, 1.0, 0.0) / tail_outputs.astype(float)
@@ -62,9 +60,7 @@ class Metrics(NamedTuple):
             tail_disagreement=self.tail_disagreement + share * seen.disagreement(),
             peak_error=jnp.maximum(self.peak_error, errors.max()),
             min_speed=jnp.minimum(self.min_speed, jnp.abs(seen.state[:, robot.SPEED]).min()),
-            peak_turn_rate=jnp.maximum(
-                self.peak_turn_rate, jnp.abs(seen.state[:, robot.TURN_RATE]).max()
-            ),
+            peak_turn_rate=jnp.maximum(self.peak_turn_rate, jnp.abs(seen.state[:, robot.TURN_RATE]).max()),
         )
 
     def blank_unless(self, ok: Bool[Array, ""]) -> "Metrics":

@@ -14,7 +14,7 @@ SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.D
 ROUNDING = 4 * 2.0**-52  # a relative step below this no longer moves the time
 
 Time = Float[Array, ""]
-VectorField = Callable[[Time, Any, Any], Any]
+VectorField = Callable[..., Any]  # of time, state and arguments
 
 
 class Tolerances(NamedTuple):
@@ -42,9 +42,7 @@ def start(
     first, _ = controller(tolerances).init(
         term, jnp.zeros(()), interval, state, None, args, method.func, method.error_order(term)
     )
-    return Stepper(
-        state, jnp.where(first > 0, first, interval), jnp.asarray(0), jnp.asarray(int(Status.ok))
-    )
+    return Stepper(state, jnp.where(first > 0, first, interval), jnp.asarray(0), jnp.asarray(int(Status.ok)))
 
 
 def advance(
@@ -65,7 +63,7 @@ def advance(
     method, term, control = SOLVERS[solver](), diffrax.ODETerm(field), controller(tolerances)
     order = method.error_order(term)
 
-    def attempt(carry: tuple[Time, Stepper]) -> tuple[Time, Stepper]:
+    def attempt(carry: tuple[Any, Stepper]) -> tuple[Any, Stepper]:
         t, now = carry
         left = jnp.maximum(1.0, jnp.ceil((t1 - t) / now.step))
         end = jnp.where(left > 1, t + (t1 - t) / left, t1)
@@ -73,9 +71,10 @@ def advance(
         trial, error, *_ = method.step(term, t, end, now.state, args, fresh, made_jump=True)
         finite = jnp.isfinite(trial).all()
         error = jnp.where(finite & jnp.isfinite(error), error, jnp.inf)
-        accept, t_next, t_after, _, _, _ = control.adapt_step_size(
+        adapted: Any = control.adapt_step_size(
             t, end, now.state, trial, args, error, order, (jnp.ones(()), jnp.ones(()), False)
         )
+        accept, t_next, t_after, *_ = adapted
         state = jnp.where(accept, trial, now.state)
         status = fail(now.status, Status.singular, ~sound(state))
         stuck = ~accept & (t_after - t_next <= ROUNDING * jnp.maximum(t1, 1.0))

@@ -1,4 +1,4 @@
-"""The law: from what a vehicle knows of itself and what it hears, the jerk that it wants (SCIENCE, section 1).
+"""The law: from what a vehicle knows of itself and what it hears, the jerk that it wants.
 
     z_i^(k) = Σ_j w_ij (y_j^(k) + a_ij^(k)),      ε = y - z
     L q = a0 ⊗ y_0‴ + d‴ - (k0 ε + k1 ε̇ + k2 ε̈),      q = y‴

@@ -57,9 +57,12 @@ def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
 
 def unreachable(weights: Weights) -> list[int]:
     """Vehicles that nothing the navigator says can reach."""
+    heard = weights[:, 1:] > 0
     reached = weights[:, 0] > 0
-    for _ in weights:
-        reached |= (weights[:, 1:] > 0) @ reached
+    newest = reached
+    while newest.any():
+        newest = heard[:, newest].any(axis=1) & ~reached
+        reached = reached | newest
     return [int(i) for i in np.flatnonzero(~reached) + 1]
 
 
@@ -94,9 +97,7 @@ def trusted_links(weights: Weights, trusted: Mapping[int, Iterable[int]]) -> Lin
     return links & (weights > 0)
 
 
-def protected(
-    weights: Weights, trusted: Links, theta: Int[np.ndarray, " m"]
-) -> Bool[np.ndarray, " m"]:
+def protected(weights: Weights, trusted: Links, theta: Int[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
     """Vehicles that meet the trimming condition: at least 2ϑ + 1 heard and ϑ trusted sources."""
     heard = (weights > 0).sum(axis=1)
     return (heard >= 2 * theta + 1) & (trusted.sum(axis=1) >= theta)

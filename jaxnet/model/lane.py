@@ -1,6 +1,6 @@
 """One lane: one simulated fleet, with everything about it that is a number."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
@@ -22,6 +22,3 @@ class Lane(NamedTuple):
     attack: Attack
     defence: Defence
     gain: Float[Array, "3"]
-
-
-Batch = Any  # a Lane whose leaves have a leading axis over lanes

@@ -27,20 +27,21 @@ class Lissajous(NamedTuple):
     def slowest(self, horizon: float) -> tuple[float, float]:
         """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest, and when [s].
 
-        Branch and bound: speed changes no faster than the greatest acceleration, so an interval whose
-        middle is fast enough cannot hide a slower moment.
+        Branch and bound on v²: from an interval's middle it falls by no more than its slope and the bound
+        on its second derivative allow, so an interval that stays above the least speed found is left.
         """
-        steepest = float(np.hypot(*(self.amplitude * self.frequency**2)))
-        tolerance = 1e-4 * float(np.hypot(*(self.amplitude * self.frequency)))
-        half = horizon / 2
-        middle = np.array([half])
+        greatest = [float(np.hypot(*(self.amplitude * self.frequency**k))) for k in (1, 2, 3)]
+        curvature = 2 * (greatest[1] ** 2 + greatest[0] * greatest[2])
+        half, middle = horizon / 2, np.array([horizon / 2])
         best, when = np.inf, 0.0
-        while middle.size and half > 0:
-            speed = np.linalg.norm(self.jets(middle)[:, 1], axis=-1)
-            lowest = int(speed.argmin())
-            if speed[lowest] < best:
-                best, when = float(speed[lowest]), float(middle[lowest])
-            middle = middle[speed - steepest * half < best - tolerance]
+        while middle.size:
+            jets = self.jets(middle)
+            square, slope = (jets[:, 1] ** 2).sum(axis=1), 2 * (jets[:, 1] * jets[:, 2]).sum(axis=1)
+            lowest = int(square.argmin())
+            if square[lowest] < best**2:
+                best, when = float(np.sqrt(square[lowest])), float(middle[lowest])
+            within = square - np.abs(slope) * half - curvature * half**2 / 2
+            middle = middle[within < max(0.0, best - 1e-4 * greatest[0]) ** 2]
             half /= 2
             middle = np.concatenate([middle - half, middle + half])
         return best, when

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxnet.study import sweep
-from jaxnet.study.config import Config, shown
+from jaxnet.study.config import Config
 from jaxnet.study.document import Document
 from jaxnet.study.folder import Folder, FolderError
 from jaxnet.study.sweep import Cell
@@ -120,7 +120,7 @@ def run(
     return Results(folder.path)
 
 
-def open(path: str | Path) -> Results:  # noqa: A001 (the contract's name)
+def open(path: str | Path) -> Results:
     """Results of a folder that a run has made; raises FolderError."""
     if not Folder(path).manifest:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")

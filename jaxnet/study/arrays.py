@@ -65,7 +65,7 @@ def create(
         array = group.create_array(
             name,
             shape=shape,
-            chunks=[1, min(chunk, shape[1]), *shape[2:]],
+            chunks=(1, min(chunk, shape[1]), *shape[2:]),
             dtype=dtype,
             fill_value=np.nan,
             dimension_names=dims,
@@ -96,9 +96,7 @@ def label_cells(group: zarr.Group, cells: Sequence[Cell]) -> None:
     group.attrs["coordinates"] = " ".join(["state_name", *keys] if "state_name" in group else keys)
 
 
-def write(
-    group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]
-) -> None:
+def write(group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]) -> None:
     """Store the series of consecutive samples of one cell."""
     for name, values in series.items():
         stored = wrapped(values) if name == "state" else values

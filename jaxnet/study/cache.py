@@ -14,9 +14,7 @@ def enable() -> None:
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     machine = hashlib.sha256(f"{platform.machine()} {processor()}".encode()).hexdigest()[:12]
     folder = home / "jaxnet" / "xla" / f"{metadata.version('jaxlib')}-{machine}"
-    jax.config.update(
-        "jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR") or str(folder)
-    )
+    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR") or str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 

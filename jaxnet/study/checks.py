@@ -7,11 +7,12 @@ import numpy as np
 
 from jaxnet.model import graph
 from jaxnet.study import config
-from jaxnet.study.config import Config, Scenario
-from jaxnet.study.network import navigator_of, weights_of
+from jaxnet.study.config import Config, Scenario, shown
+from jaxnet.study.network import slowest_of, weights_of
 
 SLOWEST_NAVIGATOR = 0.05  # [m/s]
 MULTIPLE = 1e-9  # relative
+MOST_MULTIPLE = 1e8
 
 
 class Objection(NamedTuple):
@@ -37,34 +38,37 @@ def scenario_objections(scenario: Scenario) -> Iterator[Objection]:
     """Faults of one cell."""
     yield from time_objections(scenario)
     yield from gain_objections(scenario)
-    vehicles = list(vehicle_objections(scenario))
-    yield from vehicles
-    if not vehicles:
-        yield from graph_objections(scenario)
+    topology = list(topology_objections(scenario))
+    yield from topology or graph_objections(scenario)
+    yield from vehicle_objections(scenario)
     yield from navigator_objections(scenario)
 
 
 def multiple(value: float, of: float) -> bool:
     """Whether one duration is a whole multiple of another."""
-    times = round(value / of)
-    return times >= 1 and abs(value - times * of) <= MULTIPLE * value
+    if not of / 2 < value < of * MOST_MULTIPLE:
+        return False
+    return abs(value - round(value / of) * of) <= MULTIPLE * value
 
 
 def time_objections(scenario: Scenario) -> Iterator[Objection]:
     """Ticks, output times, tail and horizon must fit into each other."""
     tick, step, horizon, tail = scenario.tick, scenario.output_step, scenario.horizon, scenario.tail
     if tick > 0 and not multiple(step, tick):
-        yield Objection(("output_step", "tick"), f"must be a multiple of tick = {tick:g} (got {step:g})")
+        yield Objection(
+            ("output_step", "tick"), f"must be a multiple of tick = {tick:.12g} (got {step:.12g})"
+        )
     if not multiple(horizon, step):
         yield Objection(
-            ("horizon", "output_step"), f"must be a multiple of output_step = {step:g} (got {horizon:g})"
+            ("horizon", "output_step"),
+            f"must be a multiple of output_step = {step:.12g} (got {horizon:.12g})",
         )
     if tail > 0 and not multiple(tail, step):
         yield Objection(
-            ("tail", "output_step"), f"must be a multiple of output_step = {step:g} (got {tail:g})"
+            ("tail", "output_step"), f"must be a multiple of output_step = {step:.12g} (got {tail:.12g})"
         )
     if tail > horizon:
-        yield Objection(("tail", "horizon"), f"must fit into horizon = {horizon:g} (got {tail:g})")
+        yield Objection(("tail", "horizon"), f"must fit into horizon = {horizon:.12g} (got {tail:.12g})")
 
 
 def gain_objections(scenario: Scenario) -> Iterator[Objection]:
@@ -72,14 +76,12 @@ def gain_objections(scenario: Scenario) -> Iterator[Objection]:
     k0, k1, k2 = scenario.gain
     if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
         roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
-        shown = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
-        yield Objection(
-            ("gain",), f"unstable: eigenvalues {shown} (got {config.shown(scenario.gain)})"
-        )
+        eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
+        yield Objection(("gain",), f"unstable: eigenvalues {eigenvalues} (got {shown(scenario.gain)})")
 
 
-def vehicle_objections(scenario: Scenario) -> Iterator[Objection]:
-    """Whoever is named must exist."""
+def topology_objections(scenario: Scenario) -> Iterator[Objection]:
+    """The graph must be one of that many vehicles."""
     m, topology = scenario.vehicles, scenario.topology
     if isinstance(topology, config.Figure1) and m != 5:
         yield Objection(("vehicles", "topology"), f"figure1 has 5 vehicles (got {m})")
@@ -87,11 +89,16 @@ def vehicle_objections(scenario: Scenario) -> Iterator[Objection]:
         yield Objection(("vehicles", "topology"), f"a ring has at least 3 vehicles (got {m})")
     if isinstance(topology, config.Edges):
         yield from edge_objections(topology, m)
+
+
+def vehicle_objections(scenario: Scenario) -> Iterator[Objection]:
+    """Whoever is named must exist."""
+    m = scenario.vehicles
     if isinstance(scenario.attack, config.Attacked):
         listed = scenario.attack.vehicles
         yield from unknown_vehicles("attack.vehicles", listed, m, first=1)
         if len(set(listed)) < len(listed):
-            yield Objection(("attack.vehicles",), f"named twice (got {config.shown(listed)})")
+            yield Objection(("attack.vehicles",), f"named twice (got {shown(listed)})")
     if isinstance(scenario.defence, config.TrustedTrim):
         defence = scenario.defence
         yield from unknown_vehicles("defence.trusted", list(defence.trusted), m, first=1)
@@ -141,7 +148,7 @@ def graph_objections(scenario: Scenario) -> Iterator[Objection]:
 
 def navigator_objections(scenario: Scenario) -> Iterator[Objection]:
     """A navigator that stops makes every vehicle singular."""
-    slowest, when = navigator_of(scenario).slowest(scenario.horizon)
+    slowest, when = slowest_of(scenario)
     if slowest < SLOWEST_NAVIGATOR:
         yield Objection(
             ("navigator", "horizon"),

@@ -13,6 +13,15 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 
 PI = 3.141592653589793
 
+# A union's members are told apart by a word that no key of a user can be: pydantic puts it into the
+# location of an error, from where `sweep.written` takes it out again.
+MARK = "\0"
+
+
+def member(name: str) -> Tag:
+    """The mark of one member of a union."""
+    return Tag(MARK + name)
+
 
 class Record(BaseModel):
     """A mapping with known keys, that takes what it is given literally and is never changed."""
@@ -61,17 +70,18 @@ DISTRIBUTIONS = ("uniform", "normal", "choice")
 def distribution(value: Any) -> str | None:
     """Which kind of number a value means to be."""
     if isinstance(value, BaseModel):
-        return next(iter(type(value).model_fields))
+        return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
-        return "number"
-    return next(iter(value)) if len(value) == 1 and next(iter(value)) in DISTRIBUTIONS else None
+        return MARK + "number"
+    names = list(value)
+    return MARK + names[0] if len(names) == 1 and names[0] in DISTRIBUTIONS else None
 
 
 Number = Annotated[
-    Annotated[float, Tag("number")]
-    | Annotated[Uniform, Tag("uniform")]
-    | Annotated[Normal, Tag("normal")]
-    | Annotated[Choice, Tag("choice")],
+    Annotated[float, member("number")]
+    | Annotated[Uniform, member("uniform")]
+    | Annotated[Normal, member("normal")]
+    | Annotated[Choice, member("choice")],
     Discriminator(
         distribution,
         custom_error_type="distribution",
@@ -110,6 +120,8 @@ Positive = Annotated[Number, AfterValidator(positive)]
 NotNegative = Annotated[Number, AfterValidator(not_negative)]
 Angle = Annotated[Number, Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]
+Amplitude = Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], Len(2, 2)]
+Frequency = Annotated[list[Annotated[float, Field(ge=-100, le=100)]], Len(2, 2)]
 FULL_TURN = Uniform(uniform=[0.0, 2 * PI])
 
 
@@ -132,7 +144,7 @@ class Cyclic(Kind):
     """A ring; every vehicle hears both its neighbours and the navigator."""
 
     kind: Literal["cyclic"] = "cyclic"
-    navigator_weight: float = Field(0.1, gt=0, le=1)
+    navigator_weight: float = Field(default=0.1, gt=0, le=1)
 
 
 class Path(Kind):
@@ -148,7 +160,7 @@ class Figure1(Kind):
 
 
 Edge = Annotated[
-    tuple[int, int, Annotated[float, Field(gt=0)]],
+    tuple[int, int, Annotated[float, Field(gt=0, le=1e9)]],
     Field(strict=False, description="[i, j, w]: i hears j (0 is the navigator) with weight w"),
 ]
 
@@ -164,9 +176,9 @@ class Lissajous(Kind):
     """`amplitude · sin(frequency · t + phase)` per axis."""
 
     kind: Literal["lissajous"] = "lissajous"
-    amplitude: Vector = Field([100.0, 50.0], description="[m]")
-    frequency: Vector = Field([0.2, 0.4], description="[rad/s]")
-    phase: Vector = Field([0.0, 0.0], description="[rad]")
+    amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m]")
+    frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s]")
+    phase: Vector = Field(default=[0.0, 0.0], description="[rad]")
 
 
 class NoAttack(Kind):
@@ -182,11 +194,11 @@ class Attacked(Kind):
     """What the attacks share."""
 
     magnitude: NotNegative = Field(
-        5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
+        default=5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
     )
-    vehicles: list[int] = Field([2, 5, 8, 11], description="attacked vehicles, from 1")
+    vehicles: list[int] = Field(default=[2, 5, 8, 11], description="attacked vehicles, from 1")
     channel: Channel = Field(
-        "auto",
+        default="auto",
         description="neighbour: what they transmit; navigator: what they hear from 0; "
         "auto: navigator where no vehicle hears another",
     )
@@ -204,7 +216,7 @@ class Sinusoid(Attacked):
 
     kind: Literal["sinusoid"] = "sinusoid"
     direction: Angle = 0.0
-    frequency: Number = Field(0.7, description="[rad/s]")
+    frequency: Number = Field(default=0.7, description="[rad/s]")
     phase: Angle = FULL_TURN
 
 
@@ -212,7 +224,7 @@ class Rotating(Attacked):
     """`[cos, sin](frequency · t + phase)`."""
 
     kind: Literal["rotating"] = "rotating"
-    frequency: Number = Field(0.7, description="[rad/s]")
+    frequency: Number = Field(default=0.7, description="[rad/s]")
     phase: Angle = FULL_TURN
 
 
@@ -222,12 +234,12 @@ class NoDefence(Kind):
     kind: Literal["none"] = "none"
 
 
-Theta = Annotated[int, Field(ge=0)]
+Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
 def whole_or_each(value: Any) -> str:
     """Whether ϑ is one number or one for each vehicle."""
-    return "each" if isinstance(value, dict) else "all"
+    return MARK + ("each" if isinstance(value, dict) else "all")
 
 
 class TrustedTrim(Kind):
@@ -235,13 +247,13 @@ class TrustedTrim(Kind):
 
     kind: Literal["trusted_trim"] = "trusted_trim"
     theta: Annotated[
-        Annotated[Theta, Tag("all")] | Annotated[dict[int, Theta], Tag("each")],
+        Annotated[Theta, member("all")] | Annotated[dict[int, Theta], member("each")],
         Discriminator(whole_or_each),
-    ] = Field(1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
+    ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     trusted: dict[int, list[int]] = Field(
-        {}, description="{vehicle: [sources]} trusted besides the navigator"
+        default={}, description="{vehicle: [sources]} trusted besides the navigator"
     )
-    tolerance: float = Field(1e-9, ge=0, description="[m], SCIENCE O8")
+    tolerance: float = Field(default=1e-9, ge=0, description="[m], SCIENCE O8")
 
 
 class Chassis(Kind):
@@ -249,9 +261,9 @@ class Chassis(Kind):
 
     kind: Literal["chassis"] = "chassis"
     solver: Literal["dopri5", "tsit5", "dopri8"] = "dopri5"
-    rtol: float = Field(1e-7, gt=0, lt=1)
-    atol: float = Field(1e-9, gt=0)
-    max_steps: int = Field(100_000, ge=1)
+    rtol: float = Field(default=1e-7, gt=0, lt=1)
+    atol: float = Field(default=1e-9, gt=0)
+    max_steps: int = Field(default=100_000, ge=1, le=10**15)
 
 
 KINDS: dict[str, tuple[type[Kind], ...]] = {
@@ -274,32 +286,59 @@ def kind_name(kind: type[Kind]) -> str:
 class Initial(Record):
     """Where the vehicles start; they start with ω = F = 0."""
 
-    position: Number = Field(Uniform(uniform=[-200.0, 200.0]), description="[m], both axes")
+    position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], both axes")
     heading: Angle = Uniform(uniform=[-PI, PI])
-    speed: Positive = Field(Uniform(uniform=[0.2, 0.4]), description="[m/s]")
+    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s]")
+
+
+def kind_of(value: Any) -> str | None:
+    """The kind that a mapping names."""
+    name = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return MARK + name if isinstance(name, str) else None
+
+
+BY_KIND = Discriminator(kind_of, custom_error_type="kind", custom_error_message="must name a kind")
+Topology = Annotated[
+    Annotated[Star, member("star")]
+    | Annotated[Cyclic, member("cyclic")]
+    | Annotated[Path, member("path")]
+    | Annotated[Figure1, member("figure1")]
+    | Annotated[Edges, member("edges")],
+    BY_KIND,
+]
+Attack = Annotated[
+    Annotated[NoAttack, member("none")]
+    | Annotated[Bias, member("bias")]
+    | Annotated[Sinusoid, member("sinusoid")]
+    | Annotated[Rotating, member("rotating")],
+    BY_KIND,
+]
+Defence = Annotated[
+    Annotated[NoDefence, member("none")] | Annotated[TrustedTrim, member("trusted_trim")], BY_KIND
+]
 
 
 class Scenario(Record):
     """What one cell is: everything that a lane depends on but its random draw."""
 
-    vehicles: int = Field(12, ge=1)
-    horizon: float = Field(30.0, gt=0, description="[s]")
-    tick: float = Field(0.05, ge=0, description="[s]; 0: trimming in the vector field")
-    output_step: float = Field(0.1, gt=0, description="[s]")
-    tail: float = Field(5.0, ge=0, description="[s]; the last output times, that stand for t → ∞")
-    topology: Annotated[Star | Cyclic | Path | Figure1 | Edges, Field(discriminator="kind")] = Cyclic()
+    vehicles: int = Field(default=12, ge=1, le=10_000)
+    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s]")
+    tick: float = Field(default=0.05, ge=0, description="[s]; 0: trimming in the vector field")
+    output_step: float = Field(default=0.1, gt=0, description="[s]")
+    tail: float = Field(default=5.0, ge=0, description="[s]; the last output times, that stand for t → ∞")
+    topology: Topology = Cyclic()
     navigator: Lissajous = Lissajous()
     initial: Initial = Initial()
-    gain: Annotated[list[float], Len(3, 3)] = Field([1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
-    attack: Annotated[NoAttack | Bias | Sinusoid | Rotating, Field(discriminator="kind")] = Rotating()
-    defence: Annotated[NoDefence | TrustedTrim, Field(discriminator="kind")] = TrustedTrim()
+    gain: Annotated[list[float], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
+    attack: Attack = Rotating()
+    defence: Defence = TrustedTrim()
     engine: Chassis = Chassis()
 
 
 class Linspace(Record):
     """n evenly spaced values."""
 
-    linspace: Annotated[tuple[float, float, Annotated[int, Field(ge=1)]], Field(strict=False)]
+    linspace: Annotated[tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)]
 
 
 class Geomspace(Record):
@@ -309,7 +348,7 @@ class Geomspace(Record):
         tuple[
             Annotated[float, Field(gt=0)],
             Annotated[float, Field(gt=0)],
-            Annotated[int, Field(ge=1)],
+            Annotated[int, Field(ge=1, le=100_000)],
         ],
         Field(strict=False),
     ]
@@ -330,10 +369,10 @@ class Worst(Record):
 def chosen_lanes(value: Any) -> str | None:
     """Which way lanes are chosen for their trajectories."""
     if isinstance(value, BaseModel):
-        return next(iter(type(value).model_fields))
+        return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
-        return next((key for key in ("samples", "worst") if key in value), None)
-    return "word"
+        return next((MARK + key for key in ("samples", "worst") if key in value), None)
+    return MARK + "word" if value in ("none", "all") else None
 
 
 class Save(Record):
@@ -341,9 +380,9 @@ class Save(Record):
 
     errors: bool = False
     trajectories: Annotated[
-        Annotated[Literal["none", "all"], Tag("word")]
-        | Annotated[Samples, Tag("samples")]
-        | Annotated[Worst, Tag("worst")],
+        Annotated[Literal["none", "all"], member("word")]
+        | Annotated[Samples, member("samples")]
+        | Annotated[Worst, member("worst")],
         Discriminator(
             chosen_lanes,
             custom_error_type="lanes",
@@ -355,16 +394,16 @@ class Save(Record):
 def spacing(value: Any) -> str | None:
     """Which way swept values are given."""
     if isinstance(value, BaseModel):
-        return next(iter(type(value).model_fields))
+        return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
-        return next((key for key in ("linspace", "geomspace") if key in value), None)
-    return "list" if isinstance(value, list) else None
+        return next((MARK + key for key in ("linspace", "geomspace") if key in value), None)
+    return MARK + "list" if isinstance(value, list) else None
 
 
 Values = Annotated[
-    Annotated[list[Any], Len(1), Tag("list")]
-    | Annotated[Linspace, Tag("linspace")]
-    | Annotated[Geomspace, Tag("geomspace")],
+    Annotated[list[Any], Len(1), member("list")]
+    | Annotated[Linspace, member("linspace")]
+    | Annotated[Geomspace, member("geomspace")],
     Discriminator(
         spacing,
         custom_error_type="values",
@@ -376,21 +415,19 @@ Values = Annotated[
 def plain_file_name(name: str) -> str:
     """The name, if it can name a folder anywhere."""
     if not re.fullmatch(r"\w[\w.-]{0,99}", name) or name.endswith("."):
-        raise ValueError("must be a plain file name: letters, digits, '_', '-' and '.' inside")
+        raise ValueError("must be a plain file name: letters, digits, '_', '-' and '.' inside, at most 100")
     return name
 
 
-Sweep = Annotated[
-    dict[str, Values], Field(description="dotted key: values; cells are the product")
-]
+Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cells are the product")]
 
 
 class Config(Scenario):
     """A whole study."""
 
     name: Annotated[str, AfterValidator(plain_file_name)]
-    seed: int = Field(0, ge=0, lt=2**63)
-    samples: int = Field(1, ge=1, description="lanes per cell")
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    samples: int = Field(default=1, ge=1, lt=2**32, description="lanes per cell")
     sweep: Sweep = {}
     save: Save = Save()
 
@@ -398,7 +435,6 @@ class Config(Scenario):
 # --- what is said of a value that does not fit -------------------------------------------------------
 
 WORDS = {
-    "missing": "required",
     "float_type": "must be a number",
     "int_type": "must be a whole number",
     "int_from_float": "must be a whole number",
@@ -414,8 +450,6 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
-    "too_short": "must have at least {min_length} entries",
-    "too_long": "must have at most {max_length} entries",
     "value_error": "{error}",
     "literal_error": "must be {expected}",
 }
@@ -423,19 +457,25 @@ WORDS = {
 
 def explain(error: Any) -> str:
     """What is wrong, in a user's words, from one of pydantic's errors."""
-    kind, context = error["type"], error.get("ctx", {})
-    if kind == "missing" and isinstance(error["loc"][-1], int):
-        return "an entry is missing"
-    if kind == "extra_forbidden":
-        return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"]))
-    message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
+    kind, context, given = error["type"], error.get("ctx", {}), error["input"]
     if kind == "missing":
-        return message
-    if kind == "union_tag_invalid":
-        allowed = [word.strip("'") for word in context["expected_tags"].split(", ")]
-        hint = suggestion(str(context["tag"]), allowed, fallback=False)
-        return f"must be one of {', '.join(allowed)} (got {shown(context['tag'])}){hint}"
-    return f"{message} (got {shown(error['input'])})"
+        return "an entry is missing" if isinstance(error["loc"][-1], int) else "required"
+    if kind in ("extra_forbidden", "invalid_key"):
+        return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"]))
+    if kind in ("kind", "union_tag_invalid"):
+        allowed = [kind_name(each) for each in KINDS[error["loc"][0]]]
+        if not isinstance(given, dict):
+            return f"must be a mapping, or one of {', '.join(allowed)} (got {shown(given)})"
+        hint = suggestion(str(given["kind"]), allowed, fallback=False)
+        return f"must be one of {', '.join(allowed)} (got {shown(given['kind'])}){hint}"
+    if kind in ("too_short", "too_long"):
+        word, number = (
+            ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
+        )
+        entries = "1 entry" if number == 1 else f"{number} entries"
+        return f"must have at {word} {entries} (got {shown(given)})"
+    message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
+    return f"{message} (got {shown(given)})"
 
 
 def shown(value: Any) -> str:
@@ -448,13 +488,13 @@ def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
     """The known word that was probably meant, or all that are known."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
-        return f"; did you mean '{near[0]}'?"
-    return f"; known here: {', '.join(known)}" if fallback else ""
+        return f" (did you mean '{near[0]}'?)"
+    return f" (known here: {', '.join(known)})" if fallback else ""
 
 
 def known_keys(location: tuple[Any, ...]) -> list[str]:
     """Keys allowed in the mapping in which pydantic met an unknown one."""
-    inside = [part for part in location[:-1] if isinstance(part, str)]
+    inside = [part.removeprefix(MARK) for part in location[:-1] if isinstance(part, str)]
     if not inside:
         return list(Config.model_fields)
     models: dict[str, type[Record]] = {

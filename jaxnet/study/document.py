@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import yaml
 
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
+Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
 
 
 class Problem(NamedTuple):
@@ -40,66 +41,74 @@ class Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
 
 
-INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
-FLOAT = re.compile(
-    r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
-)
-for name, pattern, first in [
-    ("null", re.compile(r"~|null|Null|NULL|"), ["~", "n", "N", ""]),
-    ("bool", re.compile(r"true|True|TRUE|false|False|FALSE"), list("tTfF")),
-    ("int", INT, list("-+0123456789")),
-    ("float", FLOAT, list("-+.0123456789")),
-]:
-    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{name}", re.compile(f"^(?:{pattern.pattern})$"), first)
+FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
+SCALARS = {
+    "null": re.compile(r"~|null|Null|NULL|"),
+    "bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
+    "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
+    "float": re.compile(FLOAT),
+}
+FIRST = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
+FIRST["float"] = [*FIRST["int"], "."]
+for kind, pattern in SCALARS.items():
+    whole = re.compile(f"^(?:{pattern.pattern})$")
+    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
+
+LONGEST_INT = 300  # digits; a longer one is a float that is not finite
 
 
 class Reader:
-    """Turns one YAML text into plain data; `places` is filled on the way."""
+    """Turns one YAML text into plain data; `places` and `problems` are filled on the way.
 
-    def __init__(self, source: str):
-        self.source = source
-        self.places: dict[Keys, str] = {}
+    A text from the command line has no lines: `within` is then the key that it is the value of.
+    """
+
+    def __init__(self, source: str, within: Keys = ()):
+        self.source, self.within = source, within
+        self.places: dict[Spot, str] = {}
+        self.problems: list[Problem] = []
 
     def read(self, text: str) -> Any:
-        """The value that the text holds, None if it holds nothing."""
-        node = self.compose(text)
-        return None if node is None else self.build(node, (), [])
-
-    def compose(self, text: str) -> yaml.Node | None:
-        """The node tree of a YAML text."""
+        """The value that the text holds, None if it holds nothing; raises ConfigError if it is not YAML."""
         try:
-            return yaml.compose(text, Loader)
+            node = yaml.compose(text, Loader)
+            return None if node is None else self.build(node, (), [])
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            place = f"{self.source}:{mark.line + 1}:{mark.column + 1}" if mark else self.source
-            raise ConfigError([Problem(place, "", f"not YAML: {error.problem}")]) from error
-        except yaml.YAMLError as error:
-            raise ConfigError([Problem(f"{self.source}:1:1", "", f"not YAML: {error}")]) from error
+            place = self.at(mark.line, mark.column) if mark else self.source
+            reason = error.problem or "not understood"
+        except yaml.reader.ReaderError as error:
+            before = text[: error.position]
+            place = self.at(before.count("\n"), len(before) - before.rfind("\n") - 1)
+            reason = f"the character {error.character!r} is not allowed"
+        except RecursionError:
+            place, reason = self.at(0, 0), "nested too deeply"
+        raise ConfigError([Problem(place, dotted(self.within), f"not YAML: {reason}")])
 
     def build(self, node: yaml.Node, keys: Keys, above: list[yaml.Node]) -> Any:
         """Plain data of a node, noting places; `above` guards against an alias inside its own anchor."""
-        self.places.setdefault(keys, self.at(node))
+        self.places.setdefault(spot(keys), self.at_node(node))
         if node in above:
-            self.refuse(node, dotted(keys), "an alias inside its own anchor")
-        if isinstance(node, yaml.SequenceNode):
+            raise ConfigError([self.problem(node, keys, "an alias inside its own anchor")])
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        if isinstance(node, yaml.SequenceNode) and kind == "seq":
             return [self.build(item, (*keys, n), [*above, node]) for n, item in enumerate(node.value)]
-        if isinstance(node, yaml.MappingNode):
+        if isinstance(node, yaml.MappingNode) and kind == "map":
             return dict(self.items(node, keys, [*above, node]))
         return self.scalar(node, keys)
 
-    def items(
-        self, node: yaml.MappingNode, keys: Keys, above: list[yaml.Node]
-    ) -> Iterator[tuple[Any, Any]]:
+    def items(self, node: yaml.MappingNode, keys: Keys, above: list[yaml.Node]) -> Iterator[tuple[Any, Any]]:
         """Keys and values of a mapping, each key once."""
         seen = set()
         for key_node, value_node in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
-                self.refuse(key_node, dotted(keys), "a key must be text or a number")
+                raise ConfigError([self.problem(key_node, keys, "a key must be text or a number")])
             key = self.scalar(key_node, keys)
             if key in seen:
-                self.refuse(key_node, dotted((*keys, key)), "given twice")
+                self.problems.append(self.problem(key_node, (*keys, key), "given twice"))
+                continue
             seen.add(key)
-            self.places[(*keys, key)] = self.at(key_node)
+            self.places[spot((*keys, key))] = self.at_node(key_node)
             yield key, self.build(value_node, (*keys, key), above)
 
     def scalar(self, node: yaml.Node, keys: Keys) -> Any:
@@ -107,35 +116,45 @@ class Reader:
         kind, text = node.tag.removeprefix("tag:yaml.org,2002:"), str(node.value)
         if kind == "str":
             return text
-        if kind == "null":
-            return None
-        if kind == "bool":
-            return text.lower() == "true"
-        if kind == "int" and INT.fullmatch(text):
-            return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
-        if kind == "float" and FLOAT.fullmatch(text):
-            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-        return self.refuse(node, dotted(keys), f"the tag {node.tag} has no meaning here")
+        if kind in SCALARS and SCALARS[kind].fullmatch(text):
+            return constructed(kind, text)
+        message = f"the tag {node.tag} has no meaning here"
+        raise ConfigError([self.problem(node, keys, message)])
 
-    def at(self, node: yaml.Node) -> str:
-        """FILE:LINE:COL of a node."""
-        return f"{self.source}:{node.start_mark.line + 1}:{node.start_mark.column + 1}"
+    def at(self, line: int, column: int) -> str:
+        """FILE:LINE:COL, both from 1."""
+        return self.source if self.within else f"{self.source}:{line + 1}:{column + 1}"
 
-    def refuse(self, node: yaml.Node, key: str, message: str) -> None:
-        """Raise the error at a node."""
-        raise ConfigError([Problem(self.at(node), key, message)])
+    def at_node(self, node: yaml.Node) -> str:
+        """Where a node starts."""
+        return self.at(node.start_mark.line, node.start_mark.column)
+
+    def problem(self, node: yaml.Node, keys: Keys, message: str) -> Problem:
+        """A problem at a node."""
+        return Problem(self.at_node(node), dotted((*self.within, *keys)), message)
+
+
+def constructed(kind: str, text: str) -> Any:
+    """The value of a scalar that fits its pattern."""
+    if kind == "null":
+        return None
+    if kind == "bool":
+        return text.lower() == "true"
+    if kind == "float" or len(text) > LONGEST_INT:
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
 
 
 class Document:
-    """A config as it was written: `data`, and the place of everything in it."""
+    """A config as it was written: `data`, the place of everything in it, what is wrong already."""
 
     def __init__(self, text: str, source: str):
         reader = Reader(source)
         data = reader.read(text)
         if not isinstance(data, dict | None):
-            problem = Problem(f"{source}:1:1", "", "a config is a mapping of keys to values")
-            raise ConfigError([problem])
-        self.source, self.places = source, reader.places
+            place = reader.places[()]
+            raise ConfigError([Problem(place, "", "a config is a mapping of keys to values")])
+        self.source, self.places, self.problems = source, reader.places, reader.problems
         self.overridden: list[str] = []  # dotted keys set from the command line
         self.data: dict[str, Any] = data or {}
 
@@ -149,33 +168,52 @@ class Document:
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error
 
     def place(self, *candidates: Keys) -> str:
-        """Where the first of these stands that was written; else the nearest thing around the first."""
+        """Where the first of these stands that was written, or else something in it, or around it."""
         for keys in candidates:
-            if keys in self.places:
-                return self.places[keys]
-        around = candidates[0]
+            if spot(keys) in self.places:
+                return self.places[spot(keys)]
+        around = spot(candidates[0])
+        for known, at in self.places.items():
+            if around and known[: len(around)] == around:
+                return at
         while around and around not in self.places:
             around = around[:-1]
         return self.places.get(around, f"{self.source}:1:1")
 
     def override(self, word: str) -> None:
-        """Set a value from `KEY=VALUE`, the value in YAML."""
+        """Set a value from `KEY=VALUE`, the value in YAML; what is wrong with it is kept in `problems`."""
         source = f"command line '{word}'"
         key, equals, text = word.partition("=")
-        if not equals or not key:
-            raise ConfigError([Problem(source, "", "an override is KEY=VALUE")])
-        reader, keys = Reader(source), split(key)
-        put(self.data, keys, reader.read(text))
+        keys = split(key)
+        if not equals or not key or "" in keys:
+            self.problems.append(Problem(source, key, "an override is KEY=VALUE, KEY a dotted name"))
+            return
+        reader = Reader(source, keys)
+        try:
+            put(self.data, keys, reader.read(text))
+        except ConfigError as error:
+            self.problems += error.problems
+            return
+        except LookupError as error:
+            self.problems.append(Problem(source, key, str(error.args[0])))
+            return
+        self.problems += reader.problems
         self.overridden.append(key)
-        kept = {known: at for known, at in self.places.items() if known[: len(keys)] != keys}
-        self.places = kept | {(*keys, *inner): source for inner in [(), *reader.places]}
+        here = spot(keys)
+        kept = {known: at for known, at in self.places.items() if known[: len(here)] != here}
+        self.places = kept | {(*here, *inner): source for inner in [(), *reader.places]}
 
 
 def split(key: str) -> Keys:
-    """Keys of a dotted name; what follows `sweep.` is one key, for swept keys are dotted themselves."""
+    """Keys of a dotted name, whole numbers as such; what follows `sweep.` is one key, dotted itself."""
     if key.startswith("sweep."):
         return ("sweep", key.removeprefix("sweep."))
-    return tuple(key.split("."))
+    return tuple(int(part) if part.isascii() and part.isdigit() else part for part in key.split("."))
+
+
+def spot(keys: Keys) -> Spot:
+    """Keys as text."""
+    return tuple(map(str, keys))
 
 
 def dotted(keys: Keys) -> str:
@@ -183,12 +221,21 @@ def dotted(keys: Keys) -> str:
     return ".".join(map(str, keys))
 
 
-def put(data: dict[str, Any], keys: Keys, value: Any) -> None:
-    """Set a value deep in nested mappings, making the ones on the way; a kind's bare name becomes one."""
-    for key in keys[:-1]:
-        inner = data.get(key)
-        if not isinstance(inner, dict):
-            inner = {"kind": inner} if isinstance(inner, str) else {}
-        data[key] = inner = dict(inner)
+def put(data: Any, keys: Keys, value: Any) -> None:
+    """Set a value deep in nested mappings and lists, making mappings on the way.
+
+    The bare name of a kind becomes a mapping. Raises LookupError where there is nothing to set into.
+    """
+    for depth, key in enumerate(keys[:-1], start=1):
+        inner = data[key] if isinstance(data, list) else data.get(key)
+        if isinstance(inner, str):
+            inner = {"kind": inner}
+        elif inner is None:
+            inner = {}
+        elif not isinstance(inner, dict | list):
+            raise LookupError(f"{dotted(keys[:depth])} is not a mapping")
+        elif isinstance(inner, list) and keys[depth] not in range(len(inner)):
+            raise LookupError(f"{dotted(keys[:depth])} has entries 0 to {len(inner) - 1}")
+        data[key] = inner = inner.copy()
         data = inner
     data[keys[-1]] = value

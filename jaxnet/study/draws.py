@@ -22,7 +22,12 @@ Draws = Float[np.ndarray, "samples vehicles components"]
 
 
 def draw(
-    number: Any, seed: int, name: str, samples: Sequence[int], vehicles: Sequence[int], components: int = 1
+    number: Any,
+    seed: int,
+    name: str,
+    samples: Sequence[int],
+    vehicles: Sequence[int],
+    components: int = 1,
 ) -> Draws:
     """Values of a number or distribution for each sample, vehicle (0: the lane's own) and component."""
     shape = (len(samples), len(vehicles), components)
@@ -40,9 +45,7 @@ def draw(
     raise TypeError(f"not a number or distribution: {number!r}")
 
 
-def uniforms(
-    seed: int, name: str, samples: Sequence[int], vehicles: Sequence[int], components: int
-) -> Draws:
+def uniforms(seed: int, name: str, samples: Sequence[int], vehicles: Sequence[int], components: int) -> Draws:
     """Uniform numbers inside (0, 1), in steps of 2⁻⁵³."""
     assert components <= COMPONENTS
     slots = np.array([[v * COMPONENTS + c for c in range(components)] for v in vehicles], np.uint32)

@@ -117,7 +117,9 @@ class Folder:
         """Refuse a folder that holds another study, or one by another version, or something else."""
         manifest = self.manifest
         if not manifest:
-            strangers = [p.name for p in self.path.iterdir() if p.name != ".lock"] if self.path.exists() else []
+            strangers = (
+                [p.name for p in self.path.iterdir() if p.name != ".lock"] if self.path.exists() else []
+            )
             if strangers and not set(strangers) <= {*OURS, *ARRAYS}:
                 raise FolderError(f"{self.path} is not a results folder: it holds {sorted(strangers)[0]}")
             return
@@ -128,9 +130,7 @@ class Folder:
                 f"{self.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {remedy}"
             )
         if manifest["hash"] != digest(config):
-            raise FolderError(
-                f"{self.path} holds another study: {self.difference(config)}; {remedy}"
-            )
+            raise FolderError(f"{self.path} holds another study: {self.difference(config)}; {remedy}")
 
     def difference(self, config: Config) -> str:
         """Keys in which the folder's study differs from a config."""

@@ -1,27 +1,19 @@
 """A cell and its samples become a batch of lanes with everything drawn, and the plan by which they run."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from jaxnet.engine import chassis
+from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.stepper import Tolerances
 from jaxnet.model import attack, defence
-from jaxnet.model.lane import Batch, Lane
+from jaxnet.model.lane import Lane
 from jaxnet.study import config
 from jaxnet.study.config import Scenario
 from jaxnet.study.draws import draw
 from jaxnet.study.network import Network, navigator_of, network_of
-
-
-class Job(NamedTuple):
-    """Lanes that one compiled program can run: every leaf has a leading axis over lanes."""
-
-    lanes: Batch
-    clock: chassis.Clock
-    tolerances: Tolerances
-    plan: chassis.Plan
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
@@ -41,7 +33,7 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
     clock = chassis.Clock(drawn.same(interval), drawn.same(tail_outputs(scenario)))
     engine = scenario.engine
     tolerances = Tolerances(*map(drawn.same, (engine.rtol, engine.atol, engine.max_steps)))
-    return Job(lanes, clock, tolerances, plan)
+    return Job(Inputs(lanes, clock, tolerances), plan)
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> chassis.Plan:
@@ -63,26 +55,26 @@ def tail_outputs(scenario: Scenario) -> int:
 
 
 class Drawn:
-    """Makes arrays with a leading axis over samples."""
+    """Makes the leaves of lanes: NumPy arrays with a leading axis over samples."""
 
     def __init__(self, scenario: Scenario, seed: int, samples: Sequence[int]):
         self.scenario, self.seed, self.samples = scenario, seed, samples
         self.everyone = range(1, scenario.vehicles + 1)
 
-    def same(self, value: Any) -> np.ndarray:
+    def same(self, value: Any) -> Any:
         """The same value in every lane."""
         array = np.asarray(value)
         return np.broadcast_to(array, (len(self.samples), *array.shape))
 
-    def each(self, number: Any, name: str, components: int = 1) -> np.ndarray:
+    def each(self, number: Any, name: str, components: int = 1) -> Any:
         """A number of each vehicle: (samples, m, components)."""
         return draw(number, self.seed, name, self.samples, self.everyone, components)
 
-    def one(self, number: Any, name: str) -> np.ndarray:
+    def one(self, number: Any, name: str) -> Any:
         """A number of the lane: (samples,)."""
         return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
 
-    def initial(self) -> np.ndarray:
+    def initial(self) -> Any:
         """Robot states at t = 0: (samples, m, 6), ω = F = 0."""
         given = self.scenario.initial
         position = self.each(given.position, "initial.position", components=2)
@@ -97,7 +89,7 @@ class Drawn:
             return attack.NoAttack(links)
         attacked = np.isin(self.everyone, given.vehicles)
 
-        def unit(number: Any, name: str) -> np.ndarray:
+        def unit(number: Any, name: str) -> Any:
             angle = self.each(number, name)
             vector = np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
             return np.where(attacked[None, :, None], vector, 0.0)
@@ -109,9 +101,7 @@ class Drawn:
         phasor = unit(given.phase, "attack.phase")
         if isinstance(given, config.Rotating):
             return attack.Rotating(links, magnitude, frequency, phasor)
-        return attack.Sinusoid(
-            links, magnitude, frequency, phasor, unit(given.direction, "attack.direction")
-        )
+        return attack.Sinusoid(links, magnitude, frequency, phasor, unit(given.direction, "attack.direction"))
 
     def defence(self, network: Network) -> defence.Defence:
         """The defence."""

@@ -1,5 +1,6 @@
 """The host's side of a scenario: its graph, links and navigator as NumPy arrays."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -34,9 +35,7 @@ def network_of(scenario: Scenario) -> Network:
         each = given if isinstance(given, dict) else dict.fromkeys(range(1, m + 1), given)
         for vehicle, value in each.items():
             theta[vehicle - 1] = value
-    return Network(
-        weights, attacked, trusted, theta, graph.protected(weights, trusted, theta)
-    )
+    return Network(weights, attacked, trusted, theta, graph.protected(weights, trusted, theta))
 
 
 def weights_of(scenario: Scenario) -> Float[np.ndarray, "m sources"]:
@@ -58,3 +57,16 @@ def navigator_of(scenario: Scenario) -> Lissajous:
     """The navigator of a scenario."""
     given = scenario.navigator
     return Lissajous(*(np.array(each) for each in (given.amplitude, given.frequency, given.phase)))
+
+
+def slowest_of(scenario: Scenario) -> tuple[float, float]:
+    """Least speed of a scenario's navigator within its horizon [m/s], and when [s]."""
+    given = scenario.navigator
+    numbers = (*given.amplitude, *given.frequency, *given.phase)
+    return slowest(numbers, scenario.horizon)
+
+
+@functools.lru_cache
+def slowest(numbers: tuple[float, ...], horizon: float) -> tuple[float, float]:
+    """The same, remembered, for the cells of a study mostly share their navigator."""
+    return Lissajous(*np.array(numbers).reshape(3, 2)).slowest(horizon)

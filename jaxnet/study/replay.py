@@ -27,7 +27,7 @@ def replay(results: Results, cell: int, sample: int) -> tuple[Path, pd.Series]:
         )
     chosen = study.cells[cell]
     series = (*layout.ERRORS, *layout.trajectory_series([chosen]))
-    outcome = batch.simulate(*job(chosen.scenario, study.config.seed, [sample], series))
+    outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series))
     path = results.path / "replays" / f"cell-{cell}-sample-{sample}.zarr"
     shutil.rmtree(path, ignore_errors=True)
     variables = layout.ERRORS | layout.TRAJECTORIES

@@ -16,12 +16,13 @@ import pyarrow as pa
 import zarr
 
 from jaxnet.engine import batch, chassis
+from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.status import Status
 from jaxnet.study import arrays, config, layout, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import Folder, digest, versions
-from jaxnet.study.lanes import Job, job
+from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard, shard_size, shards_of
 from jaxnet.study.sweep import Cell, plain
 
@@ -59,7 +60,7 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
     for shard, outcome in outcomes(study, todo, tally.chunk_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)
-    rows = read_rows(folder)
+    rows: Any = read_rows(folder)
     if "chosen" in stores and (todo or not folder.manifest["finished"]):
         store_chosen(study, cells, rows, stores["chosen"])
     table = summary.summarise(rows, cells)
@@ -104,7 +105,10 @@ def prepare_stores(
         path = folder.path / "errors.zarr"
         stores["errors"] = arrays.prepare(path, layout.ERRORS, cells, study.samples, size)
     if save.trajectories != "none":
-        path, kind = folder.path / "trajectories.zarr", "all" if save.trajectories == "all" else "chosen"
+        path, kind = (
+            folder.path / "trajectories.zarr",
+            "all" if save.trajectories == "all" else "chosen",
+        )
         chunk = size if kind == "all" else 1
         stores[kind] = arrays.prepare(path, trajectories, cells, study.samples, chunk)
     return stores
@@ -128,7 +132,7 @@ def outcomes(
 
 def program_of(one: Job) -> Any:
     """What a job's compiled program depends on: types, shapes and the plan."""
-    leaves, structure = jax.tree.flatten(one[:3])
+    leaves, structure = jax.tree.flatten(one.inputs)
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves)
 
 
@@ -146,9 +150,8 @@ def packed(shards: Sequence[Shard]) -> Iterator[list[Shard]]:
 
 def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[chassis.Outcome]:
     """Outcomes of jobs that share a program."""
-    joined = jax.tree.map(lambda *leaves: np.concatenate(leaves), *(one[:3] for one in jobs))
-    outcome = batch.simulate(*joined, jobs[0].plan, chunk_done)
-    ends = list(itertools.accumulate(len(one.lanes.initial) for one in jobs))
+    outcome = batch.simulate(batch.join(jobs), chunk_done)
+    ends = list(itertools.accumulate(one.size for one in jobs))
     return [
         jax.tree.map(lambda leaf, a=start, b=end: leaf[a:b], outcome)
         for start, end in zip([0, *ends], ends, strict=False)
@@ -156,7 +159,11 @@ def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[chas
 
 
 def store_shard(
-    study: Config, shard: Shard, outcome: chassis.Outcome, folder: Folder, stores: dict[str, zarr.Group]
+    study: Config,
+    shard: Shard,
+    outcome: chassis.Outcome,
+    folder: Folder,
+    stores: dict[str, zarr.Group],
 ) -> None:
     """Arrays first, rows last."""
     samples = slice(shard.samples.start, shard.samples.stop)
@@ -178,7 +185,10 @@ def rows_of(study: Config, shard: Shard, outcome: chassis.Outcome) -> pa.Table:
         columns[key] = pa.array([label] * count, type=column_type(study, key, label))
     columns["status"] = [Status(code).name for code in outcome.status]
     columns |= {name: getattr(outcome.metrics, name) for name in Metrics._fields}
-    columns |= {"steps": outcome.steps.astype(np.int64), "switches": outcome.switches.astype(np.int64)}
+    columns |= {
+        "steps": outcome.steps.astype(np.int64),
+        "switches": outcome.switches.astype(np.int64),
+    }
     return pa.table(columns)
 
 
@@ -191,20 +201,20 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def store_chosen(study: Config, cells: Sequence[Cell], rows: pd.DataFrame, store: zarr.Group) -> None:
+def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, store: zarr.Group) -> None:
     """Simulate the chosen lanes again with their trajectories."""
     series = layout.trajectory_series(cells)
     for cell in cells:
         samples = chosen_samples(study.save, rows[rows["cell"] == cell.number])
         if not samples:
             continue
-        outcome = batch.simulate(*job(cell.scenario, study.seed, samples, series))
+        outcome = batch.simulate(job(cell.scenario, study.seed, samples, series))
         for place, sample in enumerate(samples):
             one = {name: values[place : place + 1] for name, values in outcome.series.items()}
             arrays.write(store, cell.number, slice(sample, sample + 1), one)
 
 
-def chosen_samples(save: config.Save, rows: pd.DataFrame) -> list[int]:
+def chosen_samples(save: config.Save, rows: Any) -> list[int]:
     """Samples of one cell whose trajectories are asked for."""
     match save.trajectories:
         case config.Samples(samples=samples):

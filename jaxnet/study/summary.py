@@ -1,6 +1,7 @@
 """Statistics of rows: one line per cell."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ CONFIDENCE = 0.95
 
 def summarise(lanes: pd.DataFrame, cells: Sequence[Cell]) -> pd.DataFrame:
     """`cells.csv`: swept keys, lanes, ok, failed, and the spread of the tail errors over ok lanes."""
-    by_cell = dict(tuple(lanes.groupby("cell")))
+    by_cell: dict[Any, Any] = dict(tuple(lanes.groupby("cell")))
     rows = []
     for cell in cells:
         mine = by_cell[cell.number]

@@ -2,7 +2,9 @@
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +16,9 @@ from jaxnet.study import checks, config
 from jaxnet.study.config import KINDS, Config, Scenario
 from jaxnet.study.document import ConfigError, Document, Keys, Problem, dotted, put, split
 
-Place = Any  # Keys → FILE:LINE:COL
+Place = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
+
+MOST_CELLS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -35,20 +39,26 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     name_kinds(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
+    values = {} if given is None else {key: spread(each) for key, each in given.sweep.items()}
+    wrong = list(refuse_sweep(settled, values))
+    problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
+    problems += [*document.problems, *idle_overrides(document, list(values))]
+    spanned = {key: listed for key, listed in values.items() if is_known(key)}
     cells: tuple[Cell, ...] = ()
-    if given is not None:
-        values = {key: spread(each) for key, each in given.sweep.items()}
-        wrong = list(refuse_sweep(settled, values))
-        problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
-        problems += idle_overrides(document, list(values))
-        if not wrong:
-            cells, faults = span(document, values, known=set(problems))
-            problems += faults
+    if math.prod(map(len, values.values())) <= MOST_CELLS:
+        cells, faults = span(document, spanned, known=set(problems))
+        problems += faults
     if settled is not None:
         problems += [located(fault, document.place) for fault in checks.study_objections(settled)]
     if settled is None or problems:
-        raise ConfigError(problems)
+        raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
+
+
+def line_order(problem: Problem) -> tuple[int, ...]:
+    """Orders problems as they stand in the file, the command line's last."""
+    match = re.search(r":([0-9]+):([0-9]+)$", problem.place)
+    return (int(match[1]), int(match[2])) if match else (2**62,)
 
 
 def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem]:
@@ -91,52 +101,52 @@ def with_kind(field: str, value: Any) -> Any:
     return value
 
 
-def validate(
-    model: type[Any], data: Mapping[str, Any], place: Place
-) -> tuple[Any, list[Problem]]:
+def validate(model: type[Any], data: Mapping[str, Any], place: Place) -> tuple[Any, list[Problem]]:
     """The model, or what is wrong with each key."""
     try:
         return model.model_validate(dict(data)), []
     except ValidationError as error:
         problems = []
         for one in error.errors(include_url=False):
-            keys = written(one["loc"], data, one["type"])
+            keys = written(one)
             problems.append(Problem(place(keys), dotted(keys), config.explain(one)))
         return None, problems
 
 
-def written(location: tuple[Any, ...], data: Any, kind: str) -> Keys:
-    """Keys of a place as the user writes them: pydantic's own union tags taken out."""
-    keys: list[Any] = []
-    inside = location[:-1] if kind == "missing" else location
-    for part in inside:
-        if isinstance(data, dict) and part in data or isinstance(data, list) and part in range(len(data)):
-            keys.append(part)
-            data = data[part]
-    if kind == "missing" and not isinstance(location[-1], int):
-        keys.append(location[-1])
-    return tuple(keys)
+def written(error: Any) -> Keys:
+    """Keys of an error's place as the user writes them: the marks of unions taken out."""
+    keys = tuple(part for part in error["loc"] if not str(part).startswith((config.MARK, "[key]")))
+    if error["type"] == "missing" and isinstance(keys[-1], int):
+        return keys[:-1]
+    in_mapping = error["type"] in ("kind", "union_tag_invalid") and isinstance(error["input"], dict)
+    return (*keys, "kind") if in_mapping else keys
 
 
 def spread(given: Any) -> list[Any]:
-    """Values of one swept key."""
-    if isinstance(given, config.Linspace):
-        return np.linspace(*given.linspace).tolist()
-    if isinstance(given, config.Geomspace):
-        return np.geomspace(*given.geomspace).tolist()
-    return list(given)
+    """Values of one swept key; a spacing of whole numbers gives whole numbers."""
+    if isinstance(given, list):
+        return given
+    with np.errstate(all="ignore"):
+        spaced = (
+            np.linspace(*given.linspace)
+            if isinstance(given, config.Linspace)
+            else np.geomspace(*given.geomspace)
+        ).tolist()
+    return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(
-    settled: Config | None, values: Mapping[str, list[Any]]
-) -> Iterator[tuple[str, str]]:
+def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Iterator[tuple[str, str]]:
     """What is wrong with a sweep before its cells are looked at: key and message."""
+    if math.prod(map(len, values.values())) > MOST_CELLS:
+        yield list(values)[-1], f"spans more than {MOST_CELLS:,} cells"
     saves = settled is not None and (settled.save.errors or settled.save.trajectories != "none")
     for number, (key, listed) in enumerate(values.items()):
         root = key.split(".")[0]
         if root not in Scenario.model_fields:
             wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
             yield key, wrong + config.suggestion(root, list(Scenario.model_fields))
+        elif not is_known(key):
+            yield key, "unknown key" + config.suggestion(key.split(".")[1], known_inside(root))
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "horizon", "output_step"):
@@ -146,6 +156,18 @@ def refuse_sweep(
         if twice:
             remedy = "; give each a label" if key in KINDS else ""
             yield key, f"two values are named {twice[0]}{remedy}"
+
+
+def is_known(key: str) -> bool:
+    """Whether some scenario has this dotted key."""
+    root, *inside = key.split(".")
+    return root in Scenario.model_fields and (not inside or inside[0] in known_inside(root))
+
+
+def known_inside(root: str) -> list[str]:
+    """Keys that any kind of a field has, or the field's own mapping; none for a plain value."""
+    models = KINDS.get(root) or ((config.Initial,) if root == "initial" else ())
+    return list(dict.fromkeys(key for model in models for key in model.model_fields))
 
 
 def names(key: str, listed: list[Any]) -> list[Any]:
@@ -164,7 +186,7 @@ def full_kind(field: str, value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     models = {config.kind_name(kind): kind for kind in KINDS[field]}
-    if value["kind"] not in models:
+    if not isinstance(value["kind"], str) or value["kind"] not in models:
         return value
     fields = models[value["kind"]].model_fields
     defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
@@ -200,19 +222,39 @@ def span(
         data = deepcopy(base)
         for key, index in chosen.items():
             set_swept(data, key, deepcopy(values[key][index]))
-        place = functools.partial(place_in_cell, document, chosen)
-        scenario, problems = validate(Scenario, data, place)
         named = {key: labels[key][index] for key, index in chosen.items()}
+        scenario, problems = judge(data, functools.partial(place_in_cell, document, chosen))
         if scenario is not None:
             cells.append(Cell(number, named, scenario))
-            problems = [located(fault, place) for fault in checks.scenario_objections(scenario)]
-        for problem in set(problems) - known:
-            faults.setdefault(problem, []).append(cell_name(number, named))
-    noted = [
-        problem if len(where) == len(grid) else problem._replace(message=f"{problem.message}, in {where[0]}")
+        for problem in dict.fromkeys(problems):
+            if problem not in known:
+                faults.setdefault(problem, []).append(cell_name(number, named))
+    roots = {key.split(".")[0] for key in values}
+    return tuple(cells), [
+        problem._replace(message=f"{problem.message}, in {where[0]}")
+        if len(where) < len(grid) or problem.key.split(".")[0] in roots
+        else problem
         for problem, where in faults.items()
     ]
-    return tuple(cells), noted
+
+
+def judge(data: Mapping[str, Any], place: Place) -> tuple[Scenario | None, list[Problem]]:
+    """A cell's scenario, or all that is wrong with it.
+
+    Where single keys are wrong, what several must fulfil together is still asked of the others.
+    """
+    scenario, problems = validate(Scenario, data, place)
+    wrong = {problem.key.split(".")[0] for problem in problems}
+    rest = scenario
+    if rest is None:
+        rest, _ = validate(Scenario, {key: each for key, each in data.items() if key not in wrong}, place)
+    if rest is not None:
+        problems += [
+            located(fault, place)
+            for fault in checks.scenario_objections(rest)
+            if not wrong & {key.split(".")[0] for key in fault.keys}
+        ]
+    return scenario, problems
 
 
 def cell_name(number: int, labels: Mapping[str, Any]) -> str:
@@ -232,10 +274,11 @@ def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
 def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
     """Where a cell's fault stands: at the swept value that set the key, else where the key is written."""
     for keys in candidates:
-        for key, index in chosen.items():
-            swept = split(key)
+        for key in sorted(chosen, key=lambda key: -key.count(".")):
+            swept, here = split(key), ("sweep", key, chosen[key])
             if swept[: len(keys)] == keys[: len(swept)]:
-                return document.place(("sweep", key, index), ("sweep", key))
+                inside = (*here, *keys[len(swept) :])
+                return document.place(inside, here)
     return document.place(*candidates)
 
 

@@ -42,7 +42,7 @@ def certify(
         unreachable=lost,
         inverse_norm=norm,
         attacked_links=[(int(i) + 1, int(j)) for i, j in np.argwhere(attacked)],
-        all_lies=vehicles(~honest.any(axis=1)),
+        all_lies=vehicles(np.asarray(~honest.any(axis=1))),
         cut_off=graph.unreachable(honest.astype(float)),
         protected=vehicles(meets),
         outnumbered=vehicles(meets & too_many),

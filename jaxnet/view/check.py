@@ -7,8 +7,7 @@ import numpy as np
 
 from jaxnet.study import config, layout
 from jaxnet.study.api import Study
-from jaxnet.study.checks import navigator_of
-from jaxnet.study.network import network_of
+from jaxnet.study.network import network_of, slowest_of
 from jaxnet.study.sweep import Cell
 from jaxnet.theory import certificate
 
@@ -37,7 +36,7 @@ def head(study: Study) -> str:
     return (
         f"{settled.name}: {cells} × {count(settled.samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
-        f"about {size(memory)} of memory; at most {size(lanes * (ROW_BYTES + array_bytes))} on disk"
+        f"about {size(memory)} of memory; at most {size(float(lanes * (ROW_BYTES + array_bytes)))} on disk"
     )
 
 
@@ -54,14 +53,20 @@ def network_key(cell: Cell) -> Any:
     scenario = cell.scenario
     arrays = tuple(part.tobytes() for part in network_of(scenario))
     horizon = scenario.horizon
-    return arrays, scenario.attack.kind, scenario.navigator.model_dump_json(), scenario.defence.kind, horizon
+    return (
+        arrays,
+        scenario.attack.kind,
+        scenario.navigator.model_dump_json(),
+        scenario.defence.kind,
+        horizon,
+    )
 
 
 def network_text(cells: Sequence[Cell]) -> str:
     """Certificate of the network that these cells share."""
     scenario, network = cells[0].scenario, network_of(cells[0].scenario)
     facts = certificate.certify(network.weights, network.attacked, network.trusted, network.theta)
-    slowest, when = navigator_of(scenario).slowest(scenario.horizon)
+    slowest, when = slowest_of(scenario)
     rows = {
         "graph": graph_line(scenario, facts),
         "reach": "the navigator reaches every vehicle",
@@ -115,9 +120,7 @@ def honest_line(facts: certificate.Certificate) -> str:
     return line
 
 
-def trimming_line(
-    scenario: config.Scenario, theta: np.ndarray, facts: certificate.Certificate
-) -> str:
+def trimming_line(scenario: config.Scenario, theta: np.ndarray, facts: certificate.Certificate) -> str:
     """For whom |N_i| ≥ 2ϑ_i + 1 holds with ϑ_i trusted sources."""
     if isinstance(scenario.defence, config.NoDefence):
         return "no defence"
@@ -127,8 +130,9 @@ def trimming_line(
     if not facts.protected:
         return rule + "nobody is protected, so everybody keeps whom they hear"
     line = rule + (
-        "holds for every vehicle" if not unprotected else f"holds for {ranges(facts.protected)} only;"
-        f" {ranges(unprotected)} unprotected"
+        "holds for every vehicle"
+        if not unprotected
+        else f"holds for {ranges(facts.protected)} only; {ranges(unprotected)} unprotected"
     )
     if facts.outnumbered:
         line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(facts.outnumbered)}"

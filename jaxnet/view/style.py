@@ -1,4 +1,4 @@
-"""How figures look: sizes and type for a two-column journal, colours that survive grey and colour blindness."""
+"""How figures look: type for a two-column journal, colours that survive grey and colour blindness."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ SERIES = [
     {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 ]
 
-RC: dict[str, Any] = {
+RC: Any = {
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,

@@ -1,5 +1,7 @@
 """Results as text for a terminal."""
 
+from typing import Any
+
 import pandas as pd
 
 from jaxnet.study.api import Results
@@ -18,7 +20,7 @@ SUMMARY = {
 
 def summary(results: Results) -> str:
     """The summary table: a line per cell."""
-    cells = results.cells
+    cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
     table = cells[[*swept, "ok", "failed", *SUMMARY]].rename(columns=SUMMARY)
     table.insert(0, "cell", range(len(table)))
@@ -46,7 +48,7 @@ def written(results: Results) -> str:
 
 def failures(results: Results) -> str:
     """The failed lanes, each with the command that replays it; empty if there is none."""
-    failed = results.lanes[results.lanes["status"] != "ok"]
+    failed: Any = results.lanes[results.lanes["status"] != "ok"]
     lines = [
         f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
         f" (jaxnet replay {results.path} --cell {row.cell} --sample {row.sample})"

@@ -121,7 +121,14 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool) -> None:
     edge = style.RED if lies else "0.15"
     width = 1.6 if lies else 0.8
     panel.plot(
-        x, y, marker, markersize=11, markerfacecolor=face, markeredgecolor=edge, markeredgewidth=width, zorder=2
+        x,
+        y,
+        marker,
+        markersize=11,
+        markerfacecolor=face,
+        markeredgecolor=edge,
+        markeredgewidth=width,
+        zorder=2,
     )
     panel.text(x, y - 0.005, str(source), fontsize=6.5, ha="center", va="center", color=text, zorder=3)
 
@@ -132,8 +139,15 @@ def legend() -> list[Line2D]:
     return [
         Line2D([], [], marker="s", color="0.15", label="navigator", **node),
         Line2D(
-            [], [], marker="o", markerfacecolor="white", markeredgecolor=style.RED, markeredgewidth=1.6,
-            color="white", label="attacked vehicle", **node,
+            [],
+            [],
+            marker="o",
+            markerfacecolor="white",
+            markeredgecolor=style.RED,
+            markeredgewidth=1.6,
+            color="white",
+            label="attacked vehicle",
+            **node,
         ),
         Line2D([], [], **TRUSTED, label="trusted link"),
         Line2D([], [], **ATTACKED, label="attacked link"),

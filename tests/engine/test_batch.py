@@ -13,14 +13,13 @@ SHORT = {"horizon": 2.0, "tail": 1.0}
 
 def with_faults(one):
     """Lane 1 starts from NaN, lane 3 with a vehicle at rest, lane 5 may take ten steps."""
-    initial, limit = one.lanes.initial.copy(), one.tolerances.max_steps.copy()
+    lane, clock, tolerances = one.inputs
+    initial, limit = lane.initial.copy(), tolerances.max_steps.copy()
     initial[1, 4, 0] = np.nan
     initial[3, 7, 3] = 0.0
     limit[5] = 10
-    return one._replace(
-        lanes=one.lanes._replace(initial=initial),
-        tolerances=one.tolerances._replace(max_steps=limit),
-    )
+    lane, tolerances = lane._replace(initial=initial), tolerances._replace(max_steps=limit)
+    return one._replace(inputs=batch.Inputs(lane, clock, tolerances))
 
 
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])
@@ -53,13 +52,13 @@ def test_a_defence_that_cuts_vehicles_off_is_disconnected():
     """2 and 3 trust each other more than 1, their only way to the navigator."""
     graph = {
         "kind": "edges",
-        "edges": [[1, 0, 1], [2, 1, 1], [2, 3, 1], [2, 4, 1], [3, 2, 1], [3, 1, 1], [3, 4, 1]]
-        + [[4, 2, 1], [4, 3, 1]],
+        "edges": [
+            *([1, 0, 1], [2, 1, 1], [2, 3, 1], [2, 4, 1], [3, 2, 1], [3, 1, 1], [3, 4, 1]),
+            *([4, 2, 1], [4, 3, 1]),
+        ],
     }
     defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
-    given = systems.study(
-        topology=graph, vehicles=4, defence=defence, attack="none", horizon=10.0, tail=1.0
-    )
+    given = systems.study(topology=graph, vehicles=4, defence=defence, attack="none", horizon=10.0, tail=1.0)
     outcome = systems.simulate(systems.lanes(given, 16, ("kept",)))
     cut = outcome.status == Status.disconnected
     assert cut.any()

@@ -8,7 +8,9 @@ from tests import reference, systems
 TOPOLOGIES = ["star", "cyclic", "path"]
 RANDOM_GRAPH = {
     "kind": "edges",
-    "edges": [[i, j, 1.0 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, (5 * i) % 13} - {i}],
+    "edges": [
+        [i, j, 1.0 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, (5 * i) % 13} - {i}
+    ],
 }
 INSTANTS = np.arange(301) * 0.1
 
@@ -107,7 +109,7 @@ def trimmed(request):
     given = systems.study(attack=signal, output_step=0.05)
     one = systems.lanes(given, 4, ("state", "attack", "kept"))
     outcome = systems.simulate(one)
-    count = len(one.lanes.initial)
+    count = one.size
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
     return one, outcome, [exact(one, number, 0.05, 600, **defence) for number in range(count)]
 
@@ -166,9 +168,7 @@ def test_constant_in_phase_attack_has_the_static_gains():
     clock = {"tick": 0.1, "horizon": 60.0}
     known = {"star": (1 / 3, 1 / 3), "path": (1.8333, 1 / 3), "cyclic": (3.0, 0.3)}
     for defence in ("none", "trusted_trim"):
-        given = systems.study(
-            attack=signal, defence=defence, **clock, sweep={"topology": list(known)}
-        )
+        given = systems.study(attack=signal, defence=defence, **clock, sweep={"topology": list(known)})
         metrics = systems.simulate(systems.lanes(given, 2, ())).metrics
         for number, (name, (error, disagreement)) in enumerate(known.items()):
             ours = slice(2 * number, 2 * number + 2)
@@ -185,9 +185,7 @@ def test_trimming_in_the_vector_field_is_the_limit_of_trimming_at_ticks():
     """On a lane that recovers: the finer the ticks, the nearer to `tick: 0`."""
     ended = {}
     for tick in (0.1, 0.025, 0):
-        given = systems.study(
-            tick=tick, horizon=10.0, tail=1.0, attack={"magnitude": 5.0, "vehicles": [2]}
-        )
+        given = systems.study(tick=tick, horizon=10.0, tail=1.0, attack={"magnitude": 5.0, "vehicles": [2]})
         outcome = systems.simulate(systems.lanes(given, 1))
         assert (outcome.status == 0).all()
         ended[tick] = outcome.series["state"][0, :, :, :2]

@@ -82,7 +82,14 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert errors["tracking"].dtype == np.float32
     assert paths["state"].dims == ("cell", "sample", "time", "vehicle", "state")
     assert paths["state"].dtype == np.float64
-    assert paths["state_name"].values.tolist() == ["x", "y", "heading", "speed", "turn_rate", "force"]
+    assert paths["state_name"].values.tolist() == [
+        "x",
+        "y",
+        "heading",
+        "speed",
+        "turn_rate",
+        "force",
+    ]
     assert paths["navigator"].dims == ("cell", "time", "axis")
     assert paths["attack"].dims == ("cell", "sample", "time", "vehicle", "axis")
     assert paths["kept"].dims == ("cell", "sample", "time", "vehicle", "source")
@@ -226,8 +233,22 @@ def test_overrides_of_a_swept_key_are_refused(config):
 
 def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
     """Status 130; the same command then completes the study as if nothing had happened."""
-    overrides = ["samples=40", "save={}", "sweep={gain: [[1, 3, 3], [2, 4, 4], [3, 5, 5]]}", "horizon=20"]
-    command = [sys.executable, "-m", "jaxnet", "run", str(config), *overrides, "--out", str(tmp_path / "out")]
+    overrides = [
+        "samples=40",
+        "save={}",
+        "sweep={gain: [[1, 3, 3], [2, 4, 4], [3, 5, 5]]}",
+        "horizon=20",
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "jaxnet",
+        "run",
+        str(config),
+        *overrides,
+        "--out",
+        str(tmp_path / "out"),
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("out/lanes/*.parquet")) and time.monotonic() < deadline:

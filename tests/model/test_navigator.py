@@ -1,0 +1,86 @@
+"""The navigator: its derivatives against autodiff, its slowest moment against dense sampling."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaxnet.model.navigator import Lissajous
+
+FIGURE_EIGHT = Lissajous(np.array([100.0, 50.0]), np.array([0.2, 0.4]), np.zeros(2))
+TRAP = Lissajous(np.array([100.0, 60.0]), np.array([0.2, 0.3]), np.array([np.pi / 2, 0.0]))
+
+
+def pairs(low, high):
+    """Any two numbers, one for each axis."""
+    return st.tuples(st.floats(low, high), st.floats(low, high)).map(np.array)
+
+
+navigators = st.builds(Lissajous, pairs(0.0, 200.0), pairs(-2.0, 2.0), pairs(-7.0, 7.0))
+
+
+@jax.jit
+def by_autodiff(navigator, t):
+    """Position and three derivatives, from the position alone."""
+    derivatives = [lambda t: navigator.jets(t)[0]]
+    for _ in range(3):
+        derivatives.append(jax.jacfwd(derivatives[-1]))
+    return jnp.stack([each(t) for each in derivatives])
+
+
+in_jax = jax.jit(lambda navigator, t: navigator.jets(t))
+
+
+@given(navigators, st.floats(0.0, 100.0))
+def test_jets_are_the_derivatives_of_the_position(navigator, t):
+    rates = np.stack([np.abs(navigator.frequency) ** k for k in range(4)])
+    scale = (rates * navigator.amplitude).max() + 1e-300
+    arrays = jax.tree.map(jnp.asarray, navigator)
+    expected = by_autodiff(arrays, jnp.asarray(t))
+    np.testing.assert_allclose(in_jax(arrays, jnp.asarray(t)) / scale, expected / scale, atol=1e-12)
+    np.testing.assert_allclose(navigator.jets(np.array(t)) / scale, expected / scale, atol=1e-12)
+
+
+def test_figure_eight_is_the_curve_of_the_paper():
+    times = np.linspace(0.0, 30.0, 301)
+    curve = np.stack([100 * np.sin(0.2 * times), 50 * np.sin(0.4 * times)], axis=1)
+    jets = FIGURE_EIGHT.jets(times)
+    assert jets.shape == (301, 4, 2)
+    np.testing.assert_allclose(jets[:, 0], curve, atol=1e-12)
+
+
+@given(navigators, st.floats(0.1, 60.0))
+def test_no_sampled_moment_is_slower_than_the_slowest(navigator, horizon):
+    least, when = navigator.slowest(horizon)
+    tolerance = 1e-4 * np.hypot(*(navigator.amplitude * navigator.frequency))
+    times = np.linspace(0.0, horizon, 20_001)
+    sampled = np.linalg.norm(navigator.jets(times)[:, 1], axis=1).min()
+    assert least <= sampled + tolerance + 1e-12
+    assert 0.0 <= when <= horizon
+    assert np.linalg.norm(navigator.jets(np.array(when))[1]) == pytest.approx(least, abs=1e-12)
+
+
+def test_the_trap_stands_still_at_five_pi():
+    least, when = TRAP.slowest(30.0)
+    assert least == pytest.approx(0.0, abs=1e-4 * np.hypot(20.0, 18.0))
+    assert when == pytest.approx(5 * np.pi, abs=1e-2)
+    assert TRAP.slowest(15.0)[0] > 1.0
+
+
+def test_the_figure_eight_never_falls_under_thirteen():
+    """With c = cos² 0.2t its speed is 20 √(4c² - 3c + 1), least at c = 3/8, where it is 5 √7."""
+    least, _ = FIGURE_EIGHT.slowest(30.0)
+    assert least == pytest.approx(5 * np.sqrt(7.0), abs=1e-4 * np.hypot(20.0, 20.0))
+    assert least > 13.0
+
+
+def test_a_circle_is_as_slow_everywhere():
+    circle = Lissajous(np.array([50.0, 50.0]), np.array([0.2, 0.2]), np.array([np.pi / 2, 0.0]))
+    assert circle.slowest(30.0)[0] == pytest.approx(10.0, abs=1e-12)
+
+
+def test_a_navigator_that_stays_is_found_to_stand():
+    still = Lissajous(np.array([50.0, 50.0]), np.zeros(2), np.array([0.3, 0.0]))
+    assert still.slowest(30.0)[0] == 0.0

@@ -1,0 +1,908 @@
+"""Bad configs: each is refused at its exact place, in words that help; then some tricky good ones.
+
+An arrow → stands just before what is at fault, in a text or in an override; it is taken out before
+the config is read. Two arrows, or two keys with a | between, mean that either will do.
+"""
+
+from itertools import accumulate
+from pathlib import Path
+from textwrap import dedent
+from typing import Any, NamedTuple
+
+import click.testing
+import pytest
+
+import jaxnet
+from jaxnet.cli import main
+
+ARROW = "→"
+
+
+class Bad(NamedTuple):
+    """A config with one fault: the key to be named, and a part of what is to be said of it."""
+
+    text: str
+    key: str
+    says: str
+    overrides: tuple[str, ...] = ()
+
+
+def named(bad: Bad) -> Bad:
+    """The config with a first line that gives it a name."""
+    return bad._replace(text="name: bad\n" + dedent(bad.text))
+
+
+# --- one key, one value ---------------------------------------------------------------------------
+
+NUMBERS = [
+    Bad("→vehicles: 12.0", "vehicles", "must be a whole number (got 12.0)"),
+    Bad("→vehicles: true", "vehicles", "must be a whole number (got true)"),
+    Bad("→vehicles: twelve", "vehicles", 'must be a whole number (got "twelve")'),
+    Bad("→vehicles: 0", "vehicles", "must be at least 1 (got 0)"),
+    Bad("→vehicles: .nan", "vehicles", "must be a whole number (got NaN)"),
+    Bad("→seed: -1", "seed", "must be at least 0 (got -1)"),
+    Bad("→seed: 9223372036854775808", "seed", "(got 9223372036854775808)"),
+    Bad("→seed: 0b1", "seed", 'must be a whole number (got "0b1")'),
+    Bad("→seed: 1_000", "seed", 'must be a whole number (got "1_000")'),
+    Bad("→seed: 1e3", "seed", "must be a whole number (got 1000.0)"),
+    Bad("→samples: 0", "samples", "must be at least 1 (got 0)"),
+    Bad("→samples: 2.5", "samples", "must be a whole number (got 2.5)"),
+    Bad("→horizon: -1", "horizon", "must be greater than 0 (got -1)"),
+    Bad("→horizon: .nan", "horizon", "must be finite (got NaN)"),
+    Bad("→horizon: .inf", "horizon", "must be finite (got Infinity)"),
+    Bad("→horizon: 1e400", "horizon", "must be finite"),
+    Bad("→horizon: true", "horizon", "must be a number (got true)"),
+    Bad("→horizon: soon", "horizon", 'must be a number (got "soon")'),
+    Bad("→horizon: 12:30", "horizon", 'must be a number (got "12:30")'),
+    Bad("→horizon: {uniform: [20, 30]}", "horizon", "must be a number (got {"),
+    Bad("→horizon:", "horizon", "must be a number (got null)"),
+    Bad("→tick: -0.1", "tick", "must be at least 0 (got -0.1)"),
+    Bad("→output_step: 0", "output_step", "must be greater than 0 (got 0)"),
+    Bad("→tail: -1", "tail", "must be at least 0 (got -1)"),
+    Bad("→gain: [1, 3]", "gain", "3 entries (got [1, 3])"),
+    Bad("→gain: [1, 3, 3, 3]", "gain", "3 entries (got [1, 3, 3, 3])"),
+    Bad("→gain: 3", "gain", "must be a list (got 3)"),
+    Bad("gain: [1, →high, 3]", "gain.1", 'must be a number (got "high")'),
+    Bad("gain:\n  - 1\n  - 3\n  - →.inf", "gain.2", "must be finite (got Infinity)"),
+    Bad("initial: {→position: far}", "initial.position", 'must be a number (got "far")'),
+    Bad("initial: {→heading: null}", "initial.heading", "must be a number (got null)"),
+    Bad("→initial: fast", "initial", 'must be a mapping (got "fast")'),
+]
+
+KINDS = [
+    Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
+    Bad("→topology: ring", "topology|topology.kind", "star, cyclic, path, figure1, edges (got"),
+    Bad("→topology: 3", "topology", "(got 3)"),
+    Bad("→topology: []", "topology", "(got [])"),
+    Bad("→topology:", "topology", "(got null)"),
+    Bad(
+        """
+        topology:
+          navigator_weight: 0.1
+          →kind: cyclical
+        """,
+        "topology.kind",
+        "did you mean 'cyclic'?",
+    ),
+    Bad("topology: {→kind: [star]}", "topology.kind", '(got ["star"])'),
+    Bad("topology: {→kind: true}", "topology.kind", "(got true)"),
+    Bad("topology: {kind: star, →navigator_weight: 0.1}", "topology.navigator_weight", "unknown"),
+    Bad("topology: {→navigator_weight: 0}", "topology.navigator_weight", "greater than 0 (got 0)"),
+    Bad("topology: {→navigator_weight: 1.1}", "topology.navigator_weight", "at most 1 (got 1.1)"),
+    Bad("topology: {→label: 3}", "topology.label", "must be text (got 3)"),
+    Bad("→topology: edges", "topology.edges", "required"),
+    Bad("topology: {kind: edges, →edges: []}", "topology.edges", "(got [])"),
+    Bad("topology: {kind: edges, →edges: 3}", "topology.edges", "must be a list (got 3)"),
+    Bad("topology: {kind: edges, edges: [[1, 0, 1]], →label: 3}", "topology.label", "must be text"),
+    Bad("topology: {kind: edges, edges: [[1, 0, 1]], →edge: 3}", "topology.edge", "mean 'edges'?"),
+    Bad("→navigator: circle", "navigator|navigator.kind", 'lissajous\' (got "circle")'),
+    Bad("navigator: {→amplitude: 3}", "navigator.amplitude", "must be a list (got 3)"),
+    Bad("navigator: {→phase: [0, 0, 0]}", "navigator.phase", "2 entries (got [0, 0, 0])"),
+    Bad("navigator: {→amplitud: [9, 9]}", "navigator.amplitud", "did you mean 'amplitude'?"),
+    Bad(
+        "navigator: {amplitude: [→{uniform: [90, 100]}, 50]}",
+        "navigator.amplitude.0",
+        "must be a number (got {",
+    ),
+    Bad("→attack: rotatin", "attack|attack.kind", "did you mean 'rotating'?"),
+    Bad("attack: {→magnitude: -1}", "attack.magnitude", "must not be negative"),
+    Bad("attack: {→magnitude: big}", "attack.magnitude", 'must be a number (got "big")'),
+    Bad("attack: {→magnitude: true}", "attack.magnitude", "must be a number (got true)"),
+    Bad("attack: {→magnitude: .nan}", "attack.magnitude", "must be finite (got NaN)"),
+    Bad("attack: {→direction: 3}", "attack.direction", "unknown key"),
+    Bad("attack: {kind: bias, →frequency: 3}", "attack.frequency", "unknown key (known here:"),
+    Bad("attack:\n  →magnitude: 5\n  kind: none", "attack.magnitude", "unknown key"),
+    Bad("attack: {→channel: navigater}", "attack.channel", "'auto', 'neighbour' or 'navigator' (got"),
+    Bad("attack: {→vehicles: 2}", "attack.vehicles", "must be a list (got 2)"),
+    Bad("attack: {vehicles: [2, →5.0]}", "attack.vehicles.1", "must be a whole number (got 5.0)"),
+    Bad("attack: {vehicles: [→true]}", "attack.vehicles.0", "must be a whole number (got true)"),
+    Bad("→defence: trim", "defence|defence.kind", 'none, trusted_trim (got "trim")'),
+    Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
+    Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),
+    Bad("defence: {→theta: 1.5}", "defence.theta", "must be a whole number (got 1.5)"),
+    Bad("defence: {→theta: [1]}", "defence.theta", "must be a whole number (got [1])"),
+    Bad("defence: {theta: {→1: -1}}", "defence.theta.1", "must be at least 0 (got -1)"),
+    Bad("defence: {theta: {→one: 1}}", "defence.theta.one", 'must be a whole number (got "one")'),
+    Bad(
+        "defence: {→theta: {→1.5: 1}}",
+        "defence.theta|defence.theta.1.5",
+        "must be a whole number (got 1.5)",
+    ),
+    Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
+    Bad("defence: {→trusted: [1]}", "defence.trusted", "must be a mapping (got [1])"),
+    Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
+    Bad("→engine: flat", "engine|engine.kind", "must be 'chassis' (got \"flat\")"),
+    Bad("engine: {→solver: euler}", "engine.solver", "'dopri5', 'tsit5' or 'dopri8' (got \"euler\")"),
+    Bad("engine: {→rtol: 0}", "engine.rtol", "must be greater than 0 (got 0)"),
+    Bad("engine: {→rtol: 1}", "engine.rtol", "must be less than 1 (got 1)"),
+    Bad("engine: {→atol: 0.0}", "engine.atol", "must be greater than 0 (got 0.0)"),
+    Bad("engine: {→max_steps: 1e5}", "engine.max_steps", "must be a whole number (got 100000.0)"),
+    Bad("engine: {→max_step: 9}", "engine.max_step", "did you mean 'max_steps'?"),
+]
+
+DISTRIBUTIONS = [
+    Bad(
+        "attack: {→phase: {uniform: [0, 1], normal: [0, 1]}}",
+        "attack.phase",
+        "{normal: [mean, sd]}",
+    ),
+    Bad("attack: {→phase: {gaussian: [0, 1]}}", "attack.phase", '(got {"gaussian": [0, 1]})'),
+    Bad("attack: {→phase: {}}", "attack.phase", "(got {})"),
+    Bad("attack: {→phase: [0, 1]}", "attack.phase", "must be a number"),
+    Bad("attack: {phase: {→uniform: [1, 0]}}", "attack.phase.uniform", "lower bound stands first"),
+    Bad("attack: {phase: {→uniform: [1]}}", "attack.phase.uniform", "2 entries (got [1])"),
+    Bad("attack: {phase: {→uniform: 1}}", "attack.phase.uniform", "must be a list (got 1)"),
+    Bad("attack: {phase: {uniform: [0, →.inf]}}", "attack.phase.uniform.1", "must be finite"),
+    Bad("attack: {phase: {uniform: [0, →true]}}", "attack.phase.uniform.1", "a number (got true)"),
+    Bad("attack: {phase: {→normal: [0, -1]}}", "attack.phase.normal", "not negative (got [0, -1])"),
+    Bad("attack: {phase: {→choice: []}}", "attack.phase.choice", "(got [])"),
+    Bad("attack: {→magnitude: {uniform: [-1, 1]}}", "attack.magnitude", "must not be negative"),
+    Bad("attack: {→magnitude: {normal: [5, 1]}}", "attack.magnitude", "must not be negative"),
+    Bad("initial: {→speed: 0}", "initial.speed", "must be positive, whatever is drawn (got 0)"),
+    Bad("initial: {→speed: {uniform: [0, 1]}}", "initial.speed", "must be positive"),
+    Bad("initial: {→speed: {normal: [1, 0.1]}}", "initial.speed", "must be positive"),
+    Bad("initial: {→speed: {choice: [1, -1]}}", "initial.speed", "must be positive"),
+]
+
+UNKNOWN = [
+    Bad("→vehicels: 3", "vehicels", "unknown key (did you mean 'vehicles'?"),
+    Bad("→frobnicate: 3", "frobnicate", "unknown key (known here: "),
+    Bad("→12: 3", "12", "unknown key"),
+    Bad("→1.5: 3", "1.5", "unknown key"),
+    Bad("→<<: {seed: 3}", "<<", "unknown key"),
+    Bad("initial: {→sped: 1}", "initial.sped", "did you mean 'speed'?"),
+    Bad("save: {→trajectory: all}", "save.trajectory", "did you mean 'trajectories'?"),
+]
+
+SAVE = [
+    Bad("→save: all", "save", 'must be a mapping (got "all")'),
+    Bad("save: {→errors: yes}", "save.errors", 'must be true or false (got "yes")'),
+    Bad("save: {→errors: on}", "save.errors", 'must be true or false (got "on")'),
+    Bad("save: {→errors: 1}", "save.errors", "must be true or false (got 1)"),
+    Bad("save: {→trajectories: some}", "save.trajectories", "worst"),
+    Bad("save: {→trajectories: {best: 3}}", "save.trajectories", '{worst: K} (got {"best": 3})'),
+    Bad("save: {trajectories: {→worst: 0}}", "save.trajectories.worst", "at least 1 (got 0)"),
+    Bad(
+        "save: {trajectories: {→samples: 3}}",
+        "save.trajectories.samples",
+        "must be a list (got 3)",
+    ),
+    Bad(
+        "save: {trajectories: {samples: [0, →-1]}}",
+        "save.trajectories.samples.1",
+        "must be at least 0 (got -1)",
+    ),
+    Bad(
+        "samples: 3\nsave: {trajectories: {→samples: [0, 3]}}",
+        "save.trajectories.samples",
+        "samples are 0 to 2 (got 3)",
+    ),
+    Bad(
+        "save: {trajectories: {samples: [0], →worst: 3}}",
+        "save.trajectories.worst",
+        "unknown key",
+    ),
+]
+
+# --- several keys together ------------------------------------------------------------------------
+
+TIMES = [
+    Bad("→tick: 0.03", "output_step", "must be a multiple of tick = 0.03 (got 0.1)"),
+    Bad("tick: 0.03\n→output_step: 0.1", "output_step", "must be a multiple of tick = 0.03"),
+    Bad("tail: 0\n→horizon: 0.25", "horizon", "must be a multiple of output_step = 0.1 (got 0.25)"),
+    Bad("→horizon: 30.0000001", "horizon", "(got 30.0000001)"),
+    Bad("→tail: 0.25", "tail", "must be a multiple of output_step = 0.1 (got 0.25)"),
+    Bad("→horizon: 3", "tail", "must fit into horizon = 3 (got 5)"),
+    Bad("horizon: 3\n→tail: 4", "tail", "must fit into horizon = 3 (got 4)"),
+]
+
+GRAPHS = [
+    Bad(
+        """
+        vehicles: 4
+        attack: none
+        topology:
+          kind: edges
+          →edges:
+            - [1, 0, 1]
+            - [2, 3, 1]
+            - [3, 2, 1]
+            - [4, 1, 1]
+        """,
+        "topology.edges",
+        "the navigator does not reach 2, 3",
+    ),
+    Bad(
+        "topology: {kind: edges, edges: [[1, 0, 1], [2, 1, →-0.5]]}",
+        "topology.edges.1.2",
+        "must be greater than 0 (got -0.5)",
+    ),
+    Bad(
+        "topology: {kind: edges, edges: [[1, 0, →0]]}",
+        "topology.edges.0.2",
+        "must be greater than 0 (got 0)",
+    ),
+    Bad("topology: {kind: edges, edges: [[1, 0, →.nan]]}", "topology.edges.0.2", "must be finite"),
+    Bad("topology: {kind: edges, edges: [[1, 0, →true]]}", "topology.edges.0.2", "must be a number"),
+    Bad("topology: {kind: edges, edges: [[→1.0, 0, 1]]}", "topology.edges.0.0", "must be a whole"),
+    Bad("topology: {kind: edges, edges: [→[2, 1]]}", "topology.edges.0", "an entry is missing"),
+    Bad("topology: {kind: edges, edges: [→[2, 1, 1, 1]]}", "topology.edges.0", "3 entries"),
+    Bad("topology: {kind: edges, edges: [→2]}", "topology.edges.0", "must be a list (got 2)"),
+    Bad(
+        """
+        vehicles: 2
+        attack: none
+        topology:
+          kind: edges
+          edges:
+            - [1, 0, 1]
+            - →[2, 2, 1]
+        """,
+        "topology.edges.1",
+        "2 hears itself",
+    ),
+    Bad(
+        """
+        vehicles: 2
+        attack: none
+        topology:
+          kind: edges
+          edges:
+            - [1, 0, 1]
+            - [2, 1, 1]
+            - →[1, 0, 0.5]
+        """,
+        "topology.edges.2",
+        "[1, 0] is given twice",
+    ),
+    Bad(
+        """
+        vehicles: 2
+        attack: none
+        topology: {kind: edges, edges: [[1, 0, 1], [2, 1, 1], →[2, 3, 1]]}
+        """,
+        "topology.edges.2",
+        "(got [2, 3])",
+    ),
+    Bad(
+        """
+        vehicles: 2
+        attack: none
+        topology: {kind: edges, edges: [[1, 0, 1], →[0, 1, 1], [2, 1, 1]]}
+        """,
+        "topology.edges.1",
+        "(got [0, 1])",
+    ),
+    Bad("→topology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
+    Bad("→vehicles: 12\ntopology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
+    Bad("attack: none\n→vehicles: 2", "vehicles", "at least 3 vehicles (got 2)"),
+]
+
+SCENARIOS = [
+    Bad("→gain: [1, 0.1, 0.1]", "gain", "unstable: eigenvalues -1"),  # (s + 1)(s² - 0.9 s + 1)
+    Bad("→gain: [1, 0.1, 0.1]", "gain", "0.45+0.893j"),
+    Bad("→gain: [0, 3, 3]", "gain", "unstable"),
+    Bad(
+        """
+        →navigator:
+          amplitude: [100, 60]
+          frequency: [0.2, 0.3]
+          phase: [1.5707963267948966, 0]  # both velocities vanish at t = 5π
+        """,
+        "navigator",
+        "at t = 15.71 s; at least 0.05 m/s",
+    ),
+    Bad("→navigator: {amplitude: [0, 0]}", "navigator", "slows to 0 m/s at t = "),
+    Bad("attack: {→vehicles: [2, 13]}", "attack.vehicles", "vehicles are 1 to 12 (got 13)"),
+    Bad("attack: {→vehicles: [0]}", "attack.vehicles", "vehicles are 1 to 12 (got 0)"),
+    Bad("attack: {→vehicles: [2, 5, 2]}", "attack.vehicles", "twice (got [2, 5, 2])"),
+    Bad("→vehicles: 9", "attack.vehicles", "vehicles are 1 to 9 (got 11)"),
+    Bad("defence: {→trusted: {13: [1]}}", "defence.trusted", "vehicles are 1 to 12 (got 13)"),
+    Bad("defence: {→trusted: {1: [2, 13]}}", "defence.trusted", "sources are 0 to 12 (got 13)"),
+    Bad("defence: {→theta: {13: 1}}", "defence.theta", "vehicles are 1 to 12 (got 13)"),
+]
+
+SWEEPS = [
+    Bad("→sweep: [attack]", "sweep", 'must be a mapping (got ["attack"])'),
+    Bad("sweep: {→attack.magnitude: []}", "sweep.attack.magnitude", "(got [])"),
+    Bad("sweep: {→attack.magnitude: 5}", "sweep.attack.magnitude", "must be a list, {linspace: "),
+    Bad("sweep: {→1: [2]}", "sweep.1", "must be text (got 1)"),
+    Bad("sweep: {→atack.magnitude: [1, 2]}", "sweep.atack.magnitude", "did you mean 'attack'?"),
+    Bad(
+        "sweep: {→attack.magnitud: [1, 2]}",
+        "attack.magnitud|sweep.attack.magnitud",
+        "did you mean 'magnitude'?",
+    ),
+    Bad("sweep: {→samples: [1, 2]}", "sweep.samples", "cannot be swept"),
+    Bad("sweep: {→name: [a, b]}", "sweep.name", "cannot be swept"),
+    Bad("sweep: {→seed: [1, 2]}", "sweep.seed", "cannot be swept"),
+    Bad("sweep: {→save.errors: [true]}", "sweep.save.errors", "cannot be swept"),
+    Bad(
+        "sweep: {tick: {→linspace: [0.01, 0.1]}}",
+        "sweep.tick.linspace",
+        "an entry is missing",
+    ),
+    Bad("sweep: {tick: {linspace: [0.01, 0.1, →0]}}", "sweep.tick.linspace.2", "at least 1 (got 0)"),
+    Bad("sweep: {tick: {linspace: [0.01, 0.1, →2.5]}}", "sweep.tick.linspace.2", "must be a whole"),
+    Bad("sweep: {tick: {linspace: [0, →.inf, 3]}}", "sweep.tick.linspace.1", "must be finite"),
+    Bad("sweep: {tick: {geomspace: [→0, 1, 3]}}", "sweep.tick.geomspace.0", "greater than 0 (got 0)"),
+    Bad("sweep: {tick: {geomspace: [1, →-1, 3]}}", "sweep.tick.geomspace.1", "(got -1)"),
+    Bad("sweep: {→tick: {logspace: [1, 2, 3]}}", "sweep.tick", "{geomspace: [a, b, n]}"),
+    Bad(
+        "sweep: {tick: {linspace: [0, 1, 3], →step: 2}}",
+        "sweep.tick.step",
+        "unknown key",
+    ),
+    Bad(
+        "sweep: {attack.magnitude: [1, 2], →attack: [bias, rotating]}",
+        "sweep.attack",
+        "must stand before the dotted keys",
+    ),
+    Bad(
+        """
+        vehicles: 2
+        attack: none
+        sweep:
+          →topology:
+            - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]]}
+            - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]]}
+        """,
+        "sweep.topology",
+        "label",
+    ),
+    Bad("sweep: {→topology: [star, star]}", "sweep.topology", "two values are named star"),
+    Bad("sweep: {→tick: [0.05, 0.1, 5e-2]}", "sweep.tick", "two values are named 0.05"),
+    Bad("sweep: {→attack.magnitude: [1, 1.0]}", "sweep.attack.magnitude", "two values are named 1"),
+    Bad(
+        "sweep: {attack: [rotating, →none], →attack.magnitude: [→5]}",
+        "attack.magnitude",
+        "in cell 1 (attack=none, attack.magnitude=5)",
+    ),
+    Bad("sweep: {attack: [→none], →attack.magnitude: [→5]}", "attack.magnitude", "attack=none"),
+    Bad(
+        "sweep: {attack.magnitude: [5, →-5]}",
+        "attack.magnitude",
+        "(got -5), in cell 1 (attack.magnitude=-5)",
+    ),
+    Bad(
+        "sweep: {attack: [bias, rotating], attack.magnitude: [5, →-5]}",
+        "attack.magnitude",
+        "(got -5), in cell 1 (attack=bias, attack.magnitude=-5)",
+    ),
+    Bad("sweep: {attack.magnitude: [5, →big]}", "attack.magnitude", 'must be a number (got "big")'),
+    Bad("sweep: {topology: [star, →ring]}", "topology|topology.kind", "in cell 1 (topology=ring)"),
+    Bad("sweep: {topology: [star, {→kind: [path]}]}", "topology.kind", '(got ["path"])'),
+    Bad("sweep: {topology: [star, →3]}", "topology", "(got 3)"),
+    Bad(
+        """
+        sweep:
+          topology:
+            - star
+            - kind: cyclic
+              →navigator_weight: 7
+        """,
+        "topology.navigator_weight",
+        "must be at most 1 (got 7), in cell 1",
+    ),
+    Bad("sweep: {topology: [star, →figure1]}", "vehicles", "in cell 1 (topology=figure1)"),
+    Bad("sweep: {gain: [[1, 3, 3], →[1, 0.1, 0.1]]}", "gain", "0.45+0.893j"),
+    Bad("sweep: {attack.vehicles: [[2], →[13]]}", "attack.vehicles", "(got 13), in cell 1"),
+    Bad("sweep: {→tail: {linspace: [5, 35, 2]}}", "tail", "must fit into horizon = 30 (got 35)"),
+    Bad("sweep: {→vehicles: [11, 12]}\nsave: {errors: true}", "sweep.vehicles", "save"),
+    Bad("sweep: {→horizon: [30, 40]}\nsave: {trajectories: all}", "sweep.horizon", "save"),
+    Bad(
+        "sweep: {→output_step: [0.1, 0.2]}\nsave: {trajectories: {worst: 1}}",
+        "sweep.output_step",
+        "save",
+    ),
+]
+
+OVERRIDES = [
+    Bad("", "", "KEY=VALUE", ("→seed",)),
+    Bad("", "", "KEY=VALUE", ("→=3",)),
+    Bad("", "foo", "unknown key", ("→foo=3",)),
+    Bad("", "attack.magnitud", "did you mean 'magnitude'?", ("→attack.magnitud=3",)),
+    Bad("attack: bias", "attack.frequency", "unknown key", ("→attack.frequency=3",)),
+    Bad("", "gain|", "not YAML", ("→gain=[1, 3",)),
+    Bad("", "gain", "3 entries (got [1, 3])", ("→gain=[1, 3]",)),
+    Bad("", "gain.1", 'must be a number (got "x")', ("→gain=[1, x, 3]",)),
+    Bad("", "attack.kind", "given twice", ("→attack={kind: bias, kind: none}",)),
+    Bad("", "seed", "python/object", ("→seed=!!python/object:x 3",)),
+    Bad("", "name", "plain file name", ("→name=../x",)),
+    Bad("", "name", "must be text (got null)", ("→name=",)),
+    Bad("", "attack|attack.kind", "did you mean 'rotating'?", ("→attack=rotatin",)),
+    Bad("", "attack|attack.kind", "did you mean 'rotating'?", ("→attack.kind=rotatin",)),
+    Bad("", "initial.speed", "must be positive", ("→initial={speed: 0}",)),
+    Bad("", "initial.speed", "must be positive", ("→initial.speed={uniform: [0, 1]}",)),
+    Bad("", "tail", "must fit into horizon = 3", ("→horizon=3",)),
+    Bad("", "attack.vehicles", "(got 13)", ("→attack.vehicles=[13]",)),
+    Bad("", "attack.vehicles", "must be a list", ("→attack.vehicles.0=3",)),
+    Bad("attack: {vehicles: [2]}", "attack.vehicles.1", "entries 0 to 0", ("→attack.vehicles.1=3",)),
+    Bad("", "attack..magnitude", "KEY a dotted name", ("→attack..magnitude=3",)),
+    Bad("", "attack.magnitude", "(got -2), in cell 1", ("→sweep.attack.magnitude=[1, -2]",)),
+    Bad("", "sweep.attack.magnitude", "must be a list", ("→sweep.attack.magnitude=5",)),
+    Bad("", "sweep.foo", "unknown key", ("→sweep.foo=[5]",)),
+    Bad("", "seed", "(got -2)", ("seed=-1", "→seed=-2")),
+    Bad("→tick: -1", "tick", "(got -1)", ("seed=3",)),
+    Bad("horizon: 30", "horizon.long", "horizon is not a mapping", ("→horizon.long=1",)),
+]
+
+# --- the text itself ------------------------------------------------------------------------------
+
+FILES = [
+    Bad("→", "name", "required"),
+    Bad("→# a comment is all", "name", "required"),
+    Bad("# jaxnet run bad.yaml\n→samples: 3", "name", "required"),
+    Bad("→name: ../x", "name", '(got "../x")'),
+    Bad("→name: .x", "name", '(got ".x")'),
+    Bad("→name: a/b", "name", '(got "a/b")'),
+    Bad("→name: ''", "name", '(got "")'),
+    Bad('→name: "x\\n"', "name", '(got "x\\n")'),
+    Bad("→name: x.", "name", '(got "x.")'),
+    Bad(f"→name: {'x' * 101}", "name", "100"),
+    Bad("→name: 3", "name", "must be text (got 3)"),
+    Bad("→name: 1e-3", "name", "must be text (got 0.001)"),
+    Bad("→name: true", "name", "must be text (got true)"),
+    Bad("→name:", "name", "must be text (got null)"),
+    Bad("name: x\n→name: y", "name", "given twice"),
+    Bad("name: x\n'seed': 3\n→seed: 3", "seed", "given twice"),
+    Bad("name: x\nattack:\n  kind: bias\n  →kind: none", "attack.kind", "given twice"),
+    Bad("name: x\ndefence: {theta: {1: 1, →0o1: 2}}", "defence.theta.1", "given twice"),
+    Bad("name: x\n? →[a]\n: 3", "", "a key must be"),
+    Bad("name: x\nattack:\n→\tkind: bias", "", "not YAML: found character '\\t'"),
+    Bad("name: x\ngain: [1, 3, 3\nseed→: 3", "", "expected ',' or ']'"),
+    Bad("name: 'x→", "", "not YAML"),
+    Bad("name: x→: y", "", "not YAML: mapping values are not allowed here"),
+    Bad("name: →@x", "", "not YAML: found character '@'"),
+    Bad("name: x\nseed: 3 →\x07", "", "not YAML"),
+    Bad("name: x\n→---\nname: y", "", "another document"),
+    Bad("→%YAML 2.0\n---\nname: x", "", "not YAML"),
+    Bad("# jaxnet run bad.yaml\n→- name: x", "", "a config is a mapping of keys to values"),
+    Bad("# jaxnet run bad.yaml\n→hello", "", "a config is a mapping of keys to values"),
+    Bad("name: x\ngain: →*g", "", "undefined alias 'g'"),
+    Bad(
+        "name: x\ntopology: →&a {kind: edges, edges: [→*a]}",
+        "topology.edges.0",
+        "an alias inside its own anchor",
+    ),
+    Bad("name: x\nseed: →!!python/object:os.system 3", "seed", "python/object:os.system"),
+    Bad("name: x\ngain: →!!python/tuple [1, 3, 3]", "gain", "python/tuple"),
+    Bad("name: x\nattack: →!!python/object:os.system {kind: none}", "attack", "python/object"),
+    Bad("name: x\nattack: →!mine {kind: none}", "attack", "!mine"),
+    Bad("name: x\nsave: {errors: →!!bool yes}", "save.errors", "bool"),
+]
+
+CORPUS = [
+    *map(
+        named,
+        NUMBERS + KINDS + DISTRIBUTIONS + UNKNOWN + SAVE + TIMES + GRAPHS + SCENARIOS + SWEEPS + OVERRIDES,
+    ),
+    *FILES,
+]
+
+
+def title(bad: Bad) -> str:
+    """What pytest calls the test of a config: its text but for the name, in a line."""
+    words = " ".join((bad.text.removeprefix("name: bad\n"), *bad.overrides)).split()
+    return " ".join(words).replace(ARROW, "")[:70] or "empty"
+
+
+def arrows(path: Path, bad: Bad) -> list[str]:
+    """Places before which the arrows of a config stand, as messages give them."""
+    in_text = [
+        f"{path}:{number}:{column + 1}"
+        for number, line in enumerate(bad.text.split("\n"), start=1)
+        for column in accumulate(map(len, line.split(ARROW)[:-1]))
+    ]
+    marked = [word for word in bad.overrides if ARROW in word]
+    return in_text + [f"command line '{word.replace(ARROW, '')}'" for word in marked]
+
+
+def head(place: str, key: str) -> str:
+    """How a message begins; a fault of the text itself has no key."""
+    return f"{place}: {key}: " if key else f"{place}: "
+
+
+def check(path: Path, text: str, overrides: tuple[str, ...] = ()) -> click.testing.Result:
+    """What `jaxnet check` does with a text, its arrows taken out, and overrides likewise."""
+    path.write_bytes(text.replace(ARROW, "").encode())
+    words = [word.replace(ARROW, "") for word in overrides]
+    return click.testing.CliRunner().invoke(main, ["check", str(path), *words])
+
+
+def refusal(result: click.testing.Result) -> list[str]:
+    """Lines on stderr of a config that was refused as the contract says."""
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    return result.stderr.splitlines()
+
+
+@pytest.mark.parametrize("bad", CORPUS, ids=title)
+def test_bad_config_is_refused_at_its_place(bad: Bad, tmp_path: Path):
+    path = tmp_path / "bad.yaml"
+    lines = refusal(check(path, bad.text, bad.overrides))
+    heads = [head(place, key) for key in bad.key.split("|") for place in arrows(path, bad)]
+    assert len(lines) == 1, "\n".join(lines)
+    found = next((each for each in heads if lines[0].startswith(each)), None)
+    assert found is not None, f"{lines[0]}\nshould start with {' or '.join(heads)}"
+    assert bad.says in lines[0].removeprefix(found)
+
+
+def absent(path: Path) -> None:
+    """Leave no file there."""
+
+
+def not_utf8(path: Path) -> None:
+    """Write a name in Latin 1."""
+    path.write_bytes("name: früh\n".encode("latin-1"))
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (absent, "No such file or directory"),
+        (Path.mkdir, "Is a directory"),
+        (not_utf8, "not UTF-8 text"),
+    ],
+)
+def test_what_cannot_be_read_is_named(make, reason: str, tmp_path: Path):
+    path = tmp_path / "bad.yaml"
+    make(path)
+    lines = refusal(click.testing.CliRunner().invoke(main, ["check", str(path)]))
+    assert lines == [f"{path}: cannot be read: {reason}"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "horizon: 1e300\noutput_step: 1e-300",
+        "tick: 1e-320",
+        "horizon: " + "9" * 400,
+        "horizon: " + "9" * 5000,
+        "gain: " + "[" * 3000 + "]" * 3000,
+        "vehicles: 99999999999999999999\nattack: none",
+        "defence: {theta: 99999999999999999999}",
+        "save: {trajectories: {samples: [99999999999999999999]}}",
+        "sweep: {attack.magnitude: {linspace: [-1e308, 1e308, 3]}}",
+        "navigator: {amplitude: [1e200, 1e200], frequency: [1e100, 1e100]}",
+        "topology: {kind: edges, edges: [[1, 0, 1e308], [1, 2, 1e308]]}",
+    ],
+    ids=lambda text: text[:40],
+)
+def test_extremes_end_without_a_traceback(text: str, tmp_path: Path):
+    result = check(tmp_path / "bad.yaml", f"name: bad\n{text}\n")
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code in (0, 2)
+
+
+class Faults(NamedTuple):
+    """A config with several faults, and their keys in the order of its arrows."""
+
+    text: str
+    keys: list[str]
+    overrides: tuple[str, ...] = ()
+
+
+ALL_AT_ONCE = [
+    Faults(
+        """
+        name: bad
+        →horizon: soon
+        →gain: [1, 3]
+        attack: {→magnitude: -1}
+        →colour: red
+        """,
+        ["horizon", "gain", "attack.magnitude", "colour"],
+    ),
+    Faults(
+        """
+        →name: ../x
+        engine: {→rtol: 0}
+        save: {→errors: yes}
+        sweep: {→attack.magnitude: 5}
+        """,
+        ["name", "engine.rtol", "save.errors", "sweep.attack.magnitude"],
+    ),
+    Faults(
+        """
+        name: bad
+        →tail: 0.25
+        →gain: [1, 0.1, 0.1]
+        →navigator: {amplitude: [0, 0]}
+        attack: {→vehicles: [13]}
+        """,
+        ["tail", "gain", "navigator", "attack.vehicles"],
+    ),
+    Faults(  # what one key shows, and what several together show
+        """
+        name: bad
+        →seed: -1
+        →gain: [1, 0.1, 0.1]
+        →navigator: {amplitude: [0, 0]}
+        engine: {→rtol: 0}
+        """,
+        ["seed", "gain", "navigator", "engine.rtol"],
+    ),
+    Faults(
+        """
+        name: bad
+        vehicles: 3
+        topology: {kind: edges, →edges: [[1, 0, 1], [2, 1, 1]]}
+        attack: {→vehicles: [4]}
+        """,
+        ["topology.edges", "attack.vehicles"],
+    ),
+    Faults(
+        """
+        name: bad
+        →gain: [1, 0.1, 0.1]
+        sweep:
+          →seed: [1, 2]
+          attack.magnitude: [1, 2]
+          →attack: [bias, rotating]
+        """,
+        ["gain", "sweep.seed", "sweep.attack"],
+    ),
+    Faults(
+        """
+        name: bad
+        seed: 3
+        →seed: 4
+        attack:
+          kind: bias
+          →kind: bias
+        →tick: -1
+        """,
+        ["seed", "attack.kind", "tick"],
+    ),
+    Faults("name: bad\n→seed: -1", ["seed", "tick", "foo"], ("→tick=-1", "→foo=3")),
+    Faults("name: bad\n→seed: -1", ["seed", "", ""], ("→tick", "→=3")),
+]
+
+
+@pytest.mark.parametrize("faults", ALL_AT_ONCE, ids=lambda faults: " and ".join(faults.keys))
+def test_all_faults_are_told_at_once(faults: Faults, tmp_path: Path):
+    path = tmp_path / "bad.yaml"
+    bad = Bad(dedent(faults.text), "", "", faults.overrides)
+    lines = refusal(check(path, bad.text, bad.overrides))
+    told = [line for line in lines if line.startswith((str(path), "command line"))]
+    heads = [head(*each) for each in zip(arrows(path, bad), faults.keys, strict=True)]
+    missing = [each for each in heads if not any(line.startswith(each) for line in told)]
+    assert not missing, "\n".join([*lines, "lacks", *missing])
+    assert len(told) == len(heads), "\n".join(lines)
+
+
+# --- good ones ------------------------------------------------------------------------------------
+
+
+def load(tmp_path: Path, text: str, *overrides: str):
+    """The study of a text; `jaxnet check` must be content with it too."""
+    path = tmp_path / "good.yaml"
+    result = check(path, text, overrides)
+    assert result.exception is None, result.stderr or repr(result.exception)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return jaxnet.load(path, overrides)
+
+
+def value_at(study: Any, key: str) -> Any:
+    """A study's value by its dotted key."""
+    value = study.config
+    for part in key.split("."):
+        value = getattr(value, part)
+    return value
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value"),
+    [
+        ("name: on", "name", "on"),
+        ("name: yes", "name", "yes"),
+        ("name: No", "name", "No"),
+        ("name: 2026-01-31", "name", "2026-01-31"),
+        ("name: 1_000", "name", "1_000"),
+        ("name: 0b11", "name", "0b11"),
+        ("name: '3'", "name", "3"),
+        ("name: x\nseed: 0o17", "seed", 15),
+        ("name: x\nseed: 017", "seed", 17),
+        ("name: x\nseed: 0x1F", "seed", 31),
+        ("name: x\nseed: +5", "seed", 5),
+        ("name: x\nhorizon: 3e1", "horizon", 30.0),
+        ("name: x\ntail: 5.", "tail", 5.0),
+        ("name: x\nengine: {rtol: 1e-3}", "engine.rtol", 1e-3),
+        ("name: x\nengine: {rtol: 1E-3}", "engine.rtol", 1e-3),
+        ("name: x\nengine: {rtol: .001}", "engine.rtol", 1e-3),
+        ("name: x\nsave: {errors: True}", "save.errors", True),
+        ("name: x\nattack: {label: on}", "attack.label", "on"),
+        ("name: x\nattack: {label: ~}", "attack.label", None),
+        ("name: x\nattack: {label: null}", "attack.label", None),
+        ("name: x\nattack: {label: }", "attack.label", None),
+        ("name: x\ndefence: {theta: {0x2: 1}}", "defence.theta", {2: 1}),
+        ("%YAML 1.2\n---\nname: x\n...\n", "name", "x"),
+        ("\ufeffname: x\r\nseed: 3\r\n", "seed", 3),
+        ('{"name": "x", "gain": [1, 2, 3]}', "gain", [1.0, 2.0, 3.0]),
+        ("name: x\ngain: &g [1, 2, 3]\nsweep: {gain: [*g]}", "gain", [1.0, 2.0, 3.0]),
+    ],
+)
+def test_yaml_is_read_as_version_1_2(text: str, key: str, value: Any, tmp_path: Path):
+    read = value_at(load(tmp_path, text), key)
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "horizon: 15\nnavigator:\n"  # it stands still at t = 5π
+        "  {amplitude: [100, 60], frequency: [0.2, 0.3], phase: [1.5707963267948966, 0]}",
+        "horizon: 30.00000001",  # 1e-9 relative is let pass
+        "horizon: 5\ntail: 5",
+        "tail: 0",
+        "tick: 0",
+        "gain: [8.9, 3, 3]",
+        "seed: 9223372036854775807",
+        "attack: {magnitude: 0}",
+        "attack: {magnitude: {uniform: [0, 0]}}",
+        "initial: {speed: {normal: [1, 0]}}",
+        "initial: {speed: {choice: [1]}}",
+        "defence: {trusted: {1: [0, 12]}, theta: {12: 0}}",
+        "samples: 4\nsave: {trajectories: {samples: [0, 3]}}",
+        "vehicles: 5\nattack: none\ntopology: figure1",
+        "vehicles: 3\nattack: none",
+        "vehicles: 1\nattack: none\ntopology: star",
+        "sweep: {}",
+        "sweep: {topology: [star, path]}\nsave: {errors: true, trajectories: {worst: 1}}",
+    ],
+)
+def test_what_only_just_holds_is_accepted(text: str, tmp_path: Path):
+    load(tmp_path, f"name: good.one-2_3\n{text}\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "key", "value"),
+    [
+        ("", [], "topology.kind", "cyclic"),
+        ("topology: star", [], "topology.kind", "star"),
+        ("attack: bias", ["attack.magnitude=7"], "attack.magnitude", 7.0),
+        ("attack: bias", ["attack.magnitude=7"], "attack.kind", "bias"),
+        ("attack: {kind: bias, magnitude: 7}", ["attack=rotating"], "attack.magnitude", 5.0),
+        ("", ["attack=sinusoid", "attack.direction=1"], "attack.direction", 1.0),
+        ("", ["initial.speed=1"], "initial.speed", 1.0),
+        ("", ["defence.trusted={1: [2]}"], "defence.trusted", {1: [2]}),
+        ("", ["save.trajectories={worst: 2}"], "save.trajectories.worst", 2),
+        ("seed: -1", ["seed=3"], "seed", 3),
+        ("", ["name=other"], "name", "other"),
+    ],
+)
+def test_overrides_reach_into_kinds(text: str, overrides: list[str], key: str, value: Any, tmp_path: Path):
+    assert value_at(load(tmp_path, f"name: good\n{text}\n", *overrides), key) == value
+
+
+def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
+    path = tmp_path / "good.yaml"
+    path.write_text("name: good\nattack: bias\n")
+    given = {"tick": 1e-2, "attack.magnitude": 7, "attack.label": "1e-3", "save": {"errors": True}}
+    study = jaxnet.load(path, given)
+    assert [value_at(study, key) for key in list(given)[:3]] == [0.01, 7.0, "1e-3"]
+    assert study.config.save.errors is True
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "labels"),
+    [
+        ("", [], [{}]),
+        (
+            "sweep: {topology: [star, cyclic], attack.magnitude: [0, 5]}",
+            [],
+            [
+                {"topology": "star", "attack.magnitude": 0},
+                {"topology": "star", "attack.magnitude": 5},
+                {"topology": "cyclic", "attack.magnitude": 0},
+                {"topology": "cyclic", "attack.magnitude": 5},
+            ],
+        ),
+        (
+            "sweep: {attack: [bias, sinusoid], attack.direction: [1.5]}",
+            [],
+            [
+                {"attack": "bias", "attack.direction": 1.5},
+                {"attack": "sinusoid", "attack.direction": 1.5},
+            ],
+        ),
+        (
+            "sweep: {defence: [none, trusted_trim, {theta: 2}]}",
+            [],
+            [
+                {"defence": "none"},
+                {"defence": "trusted_trim(theta=1)"},
+                {"defence": "trusted_trim(theta=2)"},
+            ],
+        ),
+        (
+            "sweep: {topology: [{navigator_weight: 0.1}, {navigator_weight: 1}]}",
+            [],
+            [
+                {"topology": "cyclic(navigator_weight=0.1)"},
+                {"topology": "cyclic(navigator_weight=1)"},
+            ],
+        ),
+        (
+            "sweep: {defence: [{theta: 1, label: weak}, {theta: 2}]}",
+            [],
+            [{"defence": "weak"}, {"defence": "trusted_trim(theta=2)"}],
+        ),
+        (
+            """
+            vehicles: 2
+            attack: none
+            sweep:
+              topology:
+                - {kind: edges, edges: [[1, 0, 1], [2, 0, 1]], label: fan}
+                - {kind: edges, edges: [[1, 0, 1], [2, 1, 1]], label: line}
+                - path
+            """,
+            [],
+            [{"topology": "fan"}, {"topology": "line"}, {"topology": "path"}],
+        ),
+        (
+            """
+            vehicles: 1
+            attack: none
+            sweep: {topology: [star, {kind: edges, edges: [[1, 0, 1]]}]}
+            """,
+            [],
+            [{"topology": "star"}, {"topology": "edges"}],
+        ),
+        (
+            "sweep: {attack.magnitude: {linspace: [0, 1, 3]}}",
+            [],
+            [{"attack.magnitude": 0.0}, {"attack.magnitude": 0.5}, {"attack.magnitude": 1.0}],
+        ),
+        (
+            "sweep: {attack.magnitude: [0, 5]}",
+            ["sweep.attack.magnitude={geomspace: [1, 4, 3]}"],
+            [{"attack.magnitude": 1.0}, {"attack.magnitude": 2.0}, {"attack.magnitude": 4.0}],
+        ),
+        (
+            "sweep: {attack.vehicles: [[2], [2, 5]]}",
+            [],
+            [{"attack.vehicles": "[2]"}, {"attack.vehicles": "[2, 5]"}],
+        ),
+    ],
+)
+def test_cells_and_their_labels(text: str, overrides: list[str], labels: list, tmp_path: Path):
+    study = load(tmp_path, "name: good\n" + dedent(text), *overrides)
+    assert [cell.labels for cell in study.cells] == labels
+    assert [list(cell.labels) for cell in study.cells] == [list(each) for each in labels]
+
+
+def test_a_swept_kind_replaces_the_whole_mapping_and_dotted_keys_set_into_it(tmp_path: Path):
+    text = """
+        name: good
+        attack: {kind: sinusoid, magnitude: 9, frequency: 0.1}
+        sweep: {attack: [sinusoid, rotating], attack.magnitude: [2]}
+    """
+    attacks = [cell.scenario.attack for cell in load(tmp_path, dedent(text)).cells]
+    assert [attack.kind for attack in attacks] == ["sinusoid", "rotating"]
+    assert [attack.magnitude for attack in attacks] == [2.0, 2.0]
+    assert [attack.frequency for attack in attacks] == [0.7, 0.7]  # the default, not 0.1

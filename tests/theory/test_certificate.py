@@ -1,0 +1,129 @@
+"""What a network promises: known norms, the paper's scenarios, robustness by trying all pairs of sets."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaxnet.model import graph
+from jaxnet.theory.certificate import certify, robustness
+
+LIARS = [2, 5, 8, 11]
+STAR, CYCLIC, PATH = graph.star(12), graph.cyclic(12, 0.1), graph.path(12)
+
+
+def certificate(weights, liars=(), theta=1, trusted=None):
+    """Certificate of a graph where everybody trims the same number."""
+    return certify(
+        weights,
+        graph.attacked_links(weights, liars, "auto"),
+        graph.trusted_links(weights, trusted or {}),
+        np.full(len(weights), theta),
+    )
+
+
+@pytest.mark.parametrize(
+    ("weights", "norm"),
+    [
+        (STAR, 1.0),
+        (PATH, 1 / (2 * np.sin(np.pi / 50))),  # a triangle of ones: 1 / (2 sin(π / (4m + 2)))
+        (CYCLIC, 10.0),  # symmetric, and L 1 = 0.1 · 1 is its least eigenvalue
+    ],
+)
+def test_norm_of_the_inverse_laplacian(weights, norm):
+    assert certificate(weights).inverse_norm == pytest.approx(norm, rel=1e-12)
+
+
+def test_norm_of_the_path_is_the_number_in_the_notes():
+    assert certificate(PATH).inverse_norm == pytest.approx(7.963, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    "edges",
+    [
+        [(1, 0, 1.0), (2, 1, 1.0), (3, 4, 1.0), (4, 3, 1.0)],  # L singular
+        [(1, 0, 1.0), (2, 1, 1.0), (4, 3, 1.0)],  # 3 hears nobody, and L is regular
+    ],
+)
+def test_vehicles_that_nothing_reaches_make_the_norm_infinite(edges):
+    found = certificate(graph.weighted(4, edges))
+    assert found.unreachable == [3, 4]
+    assert found.inverse_norm == np.inf
+
+
+def test_star_with_its_navigator_channel_attacked():
+    found = certificate(STAR, LIARS)
+    assert found.attacked_links == [(2, 0), (5, 0), (8, 0), (11, 0)]
+    assert found.all_lies == LIARS
+    assert found.cut_off == LIARS
+    assert found.protected == []
+    assert found.outnumbered == []
+    assert found.heard.tolist() == [1] * 12
+
+
+def test_path_behind_its_liars():
+    found = certificate(PATH, LIARS)
+    assert found.attacked_links == [(3, 2), (6, 5), (9, 8), (12, 11)]
+    assert found.all_lies == [3, 6, 9, 12]
+    assert found.cut_off == list(range(3, 13))
+    assert found.protected == []
+
+
+def test_ring_has_honest_ways_around_its_liars():
+    found = certificate(CYCLIC, LIARS)
+    assert found.all_lies == []
+    assert found.cut_off == []
+    assert found.unreachable == []
+    assert found.protected == list(range(1, 13))
+    assert found.outnumbered == []
+    assert found.heard.tolist() == [3] * 12
+
+
+def test_a_vehicle_between_two_liars_is_outnumbered():
+    assert certificate(CYCLIC, [2, 4]).outnumbered == [3]
+
+
+def test_a_trusted_liar_outnumbers_by_itself():
+    assert certificate(CYCLIC, [2], trusted={3: [2], 5: [4]}).outnumbered == [3]
+
+
+def test_who_trims_nobody_is_not_called_protected():
+    found = certificate(CYCLIC, [2, 4], theta=0)
+    assert found.protected == []
+    assert found.outnumbered == []
+
+
+def robustness_by_trial(heard):
+    """Greatest r such that of any two disjoint nonempty sets one has a node with r sources outside.
+
+    `heard[i]` are the sources of node i, the navigator being node 0, which hears nobody.
+    """
+    nodes = range(len(heard))
+    least = len(heard)
+    for sides in product((0, 1, 2), repeat=len(heard)):
+        first, second = ({i for i in nodes if sides[i] == side} for side in (1, 2))
+        if first and second:
+            outside = (len(heard[i] - own) for own in (first, second) for i in own)
+            least = min(least, max(outside))
+    return least
+
+
+@settings(max_examples=100)
+@given(st.integers(1, 4), st.data())
+def test_robustness_is_what_trying_all_pairs_of_sets_gives(vehicles, data):
+    sources = range(vehicles + 1)
+    heard = [frozenset()]
+    for i in range(1, vehicles + 1):
+        heard.append(data.draw(st.frozensets(st.sampled_from([j for j in sources if j != i]))))
+    edges = [(i, j, 1.0) for i, row in enumerate(heard) for j in row]
+    assert robustness(graph.weighted(vehicles, edges)) == robustness_by_trial(heard)
+
+
+@pytest.mark.parametrize("vehicles", [3, 4, 5])
+@pytest.mark.parametrize("kind", ["star", "cyclic", "path"])
+def test_the_papers_topologies_are_one_robust(kind, vehicles):
+    weights = graph.cyclic(vehicles, 0.1) if kind == "cyclic" else getattr(graph, kind)(vehicles)
+    heard = [frozenset(), *(frozenset(np.flatnonzero(row).tolist()) for row in weights)]
+    assert robustness(weights) == robustness_by_trial(heard) == 1

@@ -1,0 +1,138 @@
+"""The closed loop solved: against another program, the law integrated, and exact static gains."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxnet.model import graph
+from jaxnet.theory.exact import tracking_errors
+from tests import reference
+
+LIARS = np.array([2, 5, 8, 11])
+GAIN = np.array([1.0, 3.0, 3.0])
+
+
+def figure_eight(t):
+    """Jets (4, 2) of the navigator."""
+    position = np.array([100 * np.sin(0.2 * t), 50 * np.sin(0.4 * t)])
+    velocity = 20 * np.array([np.cos(0.2 * t), np.cos(0.4 * t)])
+    acceleration = np.array([-4 * np.sin(0.2 * t), -8 * np.sin(0.4 * t)])
+    return np.stack([position, velocity, acceleration, [-0.04, -0.16] * velocity])
+
+
+def rotating(magnitude, phases, vehicles=12):
+    """`attack(t)`: jets (4, m, 2) of what the liars add, turning at 0.7 rad/s."""
+
+    def attack(t):
+        signal = np.zeros((4, vehicles, 2))
+        for liar, phase in zip(LIARS[vehicles >= LIARS], phases, strict=True):
+            for k in range(4):
+                angle = 0.7 * t + phase + k * np.pi / 2
+                signal[k, liar - 1] = magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
+        return signal
+
+    return attack
+
+
+def corruption_of(attack):
+    """Jets of d when all that the liars transmit is false."""
+    return lambda t, weights: np.einsum("ij,kjx->kix", weights[:, 1:], attack(t)[:3])
+
+
+def start(seed, vehicles=12):
+    """Jets (3, m, 2) of a fleet, far from the navigator and slow."""
+    rng = np.random.default_rng(seed)
+    position = rng.uniform(-200.0, 200.0, (vehicles, 2))
+    return np.stack([position, rng.normal(0.0, 0.3, (vehicles, 2)), np.zeros((vehicles, 2))])
+
+
+@pytest.mark.parametrize("gain", [GAIN, np.array([2.0, 4.0, 2.5])])
+@pytest.mark.parametrize("trimmed", [True, False])
+def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
+    attack = rotating(10.0, [0.3, 2.0, 4.1, 5.5])
+
+    def on_edges(t):
+        lies = np.zeros((4, 12, 13, 2))
+        lies[:, :, 1:] = attack(t)[:, None]
+        return lies
+
+    answer = reference.propagate(
+        graph.cyclic(12, 0.1),
+        figure_eight,
+        on_edges,
+        gain,
+        start(1),
+        0.05,
+        400,
+        trusted=[{0}] * 12 if trimmed else None,
+        theta=[1] * 12 if trimmed else None,
+    )
+    navigator = np.stack([figure_eight(0.05 * n)[0] for n in range(401)])
+    if trimmed:
+        changes = (np.diff(answer["kept"] > 0, axis=0)).any(axis=(1, 2)).sum()
+        assert changes > 10  # otherwise one solution from 0 to the end would do as well
+    error = tracking_errors(
+        start(1) - figure_eight(0.0)[:3, None], corruption_of(attack), answer["kept"], gain, 0.05
+    )
+    np.testing.assert_allclose(error, answer["positions"] - navigator[:, None], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("weights", [graph.path(5), graph.figure1(), graph.cyclic(5, 0.1)])
+def test_agrees_with_integrating_the_law(weights):
+    """The law as a vehicle applies it, to what it hears of moving neighbours, by DOP853."""
+    attack = rotating(10.0, [0.3, 2.0], vehicles=5)
+    laplacian = np.eye(5) - weights[:, 1:]
+
+    def law(t, flat):
+        y, y0 = flat.reshape(3, 5, 2), figure_eight(t)
+        lies = attack(t)
+        heard = np.zeros((4, 5, 2))
+        for k in range(4):
+            others = y[k] if k < 3 else np.zeros((5, 2))
+            for i in range(5):
+                heard[k, i] = weights[i, 0] * y0[k] + weights[i, 1:] @ (others + lies[k])
+        feedback = sum(gain * (y[k] - heard[k]) for k, gain in enumerate(GAIN))
+        jerk = np.linalg.solve(laplacian, heard[3] - feedback)
+        return np.stack([y[1], y[2], jerk]).ravel()
+
+    times = np.linspace(0.0, 6.0, 7)
+    run = solve_ivp(law, (0, 6), start(2, 5).ravel(), "DOP853", times, rtol=1e-11, atol=1e-10)
+    integrated = run.y.T.reshape(7, 3, 5, 2)[:, 0]
+    error = tracking_errors(
+        start(2, 5) - figure_eight(0.0)[:3, None],
+        corruption_of(attack),
+        np.broadcast_to(weights, (7, *weights.shape)).copy(),
+        GAIN,
+        1.0,
+    )
+    navigator = np.stack([figure_eight(t)[0] for t in times])
+    np.testing.assert_allclose(error, integrated - navigator[:, None], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("weights", "channel", "mean", "greatest"),
+    [
+        (graph.star(12), "navigator", 1 / 3, 1.0),
+        (graph.path(12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all lies before it
+        (graph.cyclic(12, 0.1), "neighbour", 3.0, 90 / 29),
+    ],
+)
+def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
+    """SCIENCE O3: what a constant lie of length 1, the same from all liars, comes to in the end.
+
+    In the ring a liar's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1) + 0.45 y,
+    hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
+    """
+    lie = np.array([0.6, -0.8])
+    links = graph.attacked_links(weights, LIARS.tolist(), channel)
+
+    def corruption(t, in_force):
+        share = np.where(links, in_force, 0.0).sum(axis=1)
+        return np.stack([share[:, None] * lie, np.zeros((12, 2)), np.zeros((12, 2))])
+
+    held = np.broadcast_to(weights, (4, *weights.shape)).copy()
+    error = tracking_errors(start(3), corruption, held, GAIN, 20.0)
+    size = np.linalg.norm(error[-1], axis=1)
+    assert size.mean() == pytest.approx(mean, rel=1e-9)
+    assert size.max() == pytest.approx(greatest, rel=1e-9)
+    np.testing.assert_allclose(error[-1], size[:, None] * lie, rtol=0, atol=1e-9)
