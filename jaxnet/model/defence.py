@@ -6,6 +6,7 @@ A kind of defence is a type with `start()`, its memory before anything was heard
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -63,9 +64,13 @@ def deviation(heard: Heard, trusted: Links) -> Weights:
 
 
 def ranks(score: Weights, candidate: Links) -> Int[Array, "m sources"]:
-    """How many candidates of the same listener come before each: the greater score, then the lower number."""
-    ours, theirs = score[:, :, None], score[:, None]
-    number = jnp.arange(score.shape[1])
-    tie = (theirs == ours) & (number[None, :] < number[:, None])[None]
-    before = ((theirs > ours) | tie) & candidate[:, None]
-    return before.sum(axis=2)
+    """How many candidates of the same listener come before each: the greater score, then the lower number.
+
+    By sorting, for a compiler may evaluate a score twice and round it differently: compared with itself it
+    could then come before itself. A sort evaluates it once.
+    """
+    numbers = jnp.broadcast_to(jnp.arange(score.shape[1])[None], score.shape)
+    farthest_first = jnp.where(candidate, -score, jnp.inf)
+    _, order = jax.lax.sort((farthest_first, numbers), num_keys=1, is_stable=True)
+    places = jnp.arange(score.shape[1])[None, None]
+    return jnp.where(order[:, None] == numbers[:, :, None], places, 0).sum(axis=2)

@@ -147,9 +147,11 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
 @pytest.mark.parametrize("weights", [graph.star(5), graph.path(5), graph.figure1()])
 @given(seeds)
 def test_the_unprotected_keep_everybody(weights, seed):
-    """Whatever they hear: no vehicle of these has three sources."""
-    heard = np.random.default_rng(seed).normal(0.0, 1e3, (FLEET, FLEET + 1, 2))
-    kept, dropped = Situation(weights, heard, weights > 0, [1] * FLEET, weights > 0).decided()
+    """Whatever they hear, trust and remember: no vehicle of these has three sources."""
+    rng = np.random.default_rng(seed)
+    heard = rng.normal(0.0, 1e3, (FLEET, FLEET + 1, 2))
+    trusted, memory = rng.random((2, *weights.shape)) < 0.3
+    kept, dropped = Situation(weights, heard, trusted, [1] * FLEET, memory).decided()
     np.testing.assert_array_equal(kept, weights)
     assert not dropped.any()
 
