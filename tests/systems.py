@@ -17,7 +17,9 @@ from jaxnet.study.lanes import job
 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""
-    return Study(*sweep.read(Document(yaml.safe_dump({"name": "test", **keys}), "test.yaml")))
+    return Study(
+        *sweep.read(Document(yaml.safe_dump({"name": "test", **keys}, sort_keys=False), "test.yaml"))
+    )
 
 
 def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Job:

@@ -1,0 +1,122 @@
+"""The command line: what it says, where, and with which exit status."""
+
+import subprocess
+import sys
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+import jaxnet
+from jaxnet.cli import main
+
+SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
+COMMANDS = ["run", "check", "schema", "replay", "show", "report"]
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    """A small study's file."""
+    path = tmp_path_factory.mktemp("cli") / "small.yaml"
+    path.write_text(yaml.safe_dump(SMALL))
+    return path
+
+
+@pytest.fixture(scope="module")
+def finished(config):
+    """The study's results folder, made by the command line, and what it printed."""
+    out = config.parent / "out"
+    return out, jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch, tmp_path):
+    """Compiled programs of tests go to a folder of the test."""
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "xla"))
+
+
+def jaxnet_does(*words):
+    """One command, in this process."""
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+def test_looking_and_checking_never_import_jax(config):
+    """Nor numpy, for the commands' help."""
+    code = "import sys, jaxnet.cli; print(any(name in sys.modules for name in ('jax', 'numpy', 'pydantic')))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"
+    code = (
+        "import sys; from jaxnet.cli import main\n"
+        f"main(['check', {str(config)!r}], standalone_mode=False); print('jax' in sys.modules)"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).endswith("False\n")
+
+
+def test_help_names_every_command():
+    """And every command has help of its own."""
+    text = jaxnet_does("--help").stdout
+    for command in COMMANDS:
+        assert command in text
+        assert jaxnet_does(command, "--help").exit_code == 0
+    assert jaxnet_does("--version").stdout.strip().endswith(jaxnet.__version__)
+
+
+def test_run_prints_its_table_and_what_it_wrote(finished):
+    """The table to stdout, the rest to stderr."""
+    out, done = finished
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.split()[:2] == ["cell", "ok"]
+    assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
+    assert jaxnet_does("show", out).stdout == done.stdout
+
+
+def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
+    """Nothing is simulated, the same is printed."""
+    out, done = finished
+    stamps = [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())]
+    again = jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
+    assert again.stdout == done.stdout
+    assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
+
+
+def test_replay_gives_the_stored_row_again(finished):
+    """To the last bit, with the trajectory in a store of its own."""
+    out, _ = finished
+    done = jaxnet_does("replay", out, "--cell", 0, "--sample", 1)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "the same as the stored row"
+    assert (out / "replays" / "cell-0-sample-1.zarr").is_dir()
+    assert "wrote" in done.stderr
+    beyond = jaxnet_does("replay", out, "--cell", 0, "--sample", 2)
+    assert beyond.exit_code == 2
+    assert "samples 0 to 1 (got cell 0, sample 2)" in beyond.stderr
+
+
+def test_report_draws_the_figures(finished):
+    """Each as PNG and PDF."""
+    out, _ = finished
+    done = jaxnet_does("report", out)
+    assert done.exit_code == 0, done.stderr
+    written = sorted(path.name for path in (out / "figures").iterdir())
+    names = ("panels", "tails", "topologies")
+    assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))
+
+
+def test_failed_lanes_are_named_and_strict_says_so(config, tmp_path):
+    """Status 0, or 3 if asked; the message has the command that replays the lane."""
+    words = ("run", config, "engine.max_steps=5", "--out", tmp_path / "out")
+    done = jaxnet_does(*words)
+    assert done.exit_code == 0
+    assert "failed: cell 0, sample 1: max_steps" in done.stderr
+    assert f"jaxnet replay {tmp_path / 'out'} --cell 0 --sample 1" in done.stderr
+    assert jaxnet_does(*words, "--strict").exit_code == 3
+
+
+def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):
+    """A folder that holds another study, or is none; an unknown option."""
+    out, _ = finished
+    other = jaxnet_does("run", config, "seed=1", "--out", out)
+    assert other.exit_code == 2
+    assert "seed is 0 there and 1 here" in other.stderr
+    assert "Traceback" not in other.stderr
+    assert jaxnet_does("show", tmp_path).exit_code == 2
+    assert jaxnet_does("run", config, "--outt", "x").exit_code == 2

@@ -1,0 +1,41 @@
+"""What `check` says of the paper's scenarios."""
+
+from jaxnet.view import check
+from tests import systems
+
+
+def section(text: str, title: str) -> str:
+    """The certificate of one topology."""
+    return next(part for part in text.split("\n\n") if part.startswith(title))
+
+
+def test_the_papers_topologies():
+    """Nobody in star and path is protected, and both break the paper's own Assumption 1."""
+    text = check.text(systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7))
+    assert "3 cells × 7 samples = 21 lanes" in text
+    star, cyclic, path = (section(text, name) for name in ("star", "cyclic", "path"))
+    assert "nobody is protected" in star
+    assert "nobody is protected" in path
+    assert "holds for every vehicle" in cyclic
+    assert "no honest path from the navigator to 2, 5, 8, 11" in star
+    assert "no honest path from the navigator to 3-12" in path
+    assert "Assumption 1  holds" in cyclic
+    assert "in what they hear of the navigator" in star
+    assert "in what they transmit, 8 links" in cyclic
+    norms = [section(text, name).split("‖L⁻¹‖₂")[1].split()[0] for name in ("star", "cyclic", "path")]
+    assert norms == ["1", "10", "7.963"]
+    for part in (star, cyclic, path):
+        assert "exactly 1-robust" in part
+        assert "13.23 m/s" in part
+
+
+def test_some_are_protected_and_some_outnumbered():
+    """Fig. 1 with ϑ for some; a ring in which 3 hears two liars."""
+    text = check.text(systems.study(attack={"vehicles": [2, 4]}, defence={"theta": {3: 1, 7: 1, 9: 2}}))
+    assert "holds for 3, 7 only; 1, 2, 4-6, 8-12 unprotected" in text
+    assert "more than ϑ attacked sources, or a trusted one, at 3" in text
+
+
+def test_ranges():
+    """Runs of three or more are drawn together."""
+    assert check.ranges([1, 2, 3, 5, 7, 8, 10]) == "1-3, 5, 7, 8, 10"

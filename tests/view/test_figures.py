@@ -1,0 +1,73 @@
+"""Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.view import panels, tails, topology
+from tests import systems
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Two topologies with and without attack, two samples, everything saved."""
+    study = systems.study(
+        samples=2,
+        horizon=1.0,
+        tail=0.5,
+        sweep={"topology": ["star", "cyclic"], "attack.magnitude": [0, 5]},
+        save={"errors": True, "trajectories": "all"},
+    )
+    return jaxnet.run(study, tmp_path_factory.mktemp("view") / "out")
+
+
+def texts(figure):
+    """Everything written in a figure."""
+    return [
+        text.get_text() for axes in figure.axes for text in [axes.title, axes.xaxis.label, axes.yaxis.label]
+    ]
+
+
+def test_panels(results):
+    """A row per magnitude; planes in metres and on one scale, errors on log axes."""
+    figure = panels.figure(results, trajectories=True, errors=True)
+    planes = [axes for axes in figure.axes if axes.get_xlabel() == "x [m]"]
+    errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
+    assert [axes.get_title() for axes in planes] == ["(a) star", "(b) cyclic", "(d) star", "(e) cyclic"]
+    assert len(errors) == 4
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
+    assert "no attack\ny [m]" in texts(figure)
+    written = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert written == ["navigator", "vehicle", "attacked vehicle", "start", "end"]
+    # 12 vehicles with path, start and end, and the navigator, inside the frame
+    for axes in planes:
+        assert len(axes.lines) == 37
+        points = np.concatenate([line.get_xydata() for line in axes.lines])
+        assert np.abs(points).max() <= axes.get_xlim()[1]
+    # the median of two samples, one line per topology
+    tracked = results.errors["tracking"].values[[1, 3]].mean(axis=1)
+    drawn = [axes for axes in errors if "tilde{e}" in axes.get_ylabel()][1]
+    np.testing.assert_allclose([line.get_ydata() for line in drawn.lines], tracked, rtol=1e-6)
+
+
+def test_topologies(results):
+    """An arrow for every link, in the attack's look where the link is attacked."""
+    figure = topology.figure(results.study.cells)
+    star, cyclic = figure.axes
+    assert (star.get_title(), cyclic.get_title()) == ("star", "cyclic")
+    assert (len(star.patches), len(cyclic.patches)) == (12, 36)
+    red = [[patch.get_linestyle() != "-" for patch in axes.patches].count(True) for axes in (star, cyclic)]
+    assert red == [4, 8]
+    labels = {text.get_text() for text in cyclic.texts}
+    assert {"0.1", "0.45", *map(str, range(13))} == labels
+
+
+def test_tails(results):
+    """A row per cell, a dot per lane."""
+    (axes,) = tails.figure(results).axes
+    assert axes.get_xscale() == "log"
+    assert axes.get_xlabel().endswith("[m]")
+    named = axes.get_yticklabels()
+    assert named[0].get_text() == "topology = star, attack.magnitude = 0"
+    dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
+    np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))
