@@ -20,7 +20,7 @@ LAYERS = {
     "model": set(),
     "theory": {"model"},
     "engine": {"model"},
-    "study": {"model", "engine"},
+    "study": {"model", "engine", "theory"},
     "view": {"model", "engine", "theory", "study"},
     "cli": {"study", "view"},
 }
