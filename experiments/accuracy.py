@@ -43,7 +43,7 @@ def main() -> None:
     for kind in ("bias", "sinusoid", "rotating"):
         against(f"{kind}, trimmed: cyclic", 16, attack=kind)
     print(
-        f"\n{'constant in-phase attack':24} {'tail mean/ā':>12} {'exact':>8} {'disagreement/ā':>15} {'exact':>8}"
+        f"\n{'constant in-phase attack':24} {'tail mean/ā':>12} {'exact':>8} {'disagr./ā':>15} {'exact':>8}"
     )
     for defence in ("none", "trusted_trim"):
         for name, (error, apart) in STATIC.items():

@@ -31,9 +31,7 @@ def main() -> None:
     for what, attack in (("recovers (rotating)", recovering), ("does not recover (sinusoid)", chattering)):
         limit = lane(0, attack)
         status = Status(int(limit.status[0])).name
-        print(
-            f"\n{what}; tick 0: {status}, {limit.steps[0]} steps, tail mean {limit.metrics.tail_mean[0]:.3g} m"
-        )
+        print(f"\n{what}; tick 0: {status}, tail mean {limit.metrics.tail_mean[0]:.3g} m")
         print(f"{'tick [s]':>9} {'distance to tick 0 [m]':>23} {'tail mean [m]':>14} {'switches':>9}")
         for tick in TICKS:
             ours = lane(tick, attack)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -40,14 +41,14 @@ def worst(one: batch.Inputs, series: dict[str, Any], number: int) -> float:
     """Greatest distance of one lane."""
     lane, interval = one.lane, float(one.clock.interval)
     times = np.arange(len(series["kept"][number])) * interval
-    signals = np.asarray(jax.vmap(lane.attack.jets)(times))
+    signals = np.asarray(jax.vmap(lane.attack.jets)(jnp.asarray(times)))
     paths = lane.navigator.jets(times)[:, 0]
     start = np.asarray(robot.output_jets(lane.initial)) - lane.navigator.jets(np.zeros(()))[:3, None]
 
     def corruption(t: float, weights: Any) -> np.ndarray:
         return np.asarray(mixed(signals[round(t / interval)], lane.attack.links, weights))
 
-    known = exact.tracking_errors(start, corruption, series["kept"][number], lane.gain, interval)
+    known = exact.tracking_errors(start, corruption, series["kept"][number], np.asarray(lane.gain), interval)
     ours = series["state"][number, :, :, :2] - paths[:, None]
     return float(np.linalg.norm(ours - known, axis=2).max())
 

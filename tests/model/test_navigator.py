@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxnet.model.navigator import Lissajous
@@ -51,6 +51,7 @@ def test_figure_eight_is_the_curve_of_the_paper():
     np.testing.assert_allclose(jets[:, 0], curve, atol=1e-12)
 
 
+@settings(max_examples=300)
 @given(navigators, st.floats(0.1, 60.0))
 def test_no_sampled_moment_is_slower_than_the_slowest(navigator, horizon):
     least, when = navigator.slowest(horizon)
