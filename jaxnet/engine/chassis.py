@@ -18,7 +18,7 @@ from jaxnet.model import attack, control, robot
 from jaxnet.model.lane import Lane
 
 LEAST_SPEED = 1e-9  # [m/s] below it the law is singular
-CONNECTED = 1e-6  # greatest residual of L⁻¹ a0 = 1 in a graph that the navigator reaches
+CONNECTED = 1e-2  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹‖ times rounding else
 
 Time = Float[Array, ""]
 

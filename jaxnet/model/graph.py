@@ -1,7 +1,8 @@
 """Who hears whom, with what weight (paper, section 2), in NumPy: a graph is settled before anything runs.
 
 A graph of m vehicles is one array `weights` (m, m + 1): row i - 1 holds what vehicle i hears, column j the
-weight w_ij of source j, the navigator's w_i0 first, that is `[a0 | A]`. Rows sum to 1.
+weight w_ij of source j, the navigator's w_i0 first, that is `[a0 | A]`. Rows sum to 1, or to 0 where a
+vehicle hears nobody.
 """
 
 from collections.abc import Iterable, Mapping
@@ -51,7 +52,7 @@ def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Weights:
 
 
 def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
-    """`L = I - A`, nonsingular just when the navigator reaches every vehicle."""
+    """`L = I - A`; where everybody hears somebody, nonsingular just if the navigator reaches everybody."""
     return np.eye(len(weights)) - weights[:, 1:]
 
 

@@ -17,7 +17,7 @@ class Lissajous(NamedTuple):
     phase: Any
 
     def jets(self, t: Any) -> Any:
-        """Position and its first three derivatives at time t [s]: (..., 4, 2) for t of shape (...)."""
+        """Position and its first three derivatives at time t [s]: (4, 2), or (times, 4, 2) of NumPy's t."""
         xp = t.__array_namespace__()
         angle = self.frequency * t[..., None] + self.phase
         sine, cosine = self.amplitude * xp.sin(angle), self.amplitude * xp.cos(angle)
@@ -25,7 +25,7 @@ class Lissajous(NamedTuple):
         return xp.stack([sine, w * cosine, -(w**2) * sine, -(w**3) * cosine], axis=-2)
 
     def slowest(self, horizon: float) -> tuple[float, float]:
-        """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest, and when [s].
+        """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s].
 
         Branch and bound on v²: from an interval's middle it falls by no more than its slope and the bound
         on its second derivative allow, so an interval that stays above the least speed found is left.

@@ -31,7 +31,7 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
     with jax.enable_x64(True):
         return np.array(
             [
-                worst(jax.tree.map(lambda leaf, n=n: leaf[n], lanes.inputs), outcome.series, n)
+                worst(jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs), outcome.series, n)
                 for n in range(lanes.size)
             ]
         )
@@ -42,14 +42,15 @@ def worst(one: batch.Inputs, series: dict[str, Any], number: int) -> float:
     lane, interval = one.lane, float(one.clock.interval)
     times = np.arange(len(series["kept"][number])) * interval
     signals = np.asarray(jax.vmap(lane.attack.jets)(jnp.asarray(times)))
-    paths = lane.navigator.jets(times)[:, 0]
-    start = np.asarray(robot.output_jets(lane.initial)) - lane.navigator.jets(np.zeros(()))[:3, None]
+    navigator = type(lane.navigator)(*map(np.asarray, lane.navigator)).jets(times)
+    start = np.asarray(robot.output_jets(lane.initial)) - navigator[0, :3, None]
 
     def corruption(t: float, weights: Any) -> np.ndarray:
-        return np.asarray(mixed(signals[round(t / interval)], lane.attack.links, weights))
+        signal = jnp.asarray(signals[round(t / interval)])
+        return np.asarray(mixed(signal, lane.attack.links, jnp.asarray(weights)))
 
     known = exact.tracking_errors(start, corruption, series["kept"][number], np.asarray(lane.gain), interval)
-    ours = series["state"][number, :, :, :2] - paths[:, None]
+    ours = series["state"][number, :, :, :2] - navigator[:, None, 0]
     return float(np.linalg.norm(ours - known, axis=2).max())
 
 
