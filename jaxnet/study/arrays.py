@@ -7,6 +7,7 @@ touches nobody else's. Lanes that were not stored are not-a-number and take no r
 `state_name`, since xarray takes a variable named like a dimension for that dimension's coordinate.
 """
 
+import uuid
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,29 +22,38 @@ from jaxnet.study.layout import NAVIGATOR, Variable, coordinates
 from jaxnet.study.network import navigator_of
 from jaxnet.study.sweep import Cell
 
+IDENTITY = "identity"
+
 
 def prepare(
     path: Path, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
 ) -> zarr.Group:
     """The store at this path, made if it is not there, else with room for that many samples."""
     coords = coordinates(cells, samples)
-    if path.exists():
-        group = zarr.open_group(path, mode="r+", use_consolidated=False)
-        for name in variables:
-            array = member(group, name)
-            array.resize((array.shape[0], samples, *array.shape[2:]))
-        member(group, "sample").resize((samples,))
-        member(group, "sample")[:] = coords["sample"]
-    else:
-        group = zarr.open_group(path, mode="w")
+    if not path.exists():
+        unfinished = path.with_name(f".{path.name}")
+        group = zarr.open_group(unfinished, mode="w")
         create(group, variables, coords, chunk)
         if "state" in variables:
             add_navigator(group, cells, coords)
         label_cells(group, cells)
+        group.attrs[IDENTITY] = uuid.uuid4().hex
+        unfinished.rename(path)
+    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    for name in variables:
+        array = member(group, name)
+        array.resize((array.shape[0], samples, *array.shape[2:]))
+    member(group, "sample").resize((samples,))
+    member(group, "sample")[:] = coords["sample"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
         zarr.consolidate_metadata(group.store)
     return group
+
+
+def identity(group: zarr.Group) -> str:
+    """A word that tells a store from every other, also from one that was at its path before."""
+    return str(group.attrs[IDENTITY])
 
 
 def member(group: zarr.Group, name: str) -> zarr.Array:

@@ -26,8 +26,17 @@ from jaxnet.study.document import Document
 from jaxnet.study.sweep import plain
 
 UNHASHED = ("name", "save", "samples")  # keys that change no row
-OURS = ("study.yaml", "manifest.json", "cells.csv", "report.html", "lanes", "figures", "replays")
-ARRAYS = ("errors.zarr", "trajectories.zarr")
+OURS = (
+    "study.yaml",
+    "manifest.json",
+    "cells.csv",
+    "lanes",
+    "errors.zarr",
+    "trajectories.zarr",
+    "figures",
+    "replays",
+)
+FILLED = "jaxnet.filled"  # in a row file's metadata: the stores that its lanes are in
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
@@ -100,18 +109,12 @@ class Folder:
 
     def clear(self) -> None:
         """Remove results, and nothing else."""
-        self.clear_arrays()
         for name in OURS:
             target = self.path / name
             if target.is_dir():
                 shutil.rmtree(target)
             else:
                 target.unlink(missing_ok=True)
-
-    def clear_arrays(self) -> None:
-        """Remove the arrays, not the rows."""
-        for name in ARRAYS:
-            shutil.rmtree(self.path / name, ignore_errors=True)
 
     def admit(self, config: Config) -> None:
         """Refuse a folder that holds another study, or one by another version, or something else."""
@@ -120,7 +123,7 @@ class Folder:
             strangers = (
                 [p.name for p in self.path.iterdir() if p.name != ".lock"] if self.path.exists() else []
             )
-            if strangers and not set(strangers) <= {*OURS, *ARRAYS}:
+            if strangers and not set(strangers) <= set(OURS):
                 raise FolderError(f"{self.path} is not a results folder: it holds {sorted(strangers)[0]}")
             return
         remedy = "give another folder with --out, or replace its results with --fresh"
@@ -155,15 +158,20 @@ class Folder:
         """The row file of a shard."""
         return self.path / "lanes" / f"{number:05d}.parquet"
 
-    def write_shard(self, number: int, rows: pa.Table) -> None:
-        """Write a shard's rows; from then on it is done."""
+    def write_shard(self, number: int, rows: pa.Table, filled: dict[str, str]) -> None:
+        """Write a shard's rows, and the identities of the stores that it has filled; it is done then."""
         name = str(self.shard(number).relative_to(self.path))
+        rows = rows.replace_schema_metadata({FILLED: json.dumps(filled)})
         self.put(name, lambda file: pq.write_table(rows, file, compression="zstd"))
 
-    def done(self, number: int, lanes: int) -> bool:
-        """Whether a shard's file is there with that many lanes."""
+    def done(self, number: int, lanes: int, filled: dict[str, str]) -> bool:
+        """Whether a shard's file is there with that many lanes, and has filled these stores."""
         file = self.shard(number)
-        return file.exists() and pq.read_metadata(file).num_rows >= lanes
+        if not file.exists():
+            return False
+        about = pq.read_metadata(file)
+        theirs = json.loads((about.metadata or {}).get(FILLED.encode(), b"{}"))
+        return about.num_rows >= lanes and filled.items() <= theirs.items()
 
 
 def flat(value: Any, prefix: str = "") -> dict[str, Any]:

@@ -5,6 +5,7 @@ advanced together. `lanes/` is written last, so a shard that is there is complet
 """
 
 import itertools
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -33,12 +34,11 @@ Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes fa
 
 def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Progress) -> None:
     """Bring the folder to hold every lane of the study; the folder is held by its writer."""
-    began = time.monotonic()
-    manifest = folder.manifest
-    samples = max(study.samples, manifest.get("samples", 0))
+    began, before = time.monotonic(), folder.manifest
+    samples, save = max(study.samples, before.get("samples", 0)), plain(study.save)
     study = study.model_copy(update={"samples": samples})
-    size = manifest.get("shard_size") or shard_size(cells, study.save)
-    again = bool(manifest) and manifest["save"] != plain(study.save)
+    size = before.get("shard_size") or shard_size(cells, study.save)
+    same = before.get("save") == save and before.get("samples") == samples
     folder.write_study(study)
     folder.write_manifest(
         hash=digest(study),
@@ -47,28 +47,28 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
         device=jax.devices()[0].device_kind,
         samples=samples,
         shard_size=size,
-        save=plain(study.save),
-        finished=manifest.get("finished", False) and manifest["samples"] == samples and not again,
+        save=save,
+        finished=same and before["finished"],
     )
+    stores = prepare_stores(study, cells, folder, size)
     todo = [
         shard
         for shard in shards_of(cells, samples, size)
-        if again or not folder.done(shard.number, len(shard.samples))
+        if not folder.done(shard.number, len(shard.samples), filled_by(stores))
     ]
-    stores = prepare_stores(study, cells, folder, size, anew=again)
-    tally = Tally(len(cells) * samples, todo, folder, progress)
+    tally = Tally(len(cells) * samples, todo, progress)
     for shard, outcome in outcomes(study, todo, tally.chunk_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)
     rows: Any = read_rows(folder)
-    if "chosen" in stores and (todo or not folder.manifest["finished"]):
-        store_chosen(study, cells, rows, stores["chosen"])
+    if todo or not folder.manifest["finished"]:
+        store_chosen(study, cells, rows, folder)
     table = summary.summarise(rows, cells)
     folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
     failed = int((rows["status"] != "ok").sum())
     folder.write_manifest(
         lanes={"total": len(rows), "ok": len(rows) - failed, "failed": failed},
-        wall_seconds=round(manifest.get("wall_seconds", 0.0) + time.monotonic() - began, 3),
+        wall_seconds=round(before.get("wall_seconds", 0.0) + time.monotonic() - began, 3),
         finished=True,
     )
 
@@ -76,7 +76,7 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
 class Tally:
     """Counts lanes for the progress report; lanes of an unfinished shard count once it is stored."""
 
-    def __init__(self, total: int, todo: Sequence[Shard], folder: Folder, progress: Progress):
+    def __init__(self, total: int, todo: Sequence[Shard], progress: Progress):
         self.total, self.progress = total, progress
         self.done = total - sum(len(shard.samples) for shard in todo)
         self.failed = 0
@@ -93,25 +93,20 @@ class Tally:
         self.progress(self.done, self.total, self.failed)
 
 
-def prepare_stores(
-    study: Config, cells: Sequence[Cell], folder: Folder, size: int, anew: bool
-) -> dict[str, zarr.Group]:
-    """Stores by what goes into them: `errors`, `all` trajectories, or those of `chosen` lanes."""
-    stores, save = {}, study.save
-    trajectories = {name: layout.TRAJECTORIES[name] for name in layout.trajectory_series(cells)}
-    if anew:
-        folder.clear_arrays()
-    if save.errors:
-        path = folder.path / "errors.zarr"
-        stores["errors"] = arrays.prepare(path, layout.ERRORS, cells, study.samples, size)
-    if save.trajectories != "none":
-        path, kind = (
-            folder.path / "trajectories.zarr",
-            "all" if save.trajectories == "all" else "chosen",
-        )
-        chunk = size if kind == "all" else 1
-        stores[kind] = arrays.prepare(path, trajectories, cells, study.samples, chunk)
-    return stores
+def prepare_stores(study: Config, cells: Sequence[Cell], folder: Folder, size: int) -> dict[str, zarr.Group]:
+    """Stores that are filled shard by shard, by their names; a shard's file says which it has filled."""
+    wanted = {"errors": layout.ERRORS} if study.save.errors else {}
+    if study.save.trajectories == "all":
+        wanted["trajectories"] = {name: layout.TRAJECTORIES[name] for name in layout.trajectory_series(cells)}
+    return {
+        name: arrays.prepare(folder.path / f"{name}.zarr", variables, cells, study.samples, size)
+        for name, variables in wanted.items()
+    }
+
+
+def filled_by(stores: dict[str, zarr.Group]) -> dict[str, str]:
+    """What a shard's file says of the stores that it has filled."""
+    return {name: arrays.identity(store) for name, store in stores.items()}
 
 
 def outcomes(
@@ -167,11 +162,11 @@ def store_shard(
 ) -> None:
     """Arrays first, rows last."""
     samples = slice(shard.samples.start, shard.samples.stop)
-    for kind, names in (("errors", layout.ERRORS), ("all", layout.TRAJECTORIES)):
-        if kind in stores:
-            series = {name: outcome.series[name] for name in names if name in outcome.series}
-            arrays.write(stores[kind], shard.cell.number, samples, series)
-    folder.write_shard(shard.number, rows_of(study, shard, outcome))
+    kinds = {"errors": layout.ERRORS, "trajectories": layout.TRAJECTORIES}
+    for name, store in stores.items():
+        series = {key: values for key, values in outcome.series.items() if key in kinds[name]}
+        arrays.write(store, shard.cell.number, samples, series)
+    folder.write_shard(shard.number, rows_of(study, shard, outcome), filled_by(stores))
 
 
 def rows_of(study: Config, shard: Shard, outcome: chassis.Outcome) -> pa.Table:
@@ -201,14 +196,19 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, store: zarr.Group) -> None:
-    """Simulate the chosen lanes again with their trajectories."""
-    series = layout.trajectory_series(cells)
+def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, folder: Folder) -> None:
+    """Simulate the chosen lanes again with their trajectories, into a new store."""
+    if isinstance(study.save.trajectories, str):
+        return
+    path, names = folder.path / "trajectories.zarr", layout.trajectory_series(cells)
+    shutil.rmtree(path, ignore_errors=True)
+    variables = {name: layout.TRAJECTORIES[name] for name in names}
+    store = arrays.prepare(path, variables, cells, study.samples, chunk=1)
     for cell in cells:
         samples = chosen_samples(study.save, rows[rows["cell"] == cell.number])
         if not samples:
             continue
-        outcome = batch.simulate(job(cell.scenario, study.seed, samples, series))
+        outcome = batch.simulate(job(cell.scenario, study.seed, samples, names))
         for place, sample in enumerate(samples):
             one = {name: values[place : place + 1] for name, values in outcome.series.items()}
             arrays.write(store, cell.number, slice(sample, sample + 1), one)

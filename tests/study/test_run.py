@@ -212,6 +212,23 @@ def test_saving_more_later_keeps_the_rows(config, tmp_path):
     assert not np.isnan(fuller.errors["tracking"].values).any()
 
 
+def test_what_is_saved_may_change_at_any_time(config, tmp_path):
+    """All trajectories, then the worst alone, then all again, cut short in between: none is missing."""
+    keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5], "save.errors": False}
+    out = tmp_path / "changing"
+    first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
+    assert np.isnan(worst.trajectories["state"].values).any(axis=(2, 3, 4)).sum() == 2
+
+    def stop(done: int, total: int, failed: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        jaxnet.run(jaxnet.load(config, keys), out, progress=stop)
+    again = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    np.testing.assert_array_equal(again, first)
+
+
 def test_a_failed_lane_keeps_its_row(config, tmp_path):
     """With its status, NaN metrics, NaN arrays from where it failed, and is counted."""
     given = jaxnet.load(config, {"engine.max_steps": 60, "sweep": {}, "samples": 6})
