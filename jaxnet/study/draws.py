@@ -15,7 +15,8 @@ from jaxtyping import Float
 
 from jaxnet.study import config
 
-COMPONENTS = 4  # at most, of one quantity
+COMPONENTS = 4  # slots of one vehicle's quantity
+DRAWN = 2  # components drawn, wanted or not, so that all quantities share a compiled program
 BLOCK = 256  # samples drawn by one call of the compiled program
 
 Draws = Float[np.ndarray, "samples vehicles components"]
@@ -47,14 +48,15 @@ def draw(
 
 def uniforms(seed: int, name: str, samples: Sequence[int], vehicles: Sequence[int], components: int) -> Draws:
     """Uniform numbers inside (0, 1), in steps of 2⁻⁵³."""
-    assert components <= COMPONENTS
-    slots = np.array([[v * COMPONENTS + c for c in range(components)] for v in vehicles], np.uint32)
+    assert components <= DRAWN
+    slots = np.array([[v * COMPONENTS + c for c in range(DRAWN)] for v in vehicles], np.uint32)
     padded = np.zeros(-(-len(samples) // BLOCK) * BLOCK, np.uint32)
     padded[: len(samples)] = samples
     with jax.enable_x64(True):
         key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
         blocks = [np.asarray(bits(key, block, slots)) for block in padded.reshape(-1, BLOCK)]
-    return ((np.concatenate(blocks)[: len(samples)] >> 11) + 0.5) * 2.0**-53
+    drawn = np.concatenate(blocks)[: len(samples), :, :components]
+    return ((drawn >> 11) + 0.5) * 2.0**-53
 
 
 @jax.jit
