@@ -13,7 +13,7 @@ from jaxnet.theory import certificate
 
 MOST_CELLS = 60
 ROW_BYTES = 60  # of a row in a file, measured
-PROCESS_BYTES = 450e6  # of a process that simulates one chunk, measured
+PROCESS_BYTES = 600e6  # of a process that simulates one chunk, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 
 
