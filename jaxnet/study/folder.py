@@ -68,7 +68,7 @@ class Folder:
         file = self.path / "manifest.json"
         try:
             return json.loads(file.read_text())
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return {}
         except ValueError as error:
             raise FolderError(f"{file}: not a manifest: {error}") from error
@@ -94,8 +94,12 @@ class Folder:
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
         """Hold the folder as its one writer."""
-        self.path.mkdir(parents=True, exist_ok=True)
-        with (self.path / ".lock").open("a+") as lock:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = (self.path / ".lock").open("a+")
+        except OSError as error:
+            raise FolderError(f"{self.path} cannot be a results folder: {error.strerror}") from error
+        with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:

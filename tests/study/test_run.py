@@ -175,6 +175,17 @@ def test_a_folder_by_another_version_or_of_something_else_is_refused(config, res
         jaxnet.open(tmp_path / "thesis")
 
 
+def test_a_file_is_no_results_folder(config, tmp_path):
+    """Neither to write into nor to read from."""
+    (tmp_path / "file").write_text("mine")
+    for path in (tmp_path / "file", tmp_path / "file" / "inside"):
+        with pytest.raises(FolderError, match="cannot be a results folder"):
+            jaxnet.run(jaxnet.load(config), path)
+        with pytest.raises(FolderError, match="not a results folder"):
+            jaxnet.open(path)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
 def test_one_writer_at_a_time(config, tmp_path):
     """The second is told who the first is."""
     folder = Folder(tmp_path / "busy")
