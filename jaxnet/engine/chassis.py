@@ -90,6 +90,7 @@ def simulate(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Pla
             (lane, fleet.held),
             tolerances,
             moving,
+            n + 1 == plan.outputs * plan.ticks,
         )
         return decide(lane, fleet._replace(stepper=moved), after, plan), None
 

@@ -54,8 +54,11 @@ def advance(
     args: Any,
     tolerances: Tolerances,
     sound: Callable[[Any], Bool[Array, ""]],
+    last: Bool[Array, ""],
 ) -> Stepper:
     """Integrate from t0 to t1 exactly, or until the lane fails; `sound(state)` is asked at each step.
+
+    `last` tells whether the lane ends at t1: only then may the last step allowed end the interval.
 
     The first stage is evaluated anew in each step: reusing the last step's would let a lane's rounding
     depend on whether a neighbour in its batch was rejected.
@@ -79,7 +82,7 @@ def advance(
         status = fail(now.status, Status.singular, ~sound(state))
         stuck = ~accept & (t_after - t_next <= ROUNDING * jnp.maximum(t1, 1.0))
         status = fail(status, Status.nonfinite, stuck & ~finite)
-        spent = (now.steps + 1 >= tolerances.max_steps) & (t_next < t1)
+        spent = (now.steps + 1 >= tolerances.max_steps) & ((t_next < t1) | ~last)
         status = fail(status, Status.max_steps, spent | stuck)
         return t_next, Stepper(state, t_after - t_next, now.steps + 1, status)
 

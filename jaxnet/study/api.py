@@ -58,6 +58,8 @@ class Results:
         """One row per cell."""
         import pandas as pd
 
+        if not (self.path / "cells.csv").exists():
+            raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
         return pd.read_csv(self.path / "cells.csv")
 
     @property
@@ -113,9 +115,7 @@ def run(
 
     folder = Folder(out or Path("results") / study.config.name)
     with folder.writing():
-        if fresh:
-            folder.clear()
-        folder.admit(study.config)
+        folder.admit(study.config, fresh)
         execute(study.config, study.cells, folder, progress)
     return Results(folder.path)
 
@@ -124,4 +124,6 @@ def open(path: str | Path) -> Results:
     """Results of a folder that a run has made; raises FolderError."""
     if not Folder(path).manifest:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    if not list(Path(path).glob("lanes/*.parquet")):
+        raise FolderError(f"{path} holds an unfinished run: the command that began it goes on")
     return Results(Path(path))

@@ -75,7 +75,7 @@ def create(
         array = group.create_array(
             name,
             shape=shape,
-            chunks=(1, min(chunk, shape[1]), *shape[2:]),
+            chunks=(1, chunk, *shape[2:]),
             dtype=dtype,
             fill_value=np.nan,
             dimension_names=dims,
@@ -99,11 +99,12 @@ def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str,
 
 def label_cells(group: zarr.Group, cells: Sequence[Cell]) -> None:
     """Swept keys as coordinates along `cell`."""
-    keys = list(cells[0].labels)
-    for key in keys:
+    names = ["state_name"] if "state_name" in group else []
+    for key in cells[0].labels:
         values = np.array([cell.labels[key] for cell in cells])
-        add(group, key, ("cell",), values.astype(object) if values.dtype.kind in "UO" else values)
-    group.attrs["coordinates"] = " ".join(["state_name", *keys] if "state_name" in group else keys)
+        names.append(f"{key}_name" if key in group else key)  # a swept attack beside the signal `attack`
+        add(group, names[-1], ("cell",), values.astype(object) if values.dtype.kind in "UO" else values)
+    group.attrs["coordinates"] = " ".join(names)
 
 
 def write(group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]) -> None:

@@ -22,7 +22,7 @@ import yaml
 
 import jaxnet
 from jaxnet.study.config import Config
-from jaxnet.study.document import Document
+from jaxnet.study.document import Document, Loader
 from jaxnet.study.sweep import plain
 
 UNHASHED = ("name", "save", "samples")  # keys that change no row
@@ -40,6 +40,12 @@ FILLED = "jaxnet.filled"  # in a row file's metadata: the stores that its lanes 
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
+class Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.2 would read as something else."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+
 class FolderError(ValueError):
     """A results folder that cannot be used for what was asked."""
 
@@ -47,6 +53,7 @@ class FolderError(ValueError):
 def digest(config: Config) -> str:
     """Hash of everything in a config that changes rows."""
     kept = {key: value for key, value in plain(config).items() if key not in UNHASHED}
+    kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
@@ -120,16 +127,23 @@ class Folder:
             else:
                 target.unlink(missing_ok=True)
 
-    def admit(self, config: Config) -> None:
-        """Refuse a folder that holds another study, or one by another version, or something else."""
+    def admit(self, config: Config, fresh: bool = False) -> None:
+        """Refuse a folder that holds another study, or one by another version, or something else.
+
+        With `fresh`, earlier results are removed instead, and nothing but results.
+        """
         manifest = self.manifest
         if not manifest:
-            strangers = (
-                [p.name for p in self.path.iterdir() if p.name != ".lock"] if self.path.exists() else []
-            )
-            if strangers and not set(strangers) <= set(OURS):
-                raise FolderError(f"{self.path} is not a results folder: it holds {sorted(strangers)[0]}")
+            names = sorted(p.name for p in self.path.iterdir()) if self.path.exists() else []
+            strangers = [name for name in names if not name.startswith(".") and name != "study.yaml"]
+            if strangers:
+                raise FolderError(f"{self.path} is not a results folder: it holds {strangers[0]}")
             return
+        if fresh:
+            self.clear()
+            return
+        if not {"versions", "hash", "save", "samples", "finished"} <= set(manifest):
+            raise FolderError(f"{self.path / 'manifest.json'} is not a manifest of ours")
         remedy = "give another folder with --out, or replace its results with --fresh"
         written_by = manifest["versions"]["jaxnet"]
         if written_by != jaxnet.__version__:
@@ -148,13 +162,15 @@ class Folder:
             for key in dict.fromkeys([*theirs, *ours])
             if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
         ]
+        if not keys:
+            return "its sweep has another order"
         return ", ".join(f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
 
     def write_study(self, config: Config) -> None:
         """`study.yaml`, the study with every default written out, runnable as it is."""
         data = plain(config)
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
-        body = yaml.safe_dump(ordered, sort_keys=False, default_flow_style=None, width=100)
+        body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write_text(text))
 

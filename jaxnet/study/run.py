@@ -57,7 +57,7 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
         if not folder.done(shard.number, len(shard.samples), filled_by(stores))
     ]
     tally = Tally(len(cells) * samples, todo, progress)
-    for shard, outcome in outcomes(study, todo, tally.chunk_done):
+    for shard, outcome in outcomes(study, cells, todo, tally.chunk_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)
     rows: Any = read_rows(folder)
@@ -110,12 +110,12 @@ def filled_by(stores: dict[str, zarr.Group]) -> dict[str, str]:
 
 
 def outcomes(
-    study: Config, shards: Sequence[Shard], chunk_done: Callable[[int], None]
+    study: Config, cells: Sequence[Cell], shards: Sequence[Shard], chunk_done: Callable[[int], None]
 ) -> Iterator[tuple[Shard, chassis.Outcome]]:
     """Outcome of each shard, those that fit one program advanced together."""
     save = tuple(layout.ERRORS) if study.save.errors else ()
     if study.save.trajectories == "all":
-        save += layout.trajectory_series([shard.cell for shard in shards])
+        save += layout.trajectory_series(cells)
     kinds: dict[Any, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(program_of(job(shard.cell.scenario, study.seed, [0], save)), []).append(shard)

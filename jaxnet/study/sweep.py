@@ -220,9 +220,15 @@ def span(
     for number, indices in enumerate(grid):
         chosen = dict(zip(values, indices, strict=True))
         data = deepcopy(base)
-        for key, index in chosen.items():
-            set_swept(data, key, deepcopy(values[key][index]))
         named = {key: labels[key][index] for key, index in chosen.items()}
+        try:
+            for key, index in chosen.items():
+                set_swept(data, key, deepcopy(values[key][index]))
+        except LookupError as error:
+            key, reason = error.args
+            problem = Problem(document.place(("sweep", key)), f"sweep.{key}", reason)
+            faults.setdefault(problem, []).append(cell_name(number, named))
+            continue
         scenario, problems = judge(data, functools.partial(place_in_cell, document, chosen))
         if scenario is not None:
             cells.append(Cell(number, named, scenario))
@@ -266,7 +272,10 @@ def cell_name(number: int, labels: Mapping[str, Any]) -> str:
 def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
     """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it."""
     root = key.split(".")[0]
-    put(data, split(key), value)
+    try:
+        put(data, split(key), value)
+    except LookupError as error:
+        raise LookupError(key, error.args[0]) from error
     if root in KINDS:
         data[root] = with_kind(root, data[root])
 

@@ -44,8 +44,8 @@ def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
 
 def farthest(data: xr.Dataset) -> float:
     """Greatest coordinate of any vehicle or the navigator, rounded up for a frame [m]."""
-    positions = np.abs(data["state"].isel(state=slice(0, 2)).values)
-    return float(np.ceil(1.04 * max(np.nanmax(positions), np.abs(data["navigator"].values).max())))
+    positions = np.nan_to_num(np.abs(data["state"].isel(state=slice(0, 2)).values))
+    return float(np.ceil(1.04 * max(positions.max(), np.abs(data["navigator"].values).max())))
 
 
 def layout(cells: Sequence[Cell]) -> list[list[Cell]]:

@@ -39,6 +39,17 @@ def test_a_failed_lane_is_named_and_spoils_no_other(defence):
         np.testing.assert_array_equal(ours[others], theirs[others])
 
 
+def test_the_step_limit_is_a_limit():
+    """Also where one step ends one interval; the step that reaches the horizon may be the last allowed."""
+    easy = {"rtol": 1e-3, "atol": 1e-3}
+    keys = {"attack": "none", "defence": "none", "initial": {"speed": 20.0}, **SHORT}
+    needed = int(systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1)).steps[0])
+    for limit, status in ((needed, Status.ok), (needed - 1, Status.max_steps), (5, Status.max_steps)):
+        given = systems.study(engine={"max_steps": limit, **easy}, **keys)
+        outcome = systems.simulate(systems.lanes(given, 1))
+        assert (outcome.status[0], outcome.steps[0]) == (status, limit)
+
+
 def test_a_lane_is_the_same_alone_and_among_others():
     """Whatever the number of lanes and its place in the chunk."""
     given = systems.study(**SHORT)

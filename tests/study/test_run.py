@@ -175,6 +175,31 @@ def test_a_folder_by_another_version_or_of_something_else_is_refused(config, res
         jaxnet.open(tmp_path / "thesis")
 
 
+def test_the_order_of_a_sweep_is_part_of_the_study(config, results, tmp_path):
+    """It numbers the cells."""
+    swapped = dict(reversed(STUDY["sweep"].items()))
+    with pytest.raises(FolderError, match="another order"):
+        jaxnet.run(jaxnet.load(config, {"sweep": swapped}), results.path)
+
+
+def test_fresh_removes_results_and_nothing_else(config, tmp_path):
+    """Not a folder of the same name that no run has made."""
+    (tmp_path / "mine" / "figures").mkdir(parents=True)
+    (tmp_path / "mine" / "figures" / "photo.png").touch()
+    with pytest.raises(FolderError, match="holds figures"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "mine", fresh=True)
+    assert (tmp_path / "mine" / "figures" / "photo.png").exists()
+
+
+def test_swept_attacks_stand_beside_their_signals(config, tmp_path):
+    """The label of a swept attack does not take the name of the array; odd names read back."""
+    keys = {"sweep": {"attack": ["none", "rotating"]}, "name": "1e5", "save.errors": False, "samples": 1}
+    results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "odd")
+    assert results.trajectories["attack_name"].values.tolist() == ["none", "rotating"]
+    assert results.trajectories["attack"].ndim == 5
+    assert results.study.config.name == "1e5"
+
+
 def test_a_file_is_no_results_folder(config, tmp_path):
     """Neither to write into nor to read from."""
     (tmp_path / "file").write_text("mine")
