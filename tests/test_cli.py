@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+import xarray as xr
 import yaml
 from click.testing import CliRunner
 
@@ -84,7 +85,8 @@ def test_replay_gives_the_stored_row_again(finished):
     done = jaxnet_does("replay", out, "--cell", 0, "--sample", 1)
     assert done.exit_code == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "the same as the stored row"
-    assert (out / "replays" / "cell-0-sample-1.zarr").is_dir()
+    lane = xr.open_zarr(out / "replays" / "cell-0-sample-1.zarr")
+    assert (lane["cell"].item(), lane["sample"].item()) == (0, 1)
     assert "wrote" in done.stderr
     beyond = jaxnet_does("replay", out, "--cell", 0, "--sample", 2)
     assert beyond.exit_code == 2

@@ -7,8 +7,9 @@ import numpy as np
 
 from jaxnet.model import graph
 from jaxnet.study import config
-from jaxnet.study.config import Config, Scenario, shown
+from jaxnet.study.config import Config, Scenario
 from jaxnet.study.network import slowest_of, weights_of
+from jaxnet.study.wording import shown
 
 SLOWEST_NAVIGATOR = 0.05  # [m/s]
 MULTIPLE = 1e-9  # relative

@@ -32,6 +32,7 @@ def replay(results: Results, cell: int, sample: int) -> tuple[Path, pd.Series]:
     shutil.rmtree(path, ignore_errors=True)
     variables = layout.ERRORS | layout.TRAJECTORIES
     store = arrays.prepare(path, {name: variables[name] for name in series}, [chosen], 1, 1)
+    arrays.member(store, "cell")[:], arrays.member(store, "sample")[:] = cell, sample
     arrays.write(store, 0, slice(0, 1), outcome.series)
     row = rows_of(study.config, Shard(0, chosen, range(sample, sample + 1)), outcome)
     return path, row.to_pandas().iloc[0]

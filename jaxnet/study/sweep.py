@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from jaxnet.study import checks, config
+from jaxnet.study import checks, config, wording
 from jaxnet.study.config import KINDS, Config, Scenario
 from jaxnet.study.document import ConfigError, Document, Keys, Problem, dotted, put, split
 
@@ -109,7 +109,7 @@ def validate(model: type[Any], data: Mapping[str, Any], place: Place) -> tuple[A
         problems = []
         for one in error.errors(include_url=False):
             keys = written(one)
-            problems.append(Problem(place(keys), dotted(keys), config.explain(one)))
+            problems.append(Problem(place(keys), dotted(keys), wording.explain(one)))
         return None, problems
 
 
@@ -144,9 +144,9 @@ def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Ite
         root = key.split(".")[0]
         if root not in Scenario.model_fields:
             wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
-            yield key, wrong + config.suggestion(root, list(Scenario.model_fields))
+            yield key, wrong + wording.suggestion(root, list(Scenario.model_fields))
         elif not is_known(key):
-            yield key, "unknown key" + config.suggestion(key.split(".")[1], known_inside(root))
+            yield key, "unknown key" + wording.suggestion(key.split(".")[1], known_inside(root))
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "horizon", "output_step"):
@@ -176,7 +176,7 @@ def names(key: str, listed: list[Any]) -> list[Any]:
     A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
     """
     if key not in KINDS:
-        return [value if isinstance(value, int | float | str) else config.shown(value) for value in listed]
+        return [value if isinstance(value, int | float | str) else wording.shown(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
     return [kind_label(kind, kinds) for kind in kinds]
 
@@ -196,12 +196,12 @@ def full_kind(field: str, value: Any) -> Any:
 def kind_label(kind: Any, among: list[Any]) -> str:
     """Name of one swept kind among the others."""
     if not isinstance(kind, dict):
-        return config.shown(kind)
+        return wording.shown(kind)
     if isinstance(kind.get("label"), str):
         return kind["label"]
     alike = [other for other in among if isinstance(other, dict) and other["kind"] == kind["kind"]]
     telling = [
-        f"{key}={config.shown(value)}"
+        f"{key}={wording.shown(value)}"
         for key, value in kind.items()
         if key not in ("kind", "label", "edges") and any(other.get(key) != value for other in alike)
     ]

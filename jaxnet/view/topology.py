@@ -110,7 +110,8 @@ def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
         middle = 0.5 * (places[i + 1] + places[j])
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
-        x, y = middle + 0.12 * aside
+        mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
+        x, y = middle + (0.22 if mutual else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 
