@@ -1,8 +1,11 @@
 """The chassis engine: the nonlinear robots under the law, integrated adaptively. It is the truth.
 
-It evaluates ε from what is heard and solves with the weights in force; the exact cancellation that the law
-achieves is nowhere used. Trimming is decided at ticks and held between them, or, with `Plan.in_field`,
+It evaluates the law from what is heard and solves with the weights in force; the exact cancellation that the
+law achieves is nowhere used. Trimming is decided at ticks and held between them, or, with `Plan.in_field`,
 decided inside the vector field, which is the literal reading of the paper.
+
+The lanes are the last axis of every array. Each has its own time and step: a pass of the loop is one
+attempted step of every lane, from wherever it is, and no lane waits for another before the last is done.
 """
 
 from typing import Any, NamedTuple
@@ -12,192 +15,227 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import stepper
-from jaxnet.engine.metrics import Metrics, Observation
-from jaxnet.engine.status import Code, Status, fail
-from jaxnet.model import attack, control, robot
-from jaxnet.model.lane import Lane
+from jaxnet.engine.metrics import SERIES, Gathered, Observation
+from jaxnet.engine.plan import CONNECTED, Clock, Outcome, Plan
+from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.subset import for_each, picked, put
+from jaxnet.model import control, robot
+from jaxnet.model.circle import circle
+from jaxnet.model.lane import Lane, Network
 
-LEAST_SPEED = 1e-9  # [m/s] below it the law is singular
-CONNECTED = 1e-2  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹‖ times rounding else
+SOLVED = 16  # lanes whose Laplacians are inverted at once
 
-Time = Float[Array, ""]
-
-
-class Plan(NamedTuple):
-    """What the compiled program is shaped by: hashable, a new one compiles anew."""
-
-    outputs: int  # output times after t = 0
-    ticks: int  # intervals from one output time to the next
-    in_field: bool  # decide inside the vector field (tick: 0) instead of once an interval
-    solver: str
-    save: tuple[str, ...]  # what is stacked over output times, of SERIES
-
-
-class Clock(NamedTuple):
-    """When things happen, as numbers of a lane."""
-
-    interval: Float[Array, ""]  # [s] from tick to tick
-    tail_outputs: Int[Array, ""]  # how many of the last output times stand for t → ∞
+Times = Float[Array, " lanes"]
 
 
 class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
-    weights: Float[Array, "m sources"]
-    laplacian_inverse: Float[Array, "m m"]
+    weights: Float[Array, "slots m lanes"]
+    inverse: Float[Array, "m m lanes"]  # of the Laplacian of these weights
+
+
+class Signals(NamedTuple):
+    """Cosine and sine of what turns with time alone."""
+
+    navigator: tuple[Float[Array, "2 lanes"], Float[Array, "2 lanes"]]
+    attack: tuple[Times, Times]
 
 
 class Fleet(NamedTuple):
-    """A lane under way."""
+    """Lanes under way."""
 
-    stepper: stepper.Stepper
+    state: robot.State
+    slope: robot.State  # the vector field there
+    signals: Signals
+    time: Times
+    step: Times  # [s] proposed for the next attempt
+    ticks: Int[Array, " lanes"]  # passed
+    steps: Int[Array, " lanes"]  # attempts so far, kept and refused
+    dropped: Bool[Array, "slots m lanes"]
     held: Held
-    memory: Any
-    switches: Int[Array, ""]
-
-
-class Outcome(NamedTuple):
-    """What is left of a lane. `series` has a leading axis over output times, t = 0 included."""
-
+    switches: Int[Array, " lanes"]
     status: Code
-    metrics: Metrics
-    steps: Int[Array, ""]
-    switches: Int[Array, ""]
-    series: dict[str, Any]
 
 
-SERIES = {
-    "tracking": Observation.tracking,
-    "disagreement": Observation.disagreement,
-    "state": lambda seen: seen.state,
-    "attack": lambda seen: seen.attack,
-    "kept": lambda seen: seen.kept,
-}
+def simulate(lane: Lane, network: Network, clock: Clock, numbers: stepper.Tolerances, plan: Plan) -> Outcome:
+    """Lanes from 0 to the horizon."""
+    rule, last = stepper.method(plan.solver), plan.outputs * plan.ticks
 
+    def under_way(fleet: Fleet) -> Bool[Array, " lanes"]:
+        return (fleet.status == Status.ok) & (fleet.ticks < last)
 
-def simulate(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Plan) -> Outcome:
-    """One lane from 0 to the horizon."""
-
-    def tick(fleet: Fleet, n: Int[Array, ""]) -> tuple[Fleet, None]:
-        before = n.astype(float) * clock.interval
-        after = (n + 1).astype(float) * clock.interval
-        moved = stepper.advance(
-            vector_field(plan.in_field),
-            plan.solver,
-            fleet.stepper,
-            before,
-            after,
-            (lane, fleet.held),
-            tolerances,
-            moving,
-            n + 1 == plan.outputs * plan.ticks,
-        )
-        return decide(lane, fleet._replace(stepper=moved), after, plan), None
-
-    def output(carry: tuple[Fleet, Metrics], number: Int[Array, ""]):
-        fleet, metrics = carry
-        ticks = (number - 1) * plan.ticks + jnp.arange(plan.ticks)
-        fleet, _ = jax.lax.scan(tick, fleet, ticks)
-        metrics, saved = measure(fleet, metrics, number)
-        return (fleet, metrics), saved
-
-    def measure(fleet: Fleet, metrics: Metrics, number: Int[Array, ""]):
-        t = (number * plan.ticks).astype(float) * clock.interval
-        seen = observe(lane, fleet, t)
+    def advance(carry: Any) -> Any:
+        fleet, gathered, series = carry
+        fleet, arrived = step(fleet, under_way(fleet), lane, network, clock, numbers, rule, plan)
+        fleet = settle(fleet, arrived, lane, network, plan)
+        at_output = arrived & (fleet.ticks % plan.ticks == 0) & (fleet.status == Status.ok)
+        number = fleet.ticks // plan.ticks
         in_tail = number > plan.outputs - clock.tail_outputs
-        ok = fleet.stepper.status == Status.ok
-        saved = {name: jnp.where(ok, SERIES[name](seen), jnp.nan) for name in plan.save}
-        return metrics.gather(seen, in_tail, clock.tail_outputs), saved
+        seen = observe(fleet, lane, network, plan)
+        gathered = gathered.add(seen, network.hearing, at_output, in_tail)
+        return fleet, gathered, record(series, seen, jnp.where(at_output, number, plan.outputs + 1))
 
-    fleet = start(lane, clock, tolerances, plan)
-    metrics, first = measure(fleet, Metrics.start(), jnp.asarray(0))
-    (fleet, metrics), rest = jax.lax.scan(output, (fleet, metrics), jnp.arange(1, plan.outputs + 1))
-    status = fleet.stepper.status
-    series = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+    def record(series: Any, seen: Observation, number: Int[Array, " lanes"]) -> Any:
+        each = jnp.arange(len(number))
+        return {
+            name: kept.at[number, ..., each].set(
+                jnp.moveaxis(SERIES[name](seen, network.hearing), -1, 0).astype(kept.dtype), mode="drop"
+            )
+            for name, kept in series.items()
+        }
+
+    fleet = start(lane, network, clock, numbers, plan)
+    seen, ok = observe(fleet, lane, network, plan), fleet.status == Status.ok
+    series = {name: SERIES[name](seen, network.hearing) for name in plan.save}
+    series = {
+        name: jnp.full((plan.outputs + 1, *first.shape), jnp.nan).at[0].set(jnp.where(ok, first, jnp.nan))
+        for name, first in series.items()
+    }
+    gathered = Gathered.start(lane.initial.shape[1:])
+    gathered = gathered.add(seen, network.hearing, ok, plan.outputs < clock.tail_outputs)
+    carry = fleet, gathered, series
+    fleet, gathered, series = jax.lax.while_loop(lambda carry: under_way(carry[0]).any(), advance, carry)
     return Outcome(
-        status,
-        metrics.blank_unless(status == Status.ok),
-        fleet.stepper.steps,
+        fleet.status,
+        gathered.metrics(clock.tail_outputs, fleet.status == Status.ok),
+        fleet.steps,
         fleet.switches,
         series,
     )
 
 
-def start(lane: Lane, clock: Clock, tolerances: stepper.Tolerances, plan: Plan) -> Fleet:
-    """The lane at t = 0 with its first decision taken."""
-    zero = jnp.zeros(())
-    held, memory, connected = choose(lane, lane.defence.start(), lane.initial, zero)
-    first = stepper.start(
-        vector_field(plan.in_field),
-        plan.solver,
-        lane.initial,
-        (lane, held),
-        tolerances,
-        clock.interval,
-    )
-    status = fail(first.status, Status.singular, ~moving(lane.initial))
-    status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all())
+def start(lane: Lane, network: Network, clock: Clock, tolerances: stepper.Tolerances, plan: Plan) -> Fleet:
+    """The lanes at t = 0 with their first decision taken."""
+    lanes, zero = clock.interval.shape[0], jnp.zeros_like(clock.interval)
+    still = (jnp.abs(lane.initial[robot.SPEED]) < LEAST_SPEED).any(axis=0)
+    status = fail(jnp.zeros(lanes, int), Status.singular, still)
+    status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
+    now = signals(lane, zero)
+    dropped = choose(lane, network, lane.initial, now, network.defence.start(lane.weights))
+    held, connected = hold(lane, network, dropped)
     status = fail(status, Status.disconnected, ~connected)
-    return Fleet(first._replace(status=status), held, memory, jnp.asarray(0))
+    slope = field(lane, network, held, now, lane.initial, plan)
+    proposed = stepper.first_step(lane.initial, slope, tolerances)
+    none = jnp.zeros(lanes, int)
+    proposed = jnp.where(proposed > 0, proposed, clock.interval)
+    return Fleet(lane.initial, slope, now, zero, proposed, none, none, dropped, held, none, status)
 
 
-def decide(lane: Lane, fleet: Fleet, t: Time, plan: Plan) -> Fleet:
-    """Hear, decide whom to keep, and count the vehicles that changed their mind."""
-    ok = fleet.stepper.status == Status.ok
-    memory = lane.defence.start() if plan.in_field else fleet.memory
-    held, memory, connected = choose(lane, memory, fleet.stepper.state, t)
-    changed = ((held.weights > 0) != (fleet.held.weights > 0)).any(axis=1).sum()
-    status = fail(fleet.stepper.status, Status.disconnected, ~connected)
-    return Fleet(
-        fleet.stepper._replace(status=status),
-        held,
-        memory,
-        fleet.switches + jnp.where(ok, changed, 0),
+def step(
+    fleet: Fleet,
+    moving: Bool[Array, " lanes"],
+    lane: Lane,
+    network: Network,
+    clock: Clock,
+    tolerances: stepper.Tolerances,
+    rule: stepper.Method,
+    plan: Plan,
+) -> tuple[Fleet, Bool[Array, " lanes"]]:
+    """One attempted step of the moving lanes, and which of them it brought to their next tick."""
+    goal = clock.at(fleet.ticks + 1)
+    pieces = jnp.maximum(1.0, jnp.ceil((goal - fleet.time) / fleet.step))
+    end = jnp.where(pieces > 1, fleet.time + (goal - fleet.time) / pieces, goal)
+    trial = stepper.attempt(
+        lambda now, state: field(lane, network, fleet.held, now, state, plan),
+        lambda time: signals(lane, time),
+        rule,
+        fleet.time,
+        end,
+        fleet.state,
+        fleet.slope,
+        tolerances,
     )
+    kept, steps = moving & (trial.error < 1.0), fleet.steps + moving
+    time = jnp.where(kept, end, fleet.time)
+    proposed = stepper.next_step(end - fleet.time, trial.error, rule)
+    state = jnp.where(kept[None, None], trial.state, fleet.state)
+    still = (jnp.abs(state[robot.SPEED]) < LEAST_SPEED).any(axis=0)
+    stuck = moving & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
+    arrived = kept & (end == goal)
+    ticks = fleet.ticks + arrived
+    status = fail(fleet.status, Status.singular, moving & still)
+    status = fail(status, Status.nonfinite, stuck & ~trial.finite)
+    spent = moving & (steps >= tolerances.max_steps) & (ticks < plan.outputs * plan.ticks)
+    return fleet._replace(
+        state=state,
+        slope=jnp.where(kept[None, None], trial.slope, fleet.slope),
+        signals=jax.tree.map(lambda new, old: jnp.where(kept, new, old), trial.signals, fleet.signals),
+        time=time,
+        step=jnp.where(moving, proposed, fleet.step),
+        ticks=ticks,
+        steps=steps,
+        status=fail(status, Status.max_steps, spent | stuck),
+    ), arrived
 
 
-def choose(lane: Lane, memory: Any, state: robot.State, t: Time) -> tuple[Held, Any, Bool[Array, ""]]:
-    """The weights in force for what is heard now, the new memory, and whether all are reached."""
-    sources = jnp.concatenate([lane.navigator.jets(t)[:1], state[:, :2]])
-    heard = sources[None] + attack.on_links(lane.attack.jets(t)[0], lane.attack.links)
-    weights, memory = lane.defence.decide(lane.weights, heard, memory)
-    inverse, residual = control.invert_laplacian(weights)
-    return Held(weights, inverse), memory, residual < CONNECTED
+def settle(
+    fleet: Fleet, arrived: Bool[Array, " lanes"], lane: Lane, network: Network, plan: Plan
+) -> Fleet:
+    """Hear and decide in the lanes that came to a tick; count the vehicles that changed their mind.
+
+    Where a kept set changed, the Laplacian is inverted and the vector field evaluated anew.
+    """
+    arrived = arrived & (fleet.status == Status.ok)
+    memory = network.defence.start(lane.weights) if plan.in_field else fleet.dropped
+    decided = choose(lane, network, fleet.state, fleet.signals, memory)
+    dropped = jnp.where(arrived[None, None], decided, fleet.dropped)
+    changed = (dropped != fleet.dropped).any(axis=0).sum(axis=0)
+
+    def some(few: Any, carry: Any) -> Any:
+        held, slope, status = carry
+        part, now = jax.tree.map(lambda leaf: picked(leaf, few), (lane, fleet.signals))
+        new, connected = hold(part, network, picked(dropped, few))
+        there = field(part, network, new, now, picked(fleet.state, few), plan)
+        cut_off = fail(picked(status, few), Status.disconnected, ~connected)
+        held = Held(put(held.weights, few, new.weights), put(held.inverse, few, new.inverse))
+        return held, put(slope, few, there), put(status, few, cut_off)
+
+    carry = for_each(changed > 0, SOLVED, some, (fleet.held, fleet.slope, fleet.status))
+    held, slope, status = carry
+    switches = fleet.switches + changed
+    return fleet._replace(dropped=dropped, held=held, slope=slope, status=status, switches=switches)
 
 
-def vector_field(in_field: bool) -> stepper.VectorField:
+def signals(lane: Lane, time: Times) -> Signals:
+    """The angles at these times."""
+    return Signals(lane.navigator.angle(time), circle(lane.attack.frequency * time))
+
+
+def choose(lane: Lane, network: Network, state: robot.State, now: Signals, memory: Any) -> Any:
+    """Slots dropped for what is heard now."""
+    sources = jnp.concatenate([lane.navigator.at(*now.navigator)[0][:, None], state[:2]], axis=1)
+    heard = network.hearing.heard(sources, lane.attack.at(*now.attack)[0])
+    return network.defence.decide(lane.weights, heard, memory, lane.tolerance)
+
+
+def hold(lane: Lane, network: Network, dropped: Bool[Array, "slots m n"]) -> tuple[Held, Bool[Array, " n"]]:
+    """The weights in force, their Laplacian's inverse, and whether the navigator reaches everybody."""
+    weights = network.defence.in_force(lane.weights, dropped)
+    inverse, residual = control.invert(network.hearing.matrix(weights))
+    return Held(weights, inverse), residual < CONNECTED
+
+
+def field(
+    lane: Lane, network: Network, held: Held, now: Signals, state: robot.State, plan: Plan
+) -> robot.State:
     """`ẋ = f(x, u(t, x))` with the weights held, or decided at every evaluation without memory."""
-
-    def field(t: Time, state: robot.State, args: tuple[Lane, Held]) -> robot.State:
-        lane, held = args
-        if in_field:
-            held, _, _ = choose(lane, lane.defence.start(), state, t)
-        own = robot.output_jets(state)
-        desired = desired_signal(lane, held.weights, own, t)
-        jerk = control.desired_jerk(own, desired, held.laplacian_inverse, lane.gain)
-        return robot.motion(state, robot.inputs_for(state, jerk))
-
-    return field
+    if plan.in_field:
+        dropped = choose(lane, network, state, now, network.defence.start(lane.weights))
+        held, _ = hold(lane, network, dropped)
+    own, told = robot.output_jets(state), lane.navigator.at(*now.navigator)
+    signal = lane.attack.at(*now.attack)
+    demand = control.demand(own, told, signal, network.hearing, held.weights, lane.gain)
+    return robot.motion(state, robot.inputs_for(state, control.product(held.inverse, demand)))
 
 
-def desired_signal(
-    lane: Lane, weights: Float[Array, "m sources"], own: control.Own, t: Time
-) -> control.Desired:
-    """What the vehicles take for their reference at time t, from what they hear."""
-    corruption = attack.corruption(lane.attack.jets(t), lane.attack.links, weights)
-    return control.desired_signal(own, lane.navigator.jets(t), corruption, weights)
-
-
-def moving(state: robot.State) -> Bool[Array, ""]:
-    """Whether no vehicle stands still; a speed that is not a number is another matter."""
-    return ~(jnp.abs(state[:, robot.SPEED]) < LEAST_SPEED).any()
-
-
-def observe(lane: Lane, fleet: Fleet, t: Time) -> Observation:
-    """The fleet as it is measured at time t."""
+def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan) -> Observation:
+    """The fleets as they are measured now."""
     return Observation(
-        fleet.stepper.state,
-        lane.navigator.jets(t)[0],
-        lane.attack.jets(t)[0],
-        fleet.held.weights,
+        fleet.state[:2] - lane.navigator.at(*fleet.signals.navigator)[0][:, None],
+        fleet.state[robot.SPEED],
+        fleet.state[robot.TURN_RATE],
+        fleet.state,
+        lane.attack.at(*fleet.signals.attack)[0],
+        network.defence.in_force(lane.weights, fleet.dropped) if plan.in_field else fleet.held.weights,
     )

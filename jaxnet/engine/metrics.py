@@ -1,73 +1,113 @@
 """What is kept of a lane: numbers gathered at output times, so that memory does not grow with time."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.model import robot
+from jaxnet.model.hearing import Hearing
 
 
 class Observation(NamedTuple):
     """The fleet at one output time, after that tick's decision."""
 
-    state: Float[Array, "m 6"]
-    navigator: Float[Array, "2"]
-    attack: Float[Array, "m 2"]
-    kept: Float[Array, "m sources"]  # weights in force
+    error: Float[Array, "2 m *lanes"]  # y_i - y_0 [m]
+    speed: Float[Array, "m *lanes"]
+    turn_rate: Float[Array, "m *lanes"]
+    state: Float[Array, "6 m *lanes"]
+    attack: Float[Array, "2 m *lanes"]  # [m]
+    weights: Float[Array, "slots m *lanes"]  # in force
 
-    def errors(self) -> Float[Array, " m"]:
+    def errors(self) -> Float[Array, "m *lanes"]:
         """`‖y_i - y_0‖` [m] of each vehicle."""
-        return length(self.state[:, :2] - self.navigator[None])
+        return length(self.error)
 
-    def disagreements(self) -> Float[Array, " m"]:
+    def disagreements(self, hearing: Hearing) -> Float[Array, "m *lanes"]:
         """`‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs."""
-        sources = jnp.concatenate([self.navigator[None], self.state[:, :2]])
-        return length(self.state[:, :2] - self.kept @ sources)
+        sources = jnp.concatenate([jnp.zeros_like(self.error[:, :1]), self.error], axis=1)
+        return length(self.error - jnp.sum(self.weights[None] * hearing.told(sources), axis=1))
 
-    def tracking(self) -> Float[Array, ""]:
-        """`ẽ`, the mean error over vehicles [m]."""
-        return self.errors().mean()
 
-    def disagreement(self) -> Float[Array, ""]:
-        """`ε̃`, the mean disagreement over vehicles [m]."""
-        return self.disagreements().mean()
+# What can be kept of every output time, its last axis over lanes (DESIGN, section 5).
+SERIES: dict[str, Callable[[Observation, Hearing], Any]] = {
+    "tracking": lambda seen, hearing: seen.errors().mean(axis=0),
+    "disagreement": lambda seen, hearing: seen.disagreements(hearing).mean(axis=0),
+    "state": lambda seen, hearing: seen.state.swapaxes(0, 1),
+    "attack": lambda seen, hearing: seen.attack.swapaxes(0, 1),
+    "kept": lambda seen, hearing: hearing.matrix(seen.weights),
+}
 
 
 class Metrics(NamedTuple):
-    """Contract metrics of one lane (DESIGN, section 5), gathered up to some output time."""
+    """Contract metrics of a lane (DESIGN, section 5)."""
 
-    tail_mean: Float[Array, ""]
-    tail_max: Float[Array, ""]
-    tail_disagreement: Float[Array, ""]
-    peak_error: Float[Array, ""]
-    min_speed: Float[Array, ""]
-    peak_turn_rate: Float[Array, ""]
+    tail_mean: Float[Array, "*lanes"]
+    tail_max: Float[Array, "*lanes"]
+    tail_disagreement: Float[Array, "*lanes"]
+    peak_error: Float[Array, "*lanes"]
+    min_speed: Float[Array, "*lanes"]
+    peak_turn_rate: Float[Array, "*lanes"]
+
+
+class Gathered(NamedTuple):
+    """The metrics under way, vehicle by vehicle: then gathering them is free of sums over vehicles."""
+
+    tail_sum: Float[Array, "m *lanes"]
+    tail_max: Float[Array, "m *lanes"]
+    disagreement_sum: Float[Array, "m *lanes"]
+    peak_error: Float[Array, "m *lanes"]
+    min_speed: Float[Array, "m *lanes"]
+    peak_turn_rate: Float[Array, "m *lanes"]
 
     @classmethod
-    def start(cls) -> "Metrics":
-        """Before the first output time."""
-        zero = jnp.zeros(())
-        return cls(zero, zero, zero, zero, jnp.asarray(jnp.inf), zero)
+    def start(cls, shape: tuple[int, ...]) -> "Gathered":
+        """Before the first output time, for this shape (m, lanes)."""
+        zero = jnp.zeros(shape)
+        return cls(zero, zero, zero, zero, jnp.full(shape, jnp.inf), zero)
 
-    def gather(self, seen: Observation, in_tail: Bool[Array, ""], tail_outputs: Int[Array, ""]) -> "Metrics":
-        """With one more output time, which counts for the tail or not; means are built up as they go."""
-        errors = seen.errors()
-        share = jnp.where(in_tail, 1.0, 0.0) / tail_outputs.astype(float)
-        return Metrics(
-            tail_mean=self.tail_mean + share * errors.mean(),
-            tail_max=jnp.maximum(self.tail_max, jnp.where(in_tail, errors.max(), 0.0)),
-            tail_disagreement=self.tail_disagreement + share * seen.disagreement(),
-            peak_error=jnp.maximum(self.peak_error, errors.max()),
-            min_speed=jnp.minimum(self.min_speed, jnp.abs(seen.state[:, robot.SPEED]).min()),
-            peak_turn_rate=jnp.maximum(self.peak_turn_rate, jnp.abs(seen.state[:, robot.TURN_RATE]).max()),
+    def add(
+        self,
+        seen: Observation,
+        hearing: Hearing,
+        there: Bool[Array, "*lanes"],
+        in_tail: Bool[Array, "*lanes"],
+    ) -> "Gathered":
+        """With one more output time of the lanes that are `there`; tails count where it is `in_tail`."""
+        counts, errors = (there & in_tail)[None], seen.errors()
+
+        def tail() -> tuple[jax.Array, jax.Array, jax.Array]:
+            apart = seen.disagreements(hearing)
+            return (
+                jnp.where(counts, self.tail_sum + errors, self.tail_sum),
+                jnp.where(counts, jnp.maximum(self.tail_max, errors), self.tail_max),
+                jnp.where(counts, self.disagreement_sum + apart, self.disagreement_sum),
+            )
+
+        tails, here = (self.tail_sum, self.tail_max, self.disagreement_sum), there[None]
+        speed, turn_rate = jnp.abs(seen.speed), jnp.abs(seen.turn_rate)
+        return Gathered(
+            *jax.lax.cond(counts.any(), tail, lambda: tails),
+            jnp.where(here, jnp.maximum(self.peak_error, errors), self.peak_error),
+            jnp.where(here, jnp.minimum(self.min_speed, speed), self.min_speed),
+            jnp.where(here, jnp.maximum(self.peak_turn_rate, turn_rate), self.peak_turn_rate),
         )
 
-    def blank_unless(self, ok: Bool[Array, ""]) -> "Metrics":
-        """These numbers if the lane is ok, else not-a-number."""
-        return Metrics(*(jnp.where(ok, value, jnp.nan) for value in self))
+    def metrics(self, tail_outputs: Int[Array, "*lanes"], ok: Bool[Array, "*lanes"]) -> Metrics:
+        """What a row shows: of the whole fleet, and not-a-number where a lane is not ok."""
+        outputs = tail_outputs.astype(float)
+        whole = Metrics(
+            self.tail_sum.mean(axis=0) / outputs,
+            self.tail_max.max(axis=0),
+            self.disagreement_sum.mean(axis=0) / outputs,
+            self.peak_error.max(axis=0),
+            self.min_speed.min(axis=0),
+            self.peak_turn_rate.max(axis=0),
+        )
+        return Metrics(*(jnp.where(ok, value, jnp.nan) for value in whole))
 
 
-def length(vectors: Float[Array, "m 2"]) -> Float[Array, " m"]:
-    """Euclidean length of each row."""
-    return jnp.hypot(vectors[:, 0], vectors[:, 1])
+def length(vectors: Float[Array, "2 m *lanes"]) -> Float[Array, "m *lanes"]:
+    """Euclidean length."""
+    return jnp.sqrt(vectors[0] ** 2 + vectors[1] ** 2)

@@ -5,6 +5,8 @@ from enum import IntEnum
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
+LEAST_SPEED = 1e-9  # [m/s] below it the law is singular
+
 
 class Status(IntEnum):
     """The first that applies, in this order."""
@@ -16,9 +18,9 @@ class Status(IntEnum):
     disconnected = 4  # the weights in force cut a vehicle off from the navigator
 
 
-Code = Int[Array, ""]
+Code = Int[Array, "*lanes"]
 
 
-def fail(status: Code, reason: Status, when: Bool[Array, ""]) -> Code:
-    """The status, or this reason if the lane was ok until now."""
+def fail(status: Code, reason: Status, when: Bool[Array, "*lanes"]) -> Code:
+    """The status, or this reason where the lane was ok until now."""
     return jnp.where((status == Status.ok) & when, int(reason), status)

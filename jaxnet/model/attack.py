@@ -1,89 +1,67 @@
-"""What the liars add: one smooth signal per attacked vehicle, and the links on which it is heard.
+"""What the liars add to what is heard: one smooth signal per attacked vehicle.
 
-`‖a^(k)(t)‖ ≤ ā` for k = 0..3 is certified by construction: a signal of angular frequency ω has amplitude
-`ā / max(1, |ω|³)`. A kind of attack is a type with `jets(t)`. Angles are held as unit vectors, one per
-vehicle and zero where a vehicle is not attacked, so that no trigonometry of theirs is left in the loop.
+    a_j(t) = cosine_j cos ωt + sine_j sin ωt
+
+holds a constant offset (ω = 0), a sinusoid along a direction and a rotating vector; `bias`, `sinusoid` and
+`rotating` make it from the numbers of a config. `‖a^(k)(t)‖ ≤ ā` for k = 0..3 is certified by construction:
+a signal of angular frequency ω has amplitude `ā / max(1, |ω|³)`.
 """
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, Float
 
-Time = Float[Array, ""]
-Signal = Float[Array, "4 m 2"]
-Vectors = Float[Array, "m 2"]
-Links = Bool[Array, "m sources"]
+from jaxnet.model.circle import circle
 
-
-class NoAttack(NamedTuple):
-    """Nobody lies."""
-
-    links: Links
-
-    def jets(self, t: Time) -> Signal:
-        """Signal and its first three derivatives [m, m/s, m/s², m/s³] of each vehicle."""
-        return jnp.zeros((4, len(self.links), 2))
+Time = Float[Array, "*lanes"]
+Plane = Float[Array, "2 m *lanes"]
+Jets = tuple[Plane, Plane, Plane, Plane]
+Number = Float[np.ndarray, "*lanes"]
+Angles = Float[np.ndarray, "m *lanes"]
 
 
-class Bias(NamedTuple):
-    """A constant offset of length `magnitude` [m] along each attacked vehicle's direction."""
+class Harmonic(NamedTuple):
+    """A signal of one angular frequency [rad/s], its vectors [m] zero where a vehicle is not attacked."""
 
-    links: Links
-    magnitude: Float[Array, ""]
-    direction: Vectors
+    frequency: Float[Array, "*lanes"]
+    cosine: Float[Array, "2 m *lanes"]
+    sine: Float[Array, "2 m *lanes"]
 
-    def jets(self, t: Time) -> Signal:
-        """See `NoAttack.jets`."""
-        return jnp.zeros((4, *self.direction.shape)).at[0].set(self.magnitude * self.direction)
+    def jets(self, t: Time) -> Jets:
+        """Signal and its first three derivatives [m, m/s, m/s², m/s³]."""
+        return self.at(*circle(self.frequency * t))
 
-
-class Rotating(NamedTuple):
-    """`a_j = amplitude · [cos(ωt + φ_j), sin(ωt + φ_j)]` with `phasor` = [cos φ_j, sin φ_j]."""
-
-    links: Links
-    magnitude: Float[Array, ""]
-    frequency: Float[Array, ""]
-    phasor: Vectors
-
-    def jets(self, t: Time) -> Signal:
-        """See `NoAttack.jets`."""
-        w = self.frequency
-        amplitude = self.magnitude / jnp.maximum(1.0, jnp.abs(w) ** 3)
-        cosine, sine = amplitude * jnp.cos(w * t), amplitude * jnp.sin(w * t)
-        ahead = jnp.stack([-self.phasor[:, 1], self.phasor[:, 0]], axis=1)
-        now, next_quarter = cosine * self.phasor + sine * ahead, cosine * ahead - sine * self.phasor
-        return jnp.stack([now, w * next_quarter, -(w**2) * now, -(w**3) * next_quarter])
+    def at(self, cosine: Float[Array, "*lanes"], sine: Float[Array, "*lanes"]) -> Jets:
+        """Jets where `cos ωt` and `sin ωt` are known."""
+        w, cosine, sine = (each[None, None] for each in (self.frequency, cosine, sine))
+        now = cosine * self.cosine + sine * self.sine
+        ahead = w * (cosine * self.sine - sine * self.cosine)
+        return now, ahead, -(w**2) * now, -(w**2) * ahead
 
 
-class Sinusoid(NamedTuple):
-    """`a_j = amplitude · sin(ωt + φ_j)` along each attacked vehicle's direction."""
-
-    links: Links
-    magnitude: Float[Array, ""]
-    frequency: Float[Array, ""]
-    phasor: Vectors
-    direction: Vectors
-
-    def jets(self, t: Time) -> Signal:
-        """See `NoAttack.jets`."""
-        circle = Rotating(self.links, self.magnitude, self.frequency, self.phasor)
-        return circle.jets(t)[:, :, 1:] * self.direction[None]
+def bias(magnitude: Number, direction: Angles) -> Harmonic:
+    """A constant offset of length `magnitude` [m] along each vehicle's direction [rad]."""
+    cosine = magnitude * np.stack([np.cos(direction), np.sin(direction)])
+    return _harmonic(np.zeros_like(magnitude), cosine, np.zeros_like(cosine))
 
 
-Attack = NoAttack | Bias | Sinusoid | Rotating
+def sinusoid(magnitude: Number, frequency: Number, phase: Angles, direction: Angles) -> Harmonic:
+    """`amplitude · sin(ωt + φ_j)` along each vehicle's direction [rad]."""
+    along = amplitude(magnitude, frequency) * np.stack([np.cos(direction), np.sin(direction)])
+    return _harmonic(frequency, np.sin(phase) * along, np.cos(phase) * along)
 
 
-def on_links(offset: Vectors, links: Links) -> Float[Array, "m sources 2"]:
-    """`a_ij`: a listener's own signal on the navigator's channel, else the transmitter's."""
-    vehicles = len(links)
-    transmitted = jnp.broadcast_to(offset[None], (vehicles, vehicles, 2))
-    by_source = jnp.concatenate([offset[:, None], transmitted], axis=1)
-    return jnp.where(links[:, :, None], by_source, 0.0)
+def rotating(magnitude: Number, frequency: Number, phase: Angles) -> Harmonic:
+    """`amplitude · [cos(ωt + φ_j), sin(ωt + φ_j)]`."""
+    size, cosine, sine = amplitude(magnitude, frequency), np.cos(phase), np.sin(phase)
+    return _harmonic(frequency, size * np.stack([cosine, sine]), size * np.stack([-sine, cosine]))
 
 
-def corruption(signal: Signal, links: Links, weights: Float[Array, "m sources"]) -> Signal:
-    """Jets of `d_i = Σ_j w_ij a_ij`, what the lies add to the desired signal of vehicle i."""
-    attacked = jnp.where(links, weights, 0.0)
-    from_navigator = attacked[None, :, :1] * signal
-    return from_navigator + jnp.einsum("ij,kjx->kix", attacked[:, 1:], signal)
+def amplitude(magnitude: Number, frequency: Number) -> Number:
+    """`ā / max(1, |ω|³)`: the greatest with which no derivative exceeds ā."""
+    return magnitude / np.maximum(1.0, np.abs(frequency) ** 3)
+
+
+def _harmonic(frequency: Number, cosine: np.ndarray, sine: np.ndarray) -> Harmonic:
+    return Harmonic(frequency, cosine, sine)  # pyright: ignore[reportArgumentType]

@@ -1,48 +1,98 @@
 """The law: from what a vehicle knows of itself and what it hears, the jerk that it wants.
 
-    z_i^(k) = Σ_j w_ij (y_j^(k) + a_ij^(k)),      ε = y - z
-    L q = a0 ⊗ y_0‴ + d‴ - (k0 ε + k1 ε̇ + k2 ε̈),      q = y‴
+    ε = y - Σ_j w_ij (y_j + a_ij),      P(y) = k0 y + k1 ẏ + k2 ÿ
+    L q = a0 ⊗ y_0‴ + d‴ - P(ε),        q = y‴
 
 It is the paper's `M u = …` with ψ taken out: 2m unknowns in one dense system become m with two right-hand
-sides. `definition` has the original.
+sides. P is linear, so a vehicle hears `P(y_j) + P(a_ij) + a_ij‴` from each neighbour j, and from the
+navigator the same with y_0‴ on top; the neighbours' own third derivatives are what is solved for.
+`definition` has the original.
 """
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-Own = Float[Array, "3 m 2"]
-Desired = Float[Array, "4 m 2"]
-Weights = Float[Array, "m sources"]
+from jaxnet.model import attack, robot
+from jaxnet.model.hearing import Hearing
+
+Gain = Float[Array, "3 *lanes"]
+COLUMNS = 4  # of a product that are added in one pass
 
 
-def desired_signal(
-    own: Own, navigator: Float[Array, "4 2"], corruption: Desired, weights: Weights
-) -> Desired:
-    """Jets of `z`, the weighted mean of what is heard, lies (`corruption`, d) included.
+def feedback(gain: Gain, jets: Any) -> Any:
+    """`P(y) = k0 y + k1 ẏ + k2 ÿ` of a signal's jets; further derivatives are left alone."""
+    lift = [1] * (jets[0].ndim + 1 - gain.ndim)
+    k0, k1, k2 = (each.reshape(*lift, *each.shape) for each in gain)
+    return k0 * jets[0] + k1 * jets[1] + k2 * jets[2]
 
-    The vehicles' own third derivatives are what the law solves for; z‴ leaves them out.
+
+def demand(
+    own: robot.Jets,
+    navigator: Any,
+    signal: attack.Jets,
+    hearing: Hearing,
+    weights: Float[Array, "slots m *lanes"],
+    gain: Gain,
+) -> Float[Array, "2 m *lanes"]:
+    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, what it hears, and the lies in it."""
+    mine = feedback(gain, own)
+    told = feedback(gain, navigator) + navigator[3]
+    sources = jnp.concatenate([told[:, None], mine], axis=1)
+    return hearing.mean(weights, sources, feedback(gain, signal) + signal[3]) - mine
+
+
+def product(
+    columns: Float[Array, "m m *lanes"], vectors: Float[Array, "2 m *lanes"]
+) -> Float[Array, "2 m *lanes"]:
+    """Matrix, given by its columns, times vectors, lane by lane.
+
+    XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
     """
-    vehicles = jnp.concatenate([own, jnp.zeros_like(own[:1])])
-    sources = jnp.concatenate([navigator[:, None], vehicles], axis=1)
-    return jnp.einsum("is,ksx->kix", weights, sources) + corruption
+    m = len(columns)
+    at_once = max(n for n in range(1, COLUMNS + 1) if m % n == 0)
+
+    def add(block: Any, total: jax.Array) -> jax.Array:
+        for number in range(at_once):
+            j = block * at_once + number
+            total = total + columns[j][None] * jax.lax.dynamic_index_in_dim(vectors, j, axis=1)
+        return total
+
+    return jax.lax.fori_loop(0, m // at_once, add, jnp.zeros_like(vectors))
 
 
-def desired_jerk(
-    own: Own,
-    desired: Desired,
-    laplacian_inverse: Float[Array, "m m"],
-    gain: Float[Array, "3"],
-) -> Float[Array, "m 2"]:
-    """`q = L⁻¹ [z‴ - (k0 ε + k1 ε̇ + k2 ε̈)]` for the weights in force."""
-    feedback = jnp.tensordot(gain, own - desired[:3], axes=1)
-    return laplacian_inverse @ (desired[3] - feedback)
-
-
-def invert_laplacian(weights: Weights) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
-    """`L⁻¹` and how far `L⁻¹ a0` is from 1.
+def solve(
+    matrix: Float[Array, "m n *lanes"], right: Float[Array, "m r *lanes"]
+) -> tuple[Float[Array, "m r *lanes"], Float[Array, "*lanes"]]:
+    """`L⁻¹` times the right-hand sides for a graph `[a0 | A]`, and how far `L⁻¹ a0` is from 1.
 
     The two agree just when the navigator reaches every vehicle over the weights in force, so the residual
     tells a disconnected graph, where it is of order 1 or not a number.
+
+    Gauss and Jordan's elimination, lane beside lane; L is a row diagonally dominant M-matrix, which needs no
+    pivoting. Each row comes first when its turn to eliminate has come and goes last after it.
     """
-    inverse = jnp.linalg.inv(jnp.eye(len(weights)) - weights[:, 1:])
-    return inverse, jnp.abs(inverse @ weights[:, 0] - 1.0).max()
+    m, lift = len(matrix), [1] * (matrix.ndim - 2)
+    laplacian = jnp.eye(m).reshape(m, m, *lift) - matrix[:, 1:]
+    whole = jnp.concatenate([laplacian, right, matrix[:, :1]], axis=1)
+
+    def eliminate(rows: jax.Array, _: None) -> tuple[jax.Array, None]:
+        pivot = rows[0, 1:] / rows[0, 0][None]
+        others = rows[1:, 1:] - rows[1:, :1] * pivot[None]
+        done = jnp.concatenate([others, pivot[None]])
+        return jnp.concatenate([done, jnp.zeros_like(done[:, :1])], axis=1), None
+
+    solution = jax.lax.scan(eliminate, whole, None, length=m)[0][:, : right.shape[1] + 1]
+    return solution[:, :-1], jnp.abs(solution[:, -1] - 1.0).max(axis=0)
+
+
+def invert(
+    matrix: Float[Array, "m n *lanes"],
+) -> tuple[Float[Array, "m m *lanes"], Float[Array, "*lanes"]]:
+    """Columns of `L⁻¹` for the graph `[a0 | A]`, and how far `L⁻¹ a0` is from 1."""
+    m, lift = len(matrix), [1] * (matrix.ndim - 2)
+    eye = jnp.broadcast_to(jnp.eye(m).reshape(m, m, *lift), (m, m, *matrix.shape[2:]))
+    inverse, residual = solve(matrix, eye)
+    return inverse.swapaxes(0, 1), residual

@@ -27,12 +27,12 @@ def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
     return jnp.kron(jnp.eye(vehicles), chains + entry @ feedback(gain))
 
 
-def decoupling(state: robot.State) -> Float[Array, "n n"]:
+def decoupling(state: Float[Array, "6 m"]) -> Float[Array, "n n"]:
     """`Ψ = diag{ψ_1, …, ψ_m}`."""
-    return jax.scipy.linalg.block_diag(*robot.decoupling(state))
+    return jax.scipy.linalg.block_diag(*jnp.moveaxis(robot.decoupling(state), 2, 0))
 
 
-def mixing(state: robot.State, weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
+def mixing(state: Float[Array, "6 m"], weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
     """`M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`."""
     psi = decoupling(state)
     coupling = jnp.eye(len(psi)) - jnp.kron(weights[:, 1:], jnp.eye(2))
@@ -40,21 +40,21 @@ def mixing(state: robot.State, weights: Float[Array, "m sources"]) -> Float[Arra
 
 
 def inputs(
-    state: robot.State,
+    state: Float[Array, "6 m"],
     weights: Float[Array, "m sources"],
-    heard_third: Float[Array, "m 2"],
-    error: Float[Array, "3 m 2"],
+    heard_third: Float[Array, "2 m"],
+    error: Float[Array, "3 2 m"],
     gain: Float[Array, "3"],
-) -> Float[Array, "m 2"]:
+) -> Float[Array, "2 m"]:
     """`u` from the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]`.
 
     `heard_third` is `a0 ⊗ y_0‴ + d‴`, `error` the jets ε, ε̇, ε̈.
     """
-    vehicles = len(state)
-    sigma = robot.drift(state).reshape(-1)
-    eta = error.transpose(1, 0, 2).reshape(-1)
+    vehicles = state.shape[1]
+    sigma = robot.drift(state).T.reshape(-1)
+    eta = error.transpose(2, 0, 1).reshape(-1)
     gains = jnp.kron(jnp.eye(vehicles), feedback(gain))
     spread = jnp.kron(weights[:, 1:], jnp.eye(2))
-    demand = -sigma + spread @ sigma + heard_third.reshape(-1) + gains @ eta
+    demand = -sigma + spread @ sigma + heard_third.T.reshape(-1) + gains @ eta
     u = jnp.linalg.solve(mixing(state, weights), jnp.linalg.solve(decoupling(state), demand))
-    return u.reshape(vehicles, 2)
+    return u.reshape(vehicles, 2).T

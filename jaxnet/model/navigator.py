@@ -8,21 +8,37 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxnet.model.circle import circle
+
 
 class Lissajous(NamedTuple):
-    """`y_0 = amplitude * sin(frequency * t + phase)`, axis by axis; three arrays (2,) in [m, rad/s, rad]."""
+    """`y_0 = amplitude * sin(frequency * t + phase)`, axis by axis; arrays (2, …) in [m, rad/s, rad]."""
 
     amplitude: Any
     frequency: Any
     phase: Any
 
-    def jets(self, t: Any) -> Any:
-        """Position and its first three derivatives at time t [s]: (4, 2), or (times, 4, 2) of NumPy's t."""
-        xp = t.__array_namespace__()
-        angle = self.frequency * t[..., None] + self.phase
-        sine, cosine = self.amplitude * xp.sin(angle), self.amplitude * xp.cos(angle)
-        w = self.frequency
-        return xp.stack([sine, w * cosine, -(w**2) * sine, -(w**3) * cosine], axis=-2)
+    def jets(self, t: Any) -> tuple[Any, Any, Any, Any]:
+        """Position and its first three derivatives, each (2, …) for times t [s] of shape (…)."""
+        return self.at(*self.angle(t))
+
+    def angle(self, t: Any) -> tuple[Any, Any]:
+        """Cosine and sine of `frequency * t + phase`."""
+        _, frequency, phase = self._for(t.ndim)
+        return circle(frequency * t[None] + phase)
+
+    def at(self, cosine: Any, sine: Any) -> tuple[Any, Any, Any, Any]:
+        """Jets where the angle's cosine and sine are known."""
+        amplitude, w, _ = self._for(cosine.ndim - 1)
+        now, ahead = amplitude * sine, w * amplitude * cosine
+        return now, ahead, -(w**2) * now, -(w**2) * ahead
+
+    def _for(self, dimensions: int) -> tuple[Any, Any, Any]:
+        """The numbers, with room for as many dimensions of times."""
+        amplitude, frequency, phase = (
+            each.reshape(2, *[1] * (dimensions + 1 - each.ndim), *each.shape[1:]) for each in self
+        )
+        return amplitude, frequency, phase
 
     def slowest(self, horizon: float) -> tuple[float, float]:
         """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s].
@@ -36,7 +52,7 @@ class Lissajous(NamedTuple):
         best, when = np.inf, 0.0
         while middle.size:
             jets = self.jets(middle)
-            square, slope = (jets[:, 1] ** 2).sum(axis=1), 2 * (jets[:, 1] * jets[:, 2]).sum(axis=1)
+            square, slope = (jets[1] ** 2).sum(axis=0), 2 * (jets[1] * jets[2]).sum(axis=0)
             lowest = int(square.argmin())
             if square[lowest] < best**2:
                 best, when = float(np.sqrt(square[lowest])), float(middle[lowest])

@@ -1,0 +1,42 @@
+"""What an engine is asked for and what it gives, the same for both."""
+
+from typing import Any, NamedTuple
+
+from jaxtyping import Array, Float, Int
+
+from jaxnet.engine.metrics import Metrics
+from jaxnet.engine.status import Code
+
+CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹‖ times rounding else
+
+
+class Plan(NamedTuple):
+    """What the compiled program is shaped by: hashable, a new one compiles anew."""
+
+    engine: str  # chassis | flat
+    outputs: int  # output times after t = 0
+    ticks: int  # intervals from one output time to the next
+    in_field: bool = False  # chassis: decide inside the vector field (tick: 0), not once an interval
+    solver: str = ""  # chassis
+    save: tuple[str, ...] = ()  # what is stacked over output times, of `metrics.SERIES`
+
+
+class Clock(NamedTuple):
+    """When things happen, as numbers of a lane."""
+
+    interval: Float[Array, "*lanes"]  # [s] from tick to tick
+    tail_outputs: Int[Array, "*lanes"]  # how many of the last output times stand for t → ∞
+
+    def at(self, number: Any) -> Float[Array, "*lanes"]:
+        """Time [s] of the tick with this number, one for all or one for each lane."""
+        return number.astype(float) * self.interval
+
+
+class Outcome(NamedTuple):
+    """What is left of lanes; `series` have a first axis over output times, t = 0 included."""
+
+    status: Code
+    metrics: Metrics
+    steps: Int[Array, "*lanes"]
+    switches: Int[Array, "*lanes"]
+    series: dict[str, Any]
