@@ -1,6 +1,6 @@
 """Problems whose answer is known, as batches of lanes that the engines can run."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -8,7 +8,7 @@ import yaml
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
-from jaxnet.engine.chassis import Outcome
+from jaxnet.engine.plan import Outcome
 from jaxnet.study import sweep
 from jaxnet.study.api import Study
 from jaxnet.study.document import Document
@@ -22,16 +22,52 @@ def study(**keys: Any) -> Study:
     )
 
 
-def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Job:
-    """Lanes of all cells of a study, cell by cell; the cells must share a compiled program."""
-    return batch.join([job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells])
+class Lanes(NamedTuple):
+    """Lanes of several cells, cell by cell."""
+
+    jobs: list[Job]
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        return sum(job.size for job in self.jobs)
 
 
-def simulate(one: Job) -> Outcome:
-    """Outcomes of a job."""
-    return batch.simulate(one)
+def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Any:
+    """Lanes of all cells of a study: one job where there is one cell."""
+    jobs = [job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells]
+    return jobs[0] if len(jobs) == 1 else Lanes(jobs)
 
 
-def lane(one: Job, number: int) -> Any:
-    """One lane of a job, by itself."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf[number]), one.inputs.lane)
+def simulate(one: Any) -> Outcome:
+    """Outcomes of lanes."""
+    outcomes = [batch.simulate(each) for each in getattr(one, "jobs", [one])]
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
+
+
+class OneLane(NamedTuple):
+    """A lane by itself, its graph and attacked links as matrices over (listener, source)."""
+
+    lane: Any
+    weights: Any
+    links: Any
+
+    def __getattr__(self, name: str) -> Any:
+        """What the lane holds."""
+        return getattr(self.lane, name)
+
+
+def lane(one: Any, number: int) -> OneLane:
+    """One lane, by itself."""
+    for each in getattr(one, "jobs", [one]):
+        if number < each.size:
+            break
+        number -= each.size
+    lane = jax.tree.map(lambda leaf: np.asarray(leaf[number]), each.inputs.lane)
+    sources, attacked = each.network.hearing
+    m = sources.shape[1]
+    weights, links = np.zeros((m, m + 1)), np.zeros((m, m + 1), bool)
+    for slot, weight, lies in zip(sources, lane.weights, attacked, strict=True):
+        weights[np.arange(m), slot] += weight
+        links[np.arange(m), slot] |= lies
+    return OneLane(lane, weights, links)

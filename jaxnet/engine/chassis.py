@@ -146,14 +146,14 @@ def step(
         fleet.slope,
         tolerances,
     )
-    kept, steps = moving & (trial.error < 1.0), fleet.steps + moving
+    kept, steps = moving & (trial.error < 1.0), fleet.steps + moving.astype(int)
     time = jnp.where(kept, end, fleet.time)
     proposed = stepper.next_step(end - fleet.time, trial.error, rule)
     state = jnp.where(kept[None, None], trial.state, fleet.state)
     still = (jnp.abs(state[robot.SPEED]) < LEAST_SPEED).any(axis=0)
     stuck = moving & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
     arrived = kept & (end == goal)
-    ticks = fleet.ticks + arrived
+    ticks = fleet.ticks + arrived.astype(int)
     status = fail(fleet.status, Status.singular, moving & still)
     status = fail(status, Status.nonfinite, stuck & ~trial.finite)
     spent = moving & (steps >= tolerances.max_steps) & (ticks < plan.outputs * plan.ticks)

@@ -92,7 +92,7 @@ def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray)
 
 def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str, Any]) -> None:
     """`navigator`, the same for all lanes of a cell."""
-    paths = [navigator_of(cell.scenario).jets(coords["time"])[:, 0] for cell in cells]
+    paths = [navigator_of(cell.scenario).jets(coords["time"])[0].T for cell in cells]
     add(group, "navigator", NAVIGATOR.dims, np.stack(paths))
     member(group, "navigator").attrs["long_name"] = NAVIGATOR.meaning
 

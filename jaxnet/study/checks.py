@@ -39,6 +39,7 @@ def scenario_objections(scenario: Scenario) -> Iterator[Objection]:
     """Faults of one cell."""
     yield from time_objections(scenario)
     yield from gain_objections(scenario)
+    yield from engine_objections(scenario)
     topology = list(topology_objections(scenario))
     yield from topology or graph_objections(scenario)
     yield from vehicle_objections(scenario)
@@ -79,6 +80,13 @@ def gain_objections(scenario: Scenario) -> Iterator[Objection]:
         roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
         eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
         yield Objection(("gain",), f"unstable: eigenvalues {eigenvalues} (got {shown(scenario.gain)})")
+
+
+def engine_objections(scenario: Scenario) -> Iterator[Objection]:
+    """The flat engine holds kept sets from tick to tick."""
+    trims = isinstance(scenario.defence, config.TrustedTrim)
+    if isinstance(scenario.engine, config.Flat) and trims and scenario.tick == 0:
+        yield Objection(("engine", "tick"), "the flat engine trims at ticks only: give a tick, or chassis")
 
 
 def topology_objections(scenario: Scenario) -> Iterator[Objection]:

@@ -264,12 +264,18 @@ class Chassis(Kind):
     max_steps: int = Field(default=100_000, ge=1, le=10**15)
 
 
+class Flat(Kind):
+    """The closed loop solved exactly from tick to tick."""
+
+    kind: Literal["flat"] = "flat"
+
+
 KINDS: dict[str, tuple[type[Kind], ...]] = {
     "topology": (Star, Cyclic, Path, Figure1, Edges),
     "navigator": (Lissajous,),
     "attack": (NoAttack, Bias, Sinusoid, Rotating),
     "defence": (NoDefence, TrustedTrim),
-    "engine": (Chassis,),
+    "engine": (Chassis, Flat),
 }
 
 
@@ -315,6 +321,8 @@ Defence = Annotated[
     Annotated[NoDefence, member("none")] | Annotated[TrustedTrim, member("trusted_trim")], BY_KIND
 ]
 
+Engine = Annotated[Annotated[Chassis, member("chassis")] | Annotated[Flat, member("flat")], BY_KIND]
+
 
 class Scenario(Record):
     """What one cell is: everything that a lane depends on but its random draw."""
@@ -330,7 +338,7 @@ class Scenario(Record):
     gain: Annotated[list[float], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
     attack: Attack = Rotating()
     defence: Defence = TrustedTrim()
-    engine: Chassis = Chassis()
+    engine: Engine = Chassis()
 
 
 class Linspace(Record):

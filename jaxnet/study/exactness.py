@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.engine import batch
-from jaxnet.model import attack, robot
+from jaxnet.model import robot
+from jaxnet.model.hearing import Hearing
 from jaxnet.study.config import Scenario
 from jaxnet.study.lanes import job
 from jaxnet.theory import exact
@@ -31,27 +32,34 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
     with jax.enable_x64(True):
         return np.array(
             [
-                worst(jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs), outcome.series, n)
+                worst(
+                    jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs),
+                    lanes.network.hearing,
+                    {name: values[n] for name, values in outcome.series.items()},
+                )
                 for n in range(lanes.size)
             ]
         )
 
 
-def worst(one: batch.Inputs, series: dict[str, Any], number: int) -> float:
+def worst(one: batch.Inputs, hearing: Hearing, series: dict[str, Any]) -> float:
     """Greatest distance of one lane."""
     lane, interval = one.lane, float(one.clock.interval)
-    times = np.arange(len(series["kept"][number])) * interval
-    signals = np.asarray(jax.vmap(lane.attack.jets)(jnp.asarray(times)))
+    times = np.arange(len(series["kept"])) * interval
+    signals = [np.asarray(jet) for jet in jax.vmap(lane.attack.jets)(jnp.asarray(times))]
     navigator = type(lane.navigator)(*map(np.asarray, lane.navigator)).jets(times)
-    start = np.asarray(robot.output_jets(lane.initial)) - navigator[0, :3, None]
+    own = robot.output_jets(lane.initial)
+    start = np.stack([(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)])
+    sources, attacked = np.asarray(hearing.sources), np.asarray(hearing.attacked)
+    listeners = np.arange(sources.shape[1])
 
     def corruption(t: float, weights: Any) -> np.ndarray:
-        signal = jnp.asarray(signals[round(t / interval)])
-        return np.asarray(mixed(signal, lane.attack.links, jnp.asarray(weights)))
+        mixing = np.zeros((len(listeners), len(listeners)))
+        for slot, lies in zip(sources, attacked, strict=True):
+            liar = np.where(slot > 0, slot - 1, listeners)
+            mixing[listeners[lies], liar[lies]] += weights[listeners[lies], slot[lies]]
+        return np.stack([mixing @ jet[round(t / interval)].T for jet in signals])
 
-    known = exact.tracking_errors(start, corruption, series["kept"][number], np.asarray(lane.gain), interval)
-    ours = series["state"][number, :, :, :2] - navigator[:, None, 0]
+    known = exact.tracking_errors(start, corruption, series["kept"], np.asarray(lane.gain), interval)
+    ours = series["state"][:, :, :2] - navigator[0].T[:, None]
     return float(np.linalg.norm(ours - known, axis=2).max())
-
-
-mixed = jax.jit(attack.corruption)

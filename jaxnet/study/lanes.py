@@ -4,47 +4,69 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
-from jaxnet.engine import chassis
 from jaxnet.engine.batch import Inputs, Job
+from jaxnet.engine.flat import Flow
+from jaxnet.engine.plan import Clock, Plan
 from jaxnet.engine.stepper import Tolerances
-from jaxnet.model import attack, defence
+from jaxnet.model import attack, defence, hearing
+from jaxnet.model.attack import Harmonic
 from jaxnet.model.lane import Lane
+from jaxnet.model.lane import Network as SharedNetwork
 from jaxnet.study import config
 from jaxnet.study.config import Scenario
 from jaxnet.study.draws import draw
 from jaxnet.study.network import Network, navigator_of, network_of
+from jaxnet.theory import exact
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
-    """Lanes of one cell; `save` names the series wanted, of `chassis.SERIES`."""
+    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`."""
     network, drawn = network_of(scenario), Drawn(scenario, seed, samples)
-    navigator = navigator_of(scenario)
+    sources, navigator, plan = hearing.slots(network.weights), navigator_of(scenario), plan_of(scenario, save)
+    tolerance = getattr(scenario.defence, "tolerance", 0.0)
     lanes = Lane(
         initial=drawn.initial(),
-        weights=drawn.same(network.weights),
+        weights=drawn.same(hearing.by_slot(network.weights, sources)),
         navigator=type(navigator)(*map(drawn.same, navigator)),
-        attack=drawn.attack(network),
-        defence=drawn.defence(network),
+        attack=drawn.attack(),
+        tolerance=drawn.same(tolerance),
         gain=drawn.same(scenario.gain),
     )
-    plan = plan_of(scenario, save)
     interval = scenario.output_step if plan.ticks == 1 else scenario.tick
-    clock = chassis.Clock(drawn.same(interval), drawn.same(tail_outputs(scenario)))
+    clock = Clock(drawn.same(interval), drawn.same(tail_outputs(scenario)))
+    shared = shared_network(scenario, network, sources)
+    return Job(Inputs(lanes, clock, engine_numbers(scenario, interval, drawn)), shared, plan)
+
+
+def shared_network(scenario: Scenario, network: Network, sources: Any) -> SharedNetwork:
+    """What the lanes of a cell share, by slot."""
+    heard = hearing.Hearing(sources, hearing.by_slot(network.attacked, sources))
+    if not isinstance(scenario.defence, config.TrustedTrim):
+        return SharedNetwork(heard, defence.KeepAll())
+    trusted = hearing.by_slot(network.trusted, sources)
+    return SharedNetwork(heard, defence.trusted_trim(trusted, network.protected, network.theta))
+
+
+def engine_numbers(scenario: Scenario, interval: float, drawn: "Drawn") -> Any:
+    """What the engine needs besides the lane."""
     engine = scenario.engine
-    tolerances = Tolerances(*map(drawn.same, (engine.rtol, engine.atol, engine.max_steps)))
-    return Job(Inputs(lanes, clock, tolerances), plan)
+    if isinstance(engine, config.Flat):
+        return Flow(drawn.same(expm(exact.companion(np.array(scenario.gain)) * interval)))
+    return Tolerances(*map(drawn.same, (engine.rtol, engine.atol, engine.max_steps)))
 
 
-def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> chassis.Plan:
+def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
     """What the compiled program is shaped by. Where nobody decides, a tick is an output step."""
     decides = isinstance(scenario.defence, config.TrustedTrim)
     held = decides and scenario.tick > 0
-    return chassis.Plan(
+    return Plan(
+        engine=scenario.engine.kind,
         outputs=round(scenario.horizon / scenario.output_step),
         ticks=round(scenario.output_step / scenario.tick) if held else 1,
         in_field=decides and scenario.tick == 0,
-        solver=scenario.engine.solver,
+        solver=getattr(scenario.engine, "solver", ""),
         save=save,
     )
 
@@ -75,42 +97,30 @@ class Drawn:
         return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
 
     def initial(self) -> Any:
-        """Robot states at t = 0: (samples, m, 6), ω = F = 0."""
+        """Robot states at t = 0: (samples, 6, m), ω = F = 0."""
         given = self.scenario.initial
         position = self.each(given.position, "initial.position", components=2)
         heading = self.each(given.heading, "initial.heading")
         speed = self.each(given.speed, "initial.speed")
-        return np.concatenate([position, heading, speed, np.zeros_like(position)], axis=2)
+        states = np.concatenate([position, heading, speed, np.zeros_like(position)], axis=2)
+        return states.swapaxes(1, 2)
 
-    def attack(self, network: Network) -> attack.Attack:
+    def attack(self) -> Harmonic:
         """The attack, zero for vehicles that are not attacked."""
-        given, links = self.scenario.attack, self.same(network.attacked)
+        given = self.scenario.attack
         if isinstance(given, config.NoAttack):
-            return attack.NoAttack(links)
-        attacked = np.isin(self.everyone, given.vehicles)
+            nothing = np.zeros((len(self.samples), 2, self.scenario.vehicles))
+            return Harmonic(np.zeros(len(self.samples)), nothing, nothing)  # pyright: ignore[reportArgumentType]
 
-        def unit(number: Any, name: str) -> Any:
-            angle = self.each(number, name)
-            vector = np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
-            return np.where(attacked[None, :, None], vector, 0.0)
+        def angles(name: str) -> Any:
+            return self.each(getattr(given, name), f"attack.{name}")[:, :, 0].T
 
-        magnitude = self.one(given.magnitude, "attack.magnitude")
-        if isinstance(given, config.Bias):
-            return attack.Bias(links, magnitude, unit(given.direction, "attack.direction"))
-        frequency = self.one(given.frequency, "attack.frequency")
-        phasor = unit(given.phase, "attack.phase")
-        if isinstance(given, config.Rotating):
-            return attack.Rotating(links, magnitude, frequency, phasor)
-        return attack.Sinusoid(links, magnitude, frequency, phasor, unit(given.direction, "attack.direction"))
-
-    def defence(self, network: Network) -> defence.Defence:
-        """The defence."""
-        given = self.scenario.defence
-        if isinstance(given, config.NoDefence):
-            return defence.KeepAll()
-        return defence.TrustedTrim(
-            self.same(network.trusted),
-            self.same(network.protected),
-            self.same(network.theta),
-            self.same(given.tolerance),
-        )
+        numbers = [self.one(given.magnitude, "attack.magnitude")]
+        if not isinstance(given, config.Bias):
+            numbers.append(self.one(given.frequency, "attack.frequency"))
+        words = {config.Bias: ["direction"], config.Rotating: ["phase"], config.Sinusoid: ["phase", "direction"]}
+        kinds = {config.Bias: attack.bias, config.Rotating: attack.rotating, config.Sinusoid: attack.sinusoid}
+        signal = kinds[type(given)](*numbers, *map(angles, words[type(given)]))
+        attacked = np.isin(self.everyone, given.vehicles)[None, :, None]
+        vectors = (np.moveaxis(each * attacked, -1, 0) for each in (signal.cosine, signal.sine))
+        return Harmonic(signal.frequency, *vectors)

@@ -16,9 +16,10 @@ import pandas as pd
 import pyarrow as pa
 import zarr
 
-from jaxnet.engine import batch, chassis
+from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import Metrics
+from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.study import arrays, config, layout, summary
 from jaxnet.study.config import Config
@@ -27,7 +28,7 @@ from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard, shard_size, shards_of
 from jaxnet.study.sweep import Cell, plain
 
-TOGETHER = 4 * batch.CHUNK  # lanes of small shards advanced as one
+TOGETHER = 1024  # lanes of small shards advanced as one
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
 
@@ -87,7 +88,7 @@ class Tally:
         self.done += lanes
         self.progress(self.done, self.total, self.failed)
 
-    def shard_done(self, outcome: chassis.Outcome) -> None:
+    def shard_done(self, outcome: Outcome) -> None:
         """A shard was stored."""
         self.failed += int((outcome.status != Status.ok).sum())
         self.progress(self.done, self.total, self.failed)
@@ -111,7 +112,7 @@ def filled_by(stores: dict[str, zarr.Group]) -> dict[str, str]:
 
 def outcomes(
     study: Config, cells: Sequence[Cell], shards: Sequence[Shard], chunk_done: Callable[[int], None]
-) -> Iterator[tuple[Shard, chassis.Outcome]]:
+) -> Iterator[tuple[Shard, Outcome]]:
     """Outcome of each shard, those that fit one program advanced together."""
     save = tuple(layout.ERRORS) if study.save.errors else ()
     if study.save.trajectories == "all":
@@ -126,9 +127,11 @@ def outcomes(
 
 
 def program_of(one: Job) -> Any:
-    """What a job's compiled program depends on: types, shapes and the plan."""
+    """What jobs must share to be joined: types, shapes, the plan and the network."""
     leaves, structure = jax.tree.flatten(one.inputs)
-    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves)
+    shared, kind = jax.tree.flatten(one.network)
+    network = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
+    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, network
 
 
 def packed(shards: Sequence[Shard]) -> Iterator[list[Shard]]:
@@ -143,7 +146,7 @@ def packed(shards: Sequence[Shard]) -> Iterator[list[Shard]]:
         yield run
 
 
-def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[chassis.Outcome]:
+def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[Outcome]:
     """Outcomes of jobs that share a program."""
     outcome = batch.simulate(batch.join(jobs), chunk_done)
     ends = list(itertools.accumulate(one.size for one in jobs))
@@ -156,7 +159,7 @@ def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[chas
 def store_shard(
     study: Config,
     shard: Shard,
-    outcome: chassis.Outcome,
+    outcome: Outcome,
     folder: Folder,
     stores: dict[str, zarr.Group],
 ) -> None:
@@ -169,7 +172,7 @@ def store_shard(
     folder.write_shard(shard.number, rows_of(study, shard, outcome), filled_by(stores))
 
 
-def rows_of(study: Config, shard: Shard, outcome: chassis.Outcome) -> pa.Table:
+def rows_of(study: Config, shard: Shard, outcome: Outcome) -> pa.Table:
     """One row per lane, columns as the contract orders them."""
     count = len(shard.samples)
     columns: dict[str, Any] = {

@@ -15,8 +15,8 @@ def with_faults(one):
     """Lane 1 starts from NaN, lane 3 with a vehicle at rest, lane 5 may take ten steps."""
     lane, clock, tolerances = one.inputs
     initial, limit = lane.initial.copy(), tolerances.max_steps.copy()
-    initial[1, 4, 0] = np.nan
-    initial[3, 7, 3] = 0.0
+    initial[1, 0, 4] = np.nan
+    initial[3, 3, 7] = 0.0
     limit[5] = 10
     lane, tolerances = lane._replace(initial=initial), tolerances._replace(max_steps=limit)
     return one._replace(inputs=batch.Inputs(lane, clock, tolerances))
@@ -53,7 +53,7 @@ def test_the_step_limit_is_a_limit():
 def test_a_lane_is_the_same_alone_and_among_others():
     """Whatever the number of lanes and its place in the chunk."""
     given = systems.study(**SHORT)
-    many = systems.simulate(systems.lanes(given, batch.CHUNK + 3, ()))
+    many = systems.simulate(systems.lanes(given, batch.CHUNKS["chassis"] + 3, ()))
     few = systems.simulate(systems.lanes(given, 3, ()))
     for ours, theirs in zip(jax.tree.leaves(few), jax.tree.leaves(many), strict=True):
         np.testing.assert_array_equal(ours, theirs[:3])
@@ -83,7 +83,7 @@ def test_metrics_are_those_of_the_stored_trajectory():
     outcome = systems.simulate(one)
     for number in range(4):
         lane = systems.lane(one, number)
-        path = lane.navigator.jets(np.arange(21) * 0.1)[:, 0]
+        path = lane.navigator.jets(np.arange(21) * 0.1)[0].T
         states, kept = outcome.series["state"][number], outcome.series["kept"][number]
         errors = np.linalg.norm(states[:, :, :2] - path[:, None], axis=2)
         sources = np.concatenate([path[:, None], states[:, :, :2]], axis=1)

@@ -17,30 +17,21 @@ INSTANTS = np.arange(301) * 0.1
 
 def navigator_at(one, number):
     path = systems.lane(one, number).navigator
-    return lambda t: path.jets(np.asarray(t))
+    return lambda t: np.stack(path.jets(np.asarray(t)))
 
 
 def attack_on_links(one, number):
-    """`a_ij` jets of a lane by link, written out from the formulas of SCIENCE and DESIGN."""
-    given = systems.lane(one, number).attack
-    m, kind = len(given.links), type(given).__name__
-    rate = 0.0 if kind == "Bias" else float(given.frequency)
-    amplitude = float(given.magnitude) / max(1.0, abs(rate) ** 3)
+    """`a_ij` jets of a lane by link, written out."""
+    lane = systems.lane(one, number)
+    given, m, rate = lane.attack, len(lane.links), float(lane.attack.frequency)
 
     def signal(k, i, t):
-        if kind == "Bias":
-            return amplitude * given.direction[i] if k == 0 else np.zeros(2)
-        phase = np.arctan2(given.phasor[i, 1], given.phasor[i, 0])
-        angle = rate * t + phase + k * np.pi / 2
-        if not given.phasor[i].any():
-            return np.zeros(2)
-        if kind == "Sinusoid":
-            return amplitude * rate**k * np.sin(angle) * given.direction[i]
-        return amplitude * rate**k * np.array([np.cos(angle), np.sin(angle)])
+        angle = rate * t + k * np.pi / 2
+        return rate**k * (np.cos(angle) * given.cosine[:, i] + np.sin(angle) * given.sine[:, i])
 
     def at(t):
         heard = np.zeros((4, m, m + 1, 2))
-        for i, j in np.argwhere(given.links):
+        for i, j in np.argwhere(lane.links):
             for k in range(4):
                 heard[k, i, j] = signal(k, i if j == 0 else j - 1, t)
         return heard
@@ -55,7 +46,7 @@ def exact(one, number, interval, intervals, **trimming):
         navigator_at(one, number),
         attack_on_links(one, number),
         lane.gain,
-        reference.flat_jets(lane.initial),
+        reference.flat_jets(lane.initial.T),
         interval,
         intervals,
         **trimming,
@@ -71,7 +62,7 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
     for number, states in enumerate(outcome.series["state"]):
         lane = systems.lane(one, number)
         known = reference.nominal(
-            navigator_at(one, number), lane.gain, reference.flat_jets(lane.initial), INSTANTS
+            navigator_at(one, number), lane.gain, reference.flat_jets(lane.initial.T), INSTANTS
         )
         assert np.abs(states[:, :, :2] - known).max() <= 5e-6
     star, cyclic, path = outcome.series["tracking"].reshape(3, 20, 301)

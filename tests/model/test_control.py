@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from jaxnet.model import control, definition, graph, robot
+from jaxnet.model import control, definition, graph, hearing, robot
 
 CONNECTED = 1e-6  # what the engine takes for a reached graph
 
@@ -33,50 +33,64 @@ class Problem:
         for place, i in enumerate(order):
             parent = rng.choice([0, *order[:place]])
             self.weights[i - 1, parent] += 1.0 - self.weights[i - 1].sum()
-        self.state = rng.uniform(-10.0, 10.0, (m, 6))
-        self.state[:, :2] *= 20.0
+        self.state = rng.uniform(-10.0, 10.0, (6, m))
+        self.state[:2] *= 20.0
         speed = 10.0 ** rng.uniform(-3.0, np.log10(50.0), m)
-        self.state[:, robot.SPEED] = speed * rng.choice([-1.0, 1.0], m)
+        self.state[robot.SPEED] = speed * rng.choice([-1.0, 1.0], m)
         self.navigator = rng.normal(0.0, 30.0, (4, 2))
-        self.corruption = rng.normal(0.0, 10.0, (4, m, 2))
+        self.signal = rng.normal(0.0, 10.0, (4, 2, m))
+        self.attacked = rng.random((m, m + 1)) < 0.5
         rates = rng.uniform(0.3, 3.0, 2), rng.uniform(0.0, 3.0)
         roots = [-rates[0][0], *(-rates[0][1] + 1j * np.array([1, -1]) * rates[1])]
         self.gain = np.real(np.poly(roots))[:0:-1].copy()
 
     def arrays(self):
         """What the law is given."""
-        parts = (self.state, self.weights, self.navigator, self.corruption, self.gain)
-        return [jnp.asarray(part) for part in parts]
+        sources = hearing.slots(self.weights)
+        attacked = hearing.by_slot(self.attacked, sources)
+        return (
+            jnp.asarray(self.state),
+            jnp.asarray(hearing.by_slot(self.weights, sources)),
+            tuple(jnp.asarray(self.navigator)),
+            tuple(jnp.asarray(self.signal)),
+            hearing.Hearing(jnp.asarray(sources), jnp.asarray(attacked)),
+            jnp.asarray(self.gain),
+        )
+
+    def corruption(self):
+        """`d_i^(k) = Σ_j w_ij a_ij^(k)`: a_ij is i's own signal from the navigator, else j's."""
+        lies = self.weights * self.attacked
+        return lies[:, 0] * self.signal + self.signal @ lies[:, 1:].T
 
     def received_error(self):
         """`ε^(k) = L y^(k) - a0 ⊗ y_0^(k) - d^(k)`, k = 0, 1, 2."""
         jets = np.asarray(robot.output_jets(jnp.asarray(self.state)))
         laplacian = np.eye(self.vehicles) - self.weights[:, 1:]
-        told = self.weights[:, :1] * self.navigator[:3, None]
-        return np.stack([laplacian @ y for y in jets]) - told - self.corruption[:3]
+        told = self.weights[:, 0] * self.navigator[:3, :, None]
+        return np.stack([y @ laplacian.T for y in jets]) - told - self.corruption()[:3]
 
     def told_third(self):
         """`a0 ⊗ y_0‴ + d‴`."""
-        return self.weights[:, :1] * self.navigator[3] + self.corruption[3]
+        return self.weights[:, 0] * self.navigator[3, :, None] + self.corruption()[3]
 
     def in_jerks(self, inputs):
         """σ and Ψu."""
         state = jnp.asarray(self.state)
-        entry = np.einsum("ixy,iy->ix", robot.decoupling(state), np.asarray(inputs))
+        entry = np.einsum("xyi,yi->xi", robot.decoupling(state), np.asarray(inputs))
         return np.asarray(robot.drift(state)), entry
 
 
 @jax.jit
-def structured(state, weights, navigator, corruption, gain):
+def structured(state, weights, navigator, signal, heard, gain):
     """`u` as the engine finds it."""
     own = robot.output_jets(state)
-    desired = control.desired_signal(own, navigator, corruption, weights)
-    inverse, _ = control.invert_laplacian(weights)
-    return robot.inputs_for(state, control.desired_jerk(own, desired, inverse, gain))
+    demand = control.demand(own, navigator, signal, heard, weights, gain)
+    columns, _ = control.invert(heard.matrix(weights))
+    return robot.inputs_for(state, control.product(columns, demand))
 
 
 dense = jax.jit(definition.inputs)
-invert = jax.jit(control.invert_laplacian)
+invert = jax.jit(control.invert)
 
 
 @given(seeds, fleets)
@@ -85,7 +99,7 @@ def test_structured_solve_satisfies_the_equation_of_the_law(seed, vehicles):
     problem = Problem(seed, vehicles)
     drift, entry = problem.in_jerks(structured(*problem.arrays()))
     jerk = drift + entry
-    left = jerk - problem.weights[:, 1:] @ jerk
+    left = jerk - jerk @ problem.weights[:, 1:].T
     feedback = sum(k * e for k, e in zip(problem.gain, problem.received_error(), strict=True))
     right = problem.told_third() - feedback
     scale = max(np.abs(term).max() for term in (drift, entry, right))
@@ -100,10 +114,10 @@ def test_structured_solve_is_the_papers_dense_one(seed, vehicles):
     left of jerks, σ up to v ω² = 5000, that each vehicle's equation shares with its neighbours'.
     """
     problem = Problem(seed, vehicles)
-    state, weights, *_, gain = problem.arrays()
+    state, *_, gain = problem.arrays()
     stacked = dense(
         state,
-        weights,
+        jnp.asarray(problem.weights),
         jnp.asarray(problem.told_third()),
         jnp.asarray(problem.received_error()),
         gain,
@@ -112,18 +126,41 @@ def test_structured_solve_is_the_papers_dense_one(seed, vehicles):
     drift, entry = problem.in_jerks(solved)
     scale = max(np.abs(drift).max(), np.abs(entry).max())
     difference = np.array(solved - stacked)
-    difference[:, 1] *= problem.state[:, robot.SPEED]
+    difference[1] *= problem.state[robot.SPEED]
     assert np.abs(difference).max() < 1e-9 * scale
 
 
-def test_desired_signal_is_a_weighted_mean_of_what_is_heard():
-    """Written out for one listener: 0.25 of the navigator, 0.75 of vehicle 2, and the lies."""
-    weights = jnp.asarray(graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)]))
-    own = jnp.arange(12.0).reshape(3, 2, 2)
-    navigator = jnp.full((4, 2), 100.0)
-    z = control.desired_signal(own, navigator, jnp.full((4, 2, 2), 0.5), weights)
-    expected = [[27.0, 27.75], [30.0, 30.75], [33.0, 33.75], [25.5, 25.5]]
-    np.testing.assert_allclose(z[:, 0], expected, rtol=1e-15)
+@pytest.fixture
+def pair():
+    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both with lies; 2 hears the navigator."""
+    weights = graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)])
+    sources = hearing.slots(weights)
+    attacked = hearing.by_slot(np.array([[True, False, True], [False, False, False]]), sources)
+    heard = hearing.Hearing(jnp.asarray(sources), jnp.asarray(attacked))
+    return heard, jnp.asarray(hearing.by_slot(weights, sources))
+
+
+def test_mean_is_a_weighted_mean_of_what_is_heard(pair):
+    """Written out for each listener: the navigator at 100, vehicle 2 at [2, 3], and the lies."""
+    heard, weights = pair
+    sources = jnp.array([[100.0, 0.0, 2.0], [100.0, 1.0, 3.0]])
+    signal = jnp.array([[0.5, 4.0], [0.25, 8.0]])
+    mean = heard.mean(weights, sources, signal)
+    first = [0.25 * 100.5 + 0.75 * (2.0 + 4.0), 0.25 * 100.25 + 0.75 * (3.0 + 8.0)]
+    np.testing.assert_allclose(mean.T, [first, [100.0, 100.0]], rtol=1e-15)
+
+
+def test_demand_is_the_third_derivative_heard_less_the_feedback_of_the_error(pair):
+    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is heard, lies of 0.5 included."""
+    heard, weights = pair
+    own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …
+    navigator, signal = (jnp.full(2, 100.0),) * 4, (jnp.full((2, 2), 0.5),) * 4
+    demand = control.demand(own, navigator, signal, heard, weights, jnp.array([2.0, 3.0, 5.0]))
+    z = np.array([[27.0, 27.75], [30.0, 30.75], [33.0, 33.75], [25.5, 25.5]])
+    error = np.array([[0.0, 1.0], [4.0, 5.0], [8.0, 9.0]]) - z[:3]
+    first = z[3] - 2.0 * error[0] - 3.0 * error[1] - 5.0 * error[2]
+    second = [100.0 + 2.0 * (100.0 - y) + 3.0 * (96.0 - y) + 5.0 * (92.0 - y) for y in (2.0, 3.0)]
+    np.testing.assert_allclose(demand.T, [first, second], rtol=1e-15)
 
 
 @pytest.mark.parametrize("vehicles", [12, 5])
@@ -150,11 +187,12 @@ def test_closed_loop_has_each_root_of_the_gain_twice_a_vehicle(seed):
 @given(seeds, fleets)
 def test_inverse_laplacian_of_a_reached_graph(seed, vehicles):
     weights = Problem(seed, vehicles).weights
-    inverse, residual = invert(jnp.asarray(weights))
+    columns, residual = invert(jnp.asarray(weights))
     assert residual < 1e-11
+    inverse = np.asarray(columns).T
     laplacian = np.eye(vehicles) - weights[:, 1:]
     np.testing.assert_allclose(laplacian @ inverse, np.eye(vehicles), atol=1e-11)
-    assert (np.asarray(inverse) > -1e-11).all()  # L is an M-matrix
+    assert (inverse > -1e-11).all()  # L is an M-matrix
 
 
 heard_by_each = st.tuples(

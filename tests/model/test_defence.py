@@ -9,8 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from jaxnet.model import graph
-from jaxnet.model.defence import TrustedTrim
+from jaxnet.model import defence, graph
 from tests import reference
 
 FLEET, TOLERANCE = 5, 1e-9
@@ -20,7 +19,10 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 class Situation:
-    """A network with its defence, what all hear, and whom they dropped before; NumPy."""
+    """A network with its defence, what all hear, and whom they dropped before; NumPy.
+
+    Arrays are (listeners, sources, …); the package is given a slot for every source, in their order.
+    """
 
     def __init__(self, weights, heard, trusted, theta, memory=None):
         self.weights, self.heard, self.theta = weights, heard, np.asarray(theta)
@@ -30,11 +32,10 @@ class Situation:
     def decided(self):
         """Weights in force and links dropped, by the package."""
         protected = graph.protected(self.weights, self.trusted, self.theta)
-        arrays = (self.trusted, protected, self.theta, np.array(TOLERANCE))
-        defence = TrustedTrim(*map(jnp.asarray, arrays))
-        given_arrays = map(jnp.asarray, (self.weights, self.heard, self.memory))
-        kept, dropped = decide(defence, *given_arrays)
-        return np.asarray(kept), np.asarray(dropped)
+        trim = jax.tree.map(jnp.asarray, defence.trusted_trim(self.trusted.T, protected, self.theta))
+        given_arrays = map(jnp.asarray, (self.weights.T, self.heard.T, self.memory.T))
+        kept, dropped = decide(trim, *given_arrays, jnp.asarray(TOLERANCE))
+        return np.asarray(kept).T, np.asarray(dropped).T
 
     def expected(self):
         """The same by the reference program, and the least gap from a dropped to a kept score."""
@@ -50,9 +51,10 @@ class Situation:
 
 
 @jax.jit
-def decide(defence, weights, heard, memory):
-    """The decision of one moment."""
-    return defence.decide(weights, heard, memory)
+def decide(trim, weights, heard, memory, tolerance):
+    """The decision of one moment: weights in force and slots dropped."""
+    dropped = trim.decide(weights, heard, memory, tolerance)
+    return trim.in_force(weights, dropped), dropped
 
 
 def drawn(seed, on_a_line=False):
