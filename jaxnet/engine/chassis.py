@@ -169,9 +169,7 @@ def step(
     ), arrived
 
 
-def settle(
-    fleet: Fleet, arrived: Bool[Array, " lanes"], lane: Lane, network: Network, plan: Plan
-) -> Fleet:
+def settle(fleet: Fleet, arrived: Bool[Array, " lanes"], lane: Lane, network: Network, plan: Plan) -> Fleet:
     """Hear and decide in the lanes that came to a tick; count the vehicles that changed their mind.
 
     Where a kept set changed, the Laplacian is inverted and the vector field evaluated anew.

@@ -59,7 +59,9 @@ def simulate(lane: Lane, network: Network, clock: Clock, numbers: Flow, plan: Pl
     def tick(fleet: Fleet, n: Int[Array, ""]) -> tuple[Fleet, None]:
         fleet = settle(fleet, lane, network)
         after = lane.attack.frequency * clock.at(n + 2)
-        moved = fleet._replace(free=flown(numbers, fleet.free), angle=fleet.next_angle, next_angle=circle(after))
+        moved = fleet._replace(
+            free=flown(numbers, fleet.free), angle=fleet.next_angle, next_angle=circle(after)
+        )
         return decide(moved, lane, network), None
 
     def output(carry: Any, number: Int[Array, ""]) -> Any:

@@ -87,8 +87,11 @@ class Gathered(NamedTuple):
 
         tails, here = (self.tail_sum, self.tail_max, self.disagreement_sum), there[None]
         speed, turn_rate = jnp.abs(seen.speed), jnp.abs(seen.turn_rate)
+        sums, greatest, apart = jax.lax.cond(counts.any(), tail, lambda: tails)
         return Gathered(
-            *jax.lax.cond(counts.any(), tail, lambda: tails),
+            sums,
+            greatest,
+            apart,
             jnp.where(here, jnp.maximum(self.peak_error, errors), self.peak_error),
             jnp.where(here, jnp.minimum(self.min_speed, speed), self.min_speed),
             jnp.where(here, jnp.maximum(self.peak_turn_rate, turn_rate), self.peak_turn_rate),

@@ -99,7 +99,13 @@ def attempt(
     error = length * jnp.tensordot(jnp.asarray(rule.error), slopes, axes=1)
     size = norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
     finite = jnp.isfinite(moved).all(axis=(0, 1)) & jnp.isfinite(size)
-    return Trial(moved, slopes[-1], jax.tree.map(lambda leaf: leaf[-1], at_stages), jnp.where(finite, size, jnp.inf), finite)
+    return Trial(
+        moved,
+        slopes[-1],
+        jax.tree.map(lambda leaf: leaf[-1], at_stages),
+        jnp.where(finite, size, jnp.inf),
+        finite,
+    )
 
 
 def norm(change: States, size: States, tolerances: Tolerances) -> Times:

@@ -92,7 +92,7 @@ class TrustedTrim(NamedTuple):
         return kept / kept.sum(axis=0, keepdims=True)
 
     def deviation(self, heard: Heard) -> SlotWeights:
-        """`Δ_ik`, the mean distance [m] from what i hears of k to what it hears of those it trusts; else 0."""
+        """`Δ_ik`, mean distance [m] from what i hears of k to what it hears of those it trusts; else 0."""
         lanes = [1] * (heard.ndim - 3)
         listeners, distance = jnp.arange(heard.shape[2]), jnp.zeros(heard.shape[1:])
         for number, slot in enumerate(self.references):

@@ -42,7 +42,8 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
 
 def shared_network(scenario: Scenario, network: Network, sources: Any) -> SharedNetwork:
     """What the lanes of a cell share, by slot."""
-    heard = hearing.Hearing(sources, hearing.by_slot(network.attacked, sources))
+    attacked: Any = hearing.by_slot(network.attacked, sources)
+    heard = hearing.Hearing(sources, attacked)
     if not isinstance(scenario.defence, config.TrustedTrim):
         return SharedNetwork(heard, defence.KeepAll())
     trusted = hearing.by_slot(network.trusted, sources)
@@ -118,7 +119,11 @@ class Drawn:
         numbers = [self.one(given.magnitude, "attack.magnitude")]
         if not isinstance(given, config.Bias):
             numbers.append(self.one(given.frequency, "attack.frequency"))
-        words = {config.Bias: ["direction"], config.Rotating: ["phase"], config.Sinusoid: ["phase", "direction"]}
+        words = {
+            config.Bias: ["direction"],
+            config.Rotating: ["phase"],
+            config.Sinusoid: ["phase", "direction"],
+        }
         kinds = {config.Bias: attack.bias, config.Rotating: attack.rotating, config.Sinusoid: attack.sinusoid}
         signal = kinds[type(given)](*numbers, *map(angles, words[type(given)]))
         attacked = np.isin(self.everyone, given.vehicles)[None, :, None]

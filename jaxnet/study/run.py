@@ -28,7 +28,7 @@ from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard, shard_size, shards_of
 from jaxnet.study.sweep import Cell, plain
 
-TOGETHER = 1024  # lanes of small shards advanced as one
+TOGETHER = 512  # lanes of small shards advanced as one
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
 

@@ -1,0 +1,57 @@
+"""The flat engine against the independent tick-by-tick program, and against the chassis engine."""
+
+import numpy as np
+import pytest
+
+from tests import systems
+from tests.engine.test_exactness import RANDOM_GRAPH, exact
+
+TOPOLOGIES = ["star", "cyclic", "path"]
+
+
+@pytest.mark.parametrize("kind", ["bias", "sinusoid", "rotating"])
+def test_attacked_without_trimming_is_exact(kind):
+    """O2 at every output time, to rounding; four graphs and two gains."""
+    signal = {"kind": kind, "magnitude": 4.0}
+    if kind != "rotating":
+        signal["direction"] = {"uniform": [0, 6.28]}
+    sweep = {"gain": [[1, 3, 3], [6, 11, 6]], "topology": [*TOPOLOGIES, RANDOM_GRAPH]}
+    one = systems.lanes(systems.study(engine="flat", defence="none", attack=signal, sweep=sweep), 1)
+    outcome = systems.simulate(one)
+    assert (outcome.status == 0).all()
+    for number, states in enumerate(outcome.series["state"]):
+        known = exact(one, number, 0.1, 300)["positions"]
+        assert np.abs(states[:, :, :2] - known).max() <= 1e-9
+
+
+def test_trimming_at_ticks_decides_and_moves_as_the_reference():
+    """The same decisions until one falls on a knife's edge, and positions to 1e-9 m until then."""
+    given = systems.study(engine="flat", attack={"magnitude": 5.0}, output_step=0.05)
+    one = systems.lanes(given, 4, ("state", "kept"))
+    outcome = systems.simulate(one)
+    defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
+    for number in range(4):
+        known = exact(one, number, 0.05, 600, **defence)
+        kept = outcome.series["kept"][number]
+        alike = (np.abs(kept - known["kept"]) < 1e-12).all(axis=(1, 2))
+        first = len(alike) if alike.all() else int(np.argmin(alike))
+        assert first == len(alike) or known["margin"][first] < 1e-9
+        assert first > 200
+        error = np.abs(outcome.series["state"][number, :first, :, :2] - known["positions"][:first])
+        assert error.max() <= 1e-9
+        changed = (kept[1:] > 0) != (kept[:-1] > 0)
+        assert outcome.switches[number] == changed.any(axis=2).sum()
+
+
+def test_both_engines_measure_the_same():
+    """Every contract metric, untrimmed; speeds and turn rates are recovered from flat outputs (O4)."""
+    for topology in TOPOLOGIES:
+        keys = {"defence": "none", "topology": topology}
+        ours, theirs = (
+            systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 8, ())).metrics
+            for engine in ("flat", "chassis")
+        )
+        for name in ("tail_mean", "tail_max", "tail_disagreement", "peak_error"):
+            np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-5, rtol=0)
+        np.testing.assert_allclose(ours.min_speed, theirs.min_speed, atol=1e-3)
+        np.testing.assert_allclose(ours.peak_turn_rate, theirs.peak_turn_rate, rtol=1e-2)
