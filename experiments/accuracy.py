@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from jaxnet.engine.batch import join, simulate
+from jaxnet.engine.batch import simulate
 from jaxnet.study import sweep
 from jaxnet.study.cache import enable
 from jaxnet.study.document import Document
@@ -58,8 +58,9 @@ def cells(**keys: Any) -> tuple[Cell, ...]:
 
 def against(what: str, samples: int, **keys: Any) -> None:
     """A line: the worst lane of some cells."""
-    lanes = join([ticked(cell.scenario, 0, range(samples)) for cell in cells(**keys)])
-    print(f"{what:52} {lanes.size:5}  {deviations(lanes).max():.1e}", flush=True)
+    lanes = [ticked(cell.scenario, 0, range(samples)) for cell in cells(**keys)]
+    worst = max(deviations(job).max() for job in lanes)
+    print(f"{what:52} {sum(job.size for job in lanes):5}  {worst:.1e}", flush=True)
 
 
 def static_gain(name: str, defence: str, error: float, apart: float) -> None:
