@@ -18,7 +18,7 @@ from jaxnet.engine import chassis, flat
 from jaxnet.engine.plan import Clock, Outcome, Plan
 from jaxnet.model.lane import Lane, Network
 
-CHUNKS = {"chassis": 64, "flat": 256}  # lanes, with fleets of ROOM vehicles; fewer of larger ones
+CHUNKS = {"chassis": 16, "flat": 256}  # lanes, with fleets of ROOM vehicles; fewer of larger ones
 SLOW_CHUNK = 8  # lanes that decide inside the vector field
 ROOM = 12
 ENGINES: dict[str, Any] = {"chassis": chassis.simulate, "flat": flat.simulate}
