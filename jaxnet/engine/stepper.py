@@ -1,8 +1,8 @@
 """Adaptive Runge-Kutta steps of many lanes side by side, each with its own time and step.
 
 The methods are diffrax's Butcher tableaux and the control of the step is that of its `PIDController` as an
-integral controller, as MATLAB's `ode45` and SciPy's `RK45` have it; tests hold single steps and steps
-proposed against diffrax. Its own stepping is for one lane (`vmap` over it puts lanes first, and evaluates
+integral controller, as MATLAB's `ode45` and SciPy's `RK45` have it.
+Its own stepping is for one lane (`vmap` over it puts lanes first, and evaluates
 the first stage anew whenever some lane of the batch was rejected): measured, half as fast.
 
 The lanes are the last axis of every array. The stages are a loop, so that the vector field is compiled once;
