@@ -1,6 +1,8 @@
 """The command line: thin, and quick to say what it can do. JAX is imported by the commands that simulate."""
 
 import contextlib
+import errno
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,9 +41,15 @@ def user_errors() -> Iterator[None]:
         if isinstance(error, ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        click.echo(f"{error}; finished shards are kept, the same command goes on", err=True)
+        sys.exit(2)
     except KeyboardInterrupt:
         click.echo("interrupted; finished shards are kept, the same command goes on", err=True)
-        sys.exit(INTERRUPTED)
+        sys.stdout.flush()
+        os._exit(INTERRUPTED)  # not to wait for programs under way, whose lanes nobody will take
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -59,7 +67,21 @@ def main() -> None:
 @click.option("--out", type=click.Path(path_type=Path), help="Results folder.  [default: results/NAME]")
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
-def run(config: Path, overrides: tuple[str, ...], out: Path | None, fresh: bool, strict: bool) -> None:
+@click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
+@click.option(
+    "--chunk",
+    type=click.IntRange(1),
+    help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
+)
+def run(
+    config: Path,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    fresh: bool,
+    strict: bool,
+    devices: int | None,
+    chunk: int | None,
+) -> None:
     """Simulate a study; an unfinished run of it is resumed.
 
     KEY=VALUE overrides a key of CONFIG by its dotted name, the value in YAML:
@@ -71,7 +93,7 @@ def run(config: Path, overrides: tuple[str, ...], out: Path | None, fresh: bool,
 
         start_jax()
         with progress.reporting() as report:
-            results = jaxnet.run(study, out, fresh, report)
+            results = jaxnet.run(study, out, fresh, report, devices, chunk)
         click.echo(tables.summary(results))
         click.echo(tables.written(results), err=True)
         failed = tables.failures(results)
@@ -104,7 +126,9 @@ def schema() -> None:
 @results_argument
 @click.option("--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0.")
 @click.option("--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0.")
-@click.option("--engine", type=click.Choice(["chassis"]), default="chassis", show_default=True)
+@click.option(
+    "--engine", type=click.Choice(["chassis", "flat"]), default="", help="[default: the study's own]"
+)
 def replay(results: Path, cell: int, sample: int, engine: str) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
@@ -113,7 +137,7 @@ def replay(results: Path, cell: int, sample: int, engine: str) -> None:
         from jaxnet.view import tables
 
         start_jax()
-        path, row = again(opened, cell, sample)
+        path, row = again(opened, cell, sample, engine)
         click.echo(tables.lane(opened, row))
         click.echo(f"wrote {path}", err=True)
 

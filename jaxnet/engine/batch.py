@@ -1,39 +1,38 @@
-"""Many lanes at once: one compiled program per shape and choice of types, run chunk by chunk.
+"""Many lanes at once: one compiled program per shape and choice of types, fed load by load.
 
-A chunk has a fixed width and is padded, so that a lane's result is the same to the last bit whatever lanes
-stand beside it and however many there are. Chunks run beside each other, one to a core. Here lanes are the
-first axis of every array; within the engines they are the last.
+A program takes a fixed number of lanes and advances a fixed number of them side by side, a chunk, so that a
+lane's result is the same to the last bit whatever lanes are beside it and however many there are. Loads run
+beside each other, one to a core or accelerator. Here lanes are the first axis of every array; within the
+engines they are the last.
 """
 
 import functools
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from queue import SimpleQueue
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
 
 from jaxnet.engine import chassis, flat
-from jaxnet.engine.plan import Clock, Outcome, Plan
-from jaxnet.model.lane import Lane, Network
+from jaxnet.engine.plan import Inputs, Outcome, Plan
+from jaxnet.model.lane import Network
 
-CHUNKS = {"chassis": 16, "flat": 256}  # lanes, with fleets of ROOM vehicles; fewer of larger ones
-SLOW_CHUNK = 8  # lanes that decide inside the vector field
-ROOM = 12
+Tree = TypeVar("Tree")
+
 ENGINES: dict[str, Any] = {"chassis": chassis.simulate, "flat": flat.simulate}
-
-
-class Inputs(NamedTuple):
-    """Everything about lanes that is a number; as a batch, every leaf has a leading axis over lanes."""
-
-    lane: Lane
-    clock: Clock
-    numbers: Any  # of the engine: its tolerances, or its flow
+CHUNKS = {"chassis": 64, "flat": 256}  # lanes side by side, of ROOM vehicles; fewer of larger fleets
+ROOM = 12
+SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
+QUEUES = {"chassis": 8, "flat": 1}  # chunks in a load
+COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
 
 
 class Job(NamedTuple):
-    """Lanes of one network that one compiled program can run."""
+    """Lanes of one network that one compiled program can run; every leaf of the inputs has lanes first."""
 
     inputs: Inputs
     network: Network
@@ -42,50 +41,154 @@ class Job(NamedTuple):
     @property
     def size(self) -> int:
         """Number of lanes."""
-        return len(self.inputs.lane.initial)
-
-    @property
-    def chunk(self) -> int:
-        """Lanes advanced together."""
-        vehicles = self.inputs.lane.initial.shape[2]
-        if self.plan.in_field:
-            return SLOW_CHUNK
-        return max(4, CHUNKS[self.plan.engine] * ROOM // max(ROOM, vehicles))
+        return size(self.inputs)
 
 
-def join(jobs: Sequence[Job]) -> Job:
-    """Jobs that share a program and a network as one."""
-    inputs = jax.tree.map(lambda *leaves: np.concatenate(leaves), *(job.inputs for job in jobs))
-    return jobs[0]._replace(inputs=inputs)
+class Machine(NamedTuple):
+    """What lanes run on."""
+
+    devices: int | None = None  # cores, or accelerators where there are any; None: all
+    chunk: int | None = None  # lanes side by side; None: what suits the engine
+
+    def each(self) -> list[Any]:
+        """A device for each load under way: an accelerator, or the CPU once for each core."""
+        there = jax.local_devices()
+        if there[0].platform == "cpu":
+            there = there[:1] * cores()
+        return there[: self.devices]
+
+    def width(self, plan: Plan, vehicles: int) -> int:
+        """Lanes side by side."""
+        if self.chunk:
+            return self.chunk
+        chunk = SLOW_CHUNK if plan.in_field else CHUNKS[plan.engine]
+        return max(4, chunk * ROOM // max(ROOM, vehicles))
 
 
-def simulate(job: Job, chunk_done: Callable[[int], None] = lambda lanes: None) -> Outcome:
-    """Outcomes with a leading axis over lanes, as NumPy arrays.
+EVERYTHING = Machine()
 
-    `chunk_done` is told how many lanes each chunk brought to their end.
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
+    """Outcome of a job's lanes: NumPy arrays with a leading axis over lanes."""
+    return next(simulate_each([job.inputs], job.size, job.network, job.plan, machine))
+
+
+def simulate_each(
+    batches: Iterable[Inputs],
+    lanes: int,
+    network: Network,
+    plan: Plan,
+    machine: Machine = EVERYTHING,
+    load_done: Callable[[int], None] = lambda lanes: None,
+) -> Iterator[Outcome]:
+    """Outcome of each of some batches with `lanes` in all, in order.
+
+    Batches are taken from the iterable as devices become free, so that few are held at a time.
+    `load_done` is told how many lanes each load has brought to their end.
     """
-    count, chunk, outcomes = job.size, job.chunk, []
-    with ThreadPoolExecutor(os.cpu_count()) as cores:
-        for outcome in cores.map(functools.partial(_advance, job.plan, job.network), _chunks(job)):
-            outcomes.append(outcome)
-            chunk_done(min(chunk, count - chunk * (len(outcomes) - 1)))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *outcomes)
+    devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
+    plan = plan._replace(chunk=machine.width(plan, network.hearing.sources.shape[1]))
+    capacity = plan.chunk * (1 if plan.save else QUEUES[plan.engine])
+    share = max(plan.chunk, -(-lanes // len(devices)))
+    for device in devices:
+        free.put(device)
+
+    def run(load: Inputs) -> Outcome:
+        device = free.get()
+        try:
+            return advance(load, network, plan, capacity, device)
+        finally:
+            free.put(device)
+
+    pool = ThreadPoolExecutor(len(devices))
+    try:
+        loads = parted(batches, min(capacity, share), sizes)
+        outcomes = in_order(pool, run, loads, 2 * len(devices))
+        yield from regrouped(told(outcomes, load_done), sizes)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _advance(plan: Plan, network: Network, inputs: Inputs) -> Outcome:
-    """Outcome of one chunk, in double precision whatever the process's default is."""
-    with jax.enable_x64(True):
-        return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0), _chunk(plan, network, inputs))
+def advance(load: Inputs, network: Network, plan: Plan, capacity: int, device: Any) -> Outcome:
+    """Outcome of one load, in double precision whatever the process's default is."""
+    count = size(load)
+    index = np.minimum(np.arange(capacity), count - 1)
+    queue = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
+    with jax.enable_x64(True), jax.default_device(device):
+        outcome = program(device.platform)(plan, network, queue, count)
+        return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0)[:count], outcome)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _chunk(plan: Plan, network: Network, inputs: Inputs) -> Outcome:
-    return ENGINES[plan.engine](inputs.lane, network, inputs.clock, inputs.numbers, plan)
+@functools.cache
+def program(platform: str) -> Callable[[Plan, Network, Inputs, int], Outcome]:
+    """The engines, compiled for a platform."""
+
+    def run(plan: Plan, network: Network, queue: Inputs, count: Any) -> Outcome:
+        return ENGINES[plan.engine](queue, count, network, plan)
+
+    return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 
 
-def _chunks(job: Job) -> Iterator[Inputs]:
-    """The inputs in chunks, lanes last, the last one filled up with copies of its first lane."""
-    for start in range(0, job.size, job.chunk):
-        index = np.arange(start, start + job.chunk)
-        index[index >= job.size] = start
-        yield jax.tree.map(lambda leaf, i=index: np.moveaxis(np.asarray(leaf)[i], 0, -1), job.inputs)
+def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:
+    """The lanes of batches in loads of `most`, the last one smaller; `sizes` is told those of the batches."""
+    waiting: list[Inputs] = []
+    for batch in batches:
+        sizes.append(size(batch))
+        waiting.append(batch)
+        while sum(map(size, waiting)) >= most:
+            whole = joined(waiting)
+            yield part(whole, 0, most)
+            waiting = [part(whole, most, None)]
+    if sum(map(size, waiting)):
+        yield joined(waiting)
+
+
+def in_order(
+    pool: Executor, run: Callable[[Inputs], Outcome], loads: Iterable[Inputs], ahead: int
+) -> Iterator[Outcome]:
+    """Outcomes of loads in their order; so many loads are under way or wait at a time."""
+    under_way = deque[Future[Outcome]]()
+    for load in loads:
+        under_way.append(pool.submit(run, load))
+        if len(under_way) == ahead:
+            yield under_way.popleft().result()
+    for future in under_way:
+        yield future.result()
+
+
+def told(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> Iterator[Outcome]:
+    """The outcomes, of whose lanes `load_done` is told."""
+    for outcome in outcomes:
+        load_done(len(outcome.status))
+        yield outcome
+
+
+def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcome]:
+    """The lanes of outcomes in groups of these sizes."""
+    held: list[Outcome] = []
+    for outcome in outcomes:
+        held.append(outcome)
+        while sizes and sum(len(one.status) for one in held) >= sizes[0]:
+            whole, first = joined(held), sizes.popleft()
+            yield part(whole, 0, first)
+            held = [part(whole, first, None)]
+
+
+def size(batch: Inputs) -> int:
+    """Lanes of a batch."""
+    return len(batch.lane.initial)
+
+
+def joined(trees: Sequence[Tree]) -> Tree:
+    """Lanes of several trees as one."""
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
+
+
+def part(tree: Tree, start: int, stop: int | None) -> Tree:
+    """Some lanes of a tree."""
+    return jax.tree.map(lambda leaf: leaf[start:stop], tree)

@@ -5,7 +5,7 @@ law achieves is nowhere used. Trimming is decided at ticks and held between them
 decided inside the vector field, which is the literal reading of the paper.
 
 The lanes are the last axis of every array. Each has its own time and step: a pass of the loop is one
-attempted step of every lane, from wherever it is, and no lane waits for another before the last is done.
+attempted step of every lane, from wherever it is, and where lanes have ended the next take their places.
 """
 
 from typing import Any, NamedTuple
@@ -16,7 +16,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import stepper
 from jaxnet.engine.metrics import SERIES, Gathered, Observation
-from jaxnet.engine.plan import CONNECTED, Clock, Outcome, Plan
+from jaxnet.engine.plan import CONNECTED, Inputs, Outcome, Plan
+from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.model import control, robot
@@ -52,61 +53,72 @@ class Fleet(NamedTuple):
     step: Times  # [s] proposed for the next attempt
     ticks: Int[Array, " lanes"]  # passed
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
+    due: Bool[Array, " lanes"]  # at an output time that was not yet measured
     dropped: Bool[Array, "slots m lanes"]
     held: Held
     switches: Int[Array, " lanes"]
     status: Code
 
 
-def simulate(lane: Lane, network: Network, clock: Clock, numbers: stepper.Tolerances, plan: Plan) -> Outcome:
-    """Lanes from 0 to the horizon."""
-    rule, last = stepper.method(plan.solver), plan.outputs * plan.ticks
+class Run(NamedTuple):
+    """Lanes under way and what was gathered of them."""
 
-    def under_way(fleet: Fleet) -> Bool[Array, " lanes"]:
-        return (fleet.status == Status.ok) & (fleet.ticks < last)
+    fleet: Fleet
+    gathered: Gathered
 
-    def advance(carry: Any) -> Any:
-        fleet, gathered, series = carry
-        fleet, arrived = step(fleet, under_way(fleet), lane, network, clock, numbers, rule, plan)
-        fleet = settle(fleet, arrived, lane, network, plan)
+
+def simulate(queue: Inputs, count: Int[Array, ""], network: Network, plan: Plan) -> Outcome:
+    """The first `count` lanes of a queue from 0 to the horizon, `plan.chunk` of them side by side."""
+    rule = stepper.method(plan.solver)
+
+    def begin(inputs: Inputs) -> Run:
+        return Run(start(inputs, network, plan), Gathered.start(inputs.lane.initial.shape[1:]))
+
+    def advance(places: Places, series: Any) -> tuple[Run, Any]:
+        (fleet, gathered), inputs = places.state, places.inputs
+        seen, number = observe(fleet, inputs.lane, network, plan), fleet.ticks // plan.ticks
+        in_tail = number > plan.outputs - inputs.clock.tail_outputs
+        gathered = gathered.add(seen, network.hearing, fleet.due, in_tail)
+        series = record(series, seen, jnp.where(fleet.due, number, plan.outputs + 1), places.number)
+        fleet, arrived = step(fleet, inputs, network, rule, plan)
+        fleet = settle(fleet, arrived, inputs.lane, network, plan)
         at_output = arrived & (fleet.ticks % plan.ticks == 0) & (fleet.status == Status.ok)
-        number = fleet.ticks // plan.ticks
-        in_tail = number > plan.outputs - clock.tail_outputs
-        seen = observe(fleet, lane, network, plan)
-        gathered = gathered.add(seen, network.hearing, at_output, in_tail)
-        return fleet, gathered, record(series, seen, jnp.where(at_output, number, plan.outputs + 1))
+        return Run(fleet._replace(due=at_output), gathered), series
 
-    def record(series: Any, seen: Observation, number: Int[Array, " lanes"]) -> Any:
-        each = jnp.arange(len(number))
+    def record(series: Any, seen: Observation, output: Any, number: Any) -> Any:
         return {
-            name: kept.at[number, ..., each].set(
-                jnp.moveaxis(SERIES[name](seen, network.hearing), -1, 0).astype(kept.dtype), mode="drop"
+            name: kept.at[output, ..., number].set(
+                jnp.moveaxis(SERIES[name](seen, network.hearing), -1, 0), mode="drop"
             )
             for name, kept in series.items()
         }
 
-    fleet = start(lane, network, clock, numbers, plan)
-    seen, ok = observe(fleet, lane, network, plan), fleet.status == Status.ok
-    series = {name: SERIES[name](seen, network.hearing) for name in plan.save}
-    series = {
-        name: jnp.full((plan.outputs + 1, *first.shape), jnp.nan).at[0].set(jnp.where(ok, first, jnp.nan))
-        for name, first in series.items()
-    }
-    gathered = Gathered.start(lane.initial.shape[1:])
-    gathered = gathered.add(seen, network.hearing, ok, plan.outputs < clock.tail_outputs)
-    carry = fleet, gathered, series
-    fleet, gathered, series = jax.lax.while_loop(lambda carry: under_way(carry[0]).any(), advance, carry)
-    return Outcome(
-        fleet.status,
-        gathered.metrics(clock.tail_outputs, fleet.status == Status.ok),
-        fleet.steps,
-        fleet.switches,
-        series,
-    )
+    def under_way(run: Run) -> Bool[Array, " lanes"]:
+        return moving(run.fleet, plan) | run.fleet.due
+
+    def end(inputs: Inputs, run: Run) -> Outcome:
+        fleet, ok = run.fleet, run.fleet.status == Status.ok
+        metrics = run.gathered.metrics(inputs.clock.tail_outputs, ok)
+        return Outcome(fleet.status, metrics, fleet.steps, fleet.switches, {})
+
+    def one(inputs: Inputs) -> Any:
+        seen = observe(start(inputs, network, plan), inputs.lane, network, plan)
+        return {name: SERIES[name](seen, network.hearing) for name in plan.save}
+
+    shapes = jax.eval_shape(one, queue)
+    series = {name: jnp.full((plan.outputs + 1, *kept.shape), jnp.nan) for name, kept in shapes.items()}
+    outcome, series = work_off(queue, count, plan.chunk, Work(begin, advance, under_way, end), series)
+    return outcome._replace(series=series)
 
 
-def start(lane: Lane, network: Network, clock: Clock, tolerances: stepper.Tolerances, plan: Plan) -> Fleet:
+def moving(fleet: Fleet, plan: Plan) -> Bool[Array, " lanes"]:
+    """Lanes that have neither failed nor reached the horizon."""
+    return (fleet.status == Status.ok) & (fleet.ticks < plan.outputs * plan.ticks)
+
+
+def start(inputs: Inputs, network: Network, plan: Plan) -> Fleet:
     """The lanes at t = 0 with their first decision taken."""
+    lane, clock, tolerances = inputs
     lanes, zero = clock.interval.shape[0], jnp.zeros_like(clock.interval)
     still = (jnp.abs(lane.initial[robot.SPEED]) < LEAST_SPEED).any(axis=0)
     status = fail(jnp.zeros(lanes, int), Status.singular, still)
@@ -119,20 +131,19 @@ def start(lane: Lane, network: Network, clock: Clock, tolerances: stepper.Tolera
     proposed = stepper.first_step(lane.initial, slope, tolerances)
     none = jnp.zeros(lanes, int)
     proposed = jnp.where(proposed > 0, proposed, clock.interval)
-    return Fleet(lane.initial, slope, now, zero, proposed, none, none, dropped, held, none, status)
+    due = status == Status.ok
+    return Fleet(lane.initial, slope, now, zero, proposed, none, none, due, dropped, held, none, status)
 
 
 def step(
     fleet: Fleet,
-    moving: Bool[Array, " lanes"],
-    lane: Lane,
+    inputs: Inputs,
     network: Network,
-    clock: Clock,
-    tolerances: stepper.Tolerances,
     rule: stepper.Method,
     plan: Plan,
 ) -> tuple[Fleet, Bool[Array, " lanes"]]:
     """One attempted step of the moving lanes, and which of them it brought to their next tick."""
+    (lane, clock, tolerances), going = inputs, moving(fleet, plan)
     goal = clock.at(fleet.ticks + 1)
     pieces = jnp.maximum(1.0, jnp.ceil((goal - fleet.time) / fleet.step))
     end = jnp.where(pieces > 1, fleet.time + (goal - fleet.time) / pieces, goal)
@@ -146,23 +157,23 @@ def step(
         fleet.slope,
         tolerances,
     )
-    kept, steps = moving & (trial.error < 1.0), fleet.steps + moving.astype(int)
+    kept, steps = going & (trial.error < 1.0), fleet.steps + going.astype(int)
     time = jnp.where(kept, end, fleet.time)
     proposed = stepper.next_step(end - fleet.time, trial.error, rule)
     state = jnp.where(kept[None, None], trial.state, fleet.state)
     still = (jnp.abs(state[robot.SPEED]) < LEAST_SPEED).any(axis=0)
-    stuck = moving & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
+    stuck = going & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
     arrived = kept & (end == goal)
     ticks = fleet.ticks + arrived.astype(int)
-    status = fail(fleet.status, Status.singular, moving & still)
+    status = fail(fleet.status, Status.singular, going & still)
     status = fail(status, Status.nonfinite, stuck & ~trial.finite)
-    spent = moving & (steps >= tolerances.max_steps) & (ticks < plan.outputs * plan.ticks)
+    spent = going & (steps >= tolerances.max_steps) & (ticks < plan.outputs * plan.ticks)
     return fleet._replace(
         state=state,
         slope=jnp.where(kept[None, None], trial.slope, fleet.slope),
         signals=jax.tree.map(lambda new, old: jnp.where(kept, new, old), trial.signals, fleet.signals),
         time=time,
-        step=jnp.where(moving, proposed, fleet.step),
+        step=jnp.where(going, proposed, fleet.step),
         ticks=ticks,
         steps=steps,
         status=fail(status, Status.max_steps, spent | stuck),

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.metrics import SERIES, Gathered, Observation
-from jaxnet.engine.plan import CONNECTED, Clock, Outcome, Plan
+from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.model import attack, control, robot
@@ -52,8 +52,9 @@ class Fleet(NamedTuple):
     status: Code
 
 
-def simulate(lane: Lane, network: Network, clock: Clock, numbers: Flow, plan: Plan) -> Outcome:
-    """Lanes from 0 to the horizon."""
+def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, plan: Plan) -> Outcome:
+    """Lanes from 0 to the horizon, all side by side; what stands after the first `count` is filling."""
+    lane, clock, numbers = inputs
     lanes, zero = clock.interval.shape[0], jnp.asarray(0)
 
     def tick(fleet: Fleet, n: Int[Array, ""]) -> tuple[Fleet, None]:

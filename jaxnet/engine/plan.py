@@ -6,6 +6,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.status import Code
+from jaxnet.model.lane import Lane
 
 CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹‖ times rounding else
 
@@ -19,6 +20,7 @@ class Plan(NamedTuple):
     in_field: bool = False  # chassis: decide inside the vector field (tick: 0), not once an interval
     solver: str = ""  # chassis
     save: tuple[str, ...] = ()  # what is stacked over output times, of `metrics.SERIES`
+    chunk: int = 0  # lanes side by side
 
 
 class Clock(NamedTuple):
@@ -30,6 +32,14 @@ class Clock(NamedTuple):
     def at(self, number: Any) -> Float[Array, "*lanes"]:
         """Time [s] of the tick with this number, one for all or one for each lane."""
         return number.astype(float) * self.interval
+
+
+class Inputs(NamedTuple):
+    """Everything about lanes that is a number."""
+
+    lane: Lane
+    clock: Clock
+    numbers: Any  # of the engine: its tolerances, or its flow
 
 
 class Outcome(NamedTuple):

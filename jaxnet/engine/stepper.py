@@ -92,7 +92,8 @@ def attempt(
 
     def stage(number: Any, slopes: Any) -> Any:
         there = state + length * jnp.tensordot(matrix[number], slopes, axes=1)
-        return slopes.at[number].set(field(jax.tree.map(lambda leaf: leaf[number], at_stages), there))
+        found = field(jax.tree.map(lambda leaf: leaf[number], at_stages), there)
+        return jax.lax.dynamic_update_index_in_dim(slopes, found, number, 0)
 
     slopes = jax.lax.fori_loop(1, len(rule.nodes), stage, slopes)
     moved = state + length * jnp.tensordot(jnp.asarray(rule.solution), slopes, axes=1)
@@ -111,7 +112,8 @@ def attempt(
 def norm(change: States, size: States, tolerances: Tolerances) -> Times:
     """A change of states of this size over what is tolerated, root mean square over the fleet."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
-    return jnp.sqrt(jnp.mean((change / scale) ** 2, axis=(0, 1)))
+    squares = ((change / scale) ** 2).reshape(-1, size.shape[-1])
+    return jnp.sqrt(jnp.full(len(squares), 1 / len(squares)) @ squares)
 
 
 def next_step(step: Times, error: Times, rule: Method) -> Times:

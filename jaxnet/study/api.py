@@ -106,17 +106,22 @@ def run(
     out: str | Path | None = None,
     fresh: bool = False,
     progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
+    devices: int | None = None,
+    chunk: int | None = None,
 ) -> Results:
     """Simulate what is not there yet into `out` (default results/NAME); raises FolderError.
 
     `fresh` throws earlier results of that folder away; `progress` is told lanes done, all, failed.
+    `devices` are the cores, or accelerators, used at most (default all); `chunk` is how many lanes advance
+    side by side (default what suits the engine; another one changes rows by rounding).
     """
+    from jaxnet.engine.batch import Machine
     from jaxnet.study.run import execute
 
     folder = Folder(out or Path("results") / study.config.name)
     with folder.writing():
         folder.admit(study.config, fresh)
-        execute(study.config, study.cells, folder, progress)
+        execute(study.config, study.cells, folder, progress, Machine(devices, chunk))
     return Results(folder.path)
 
 

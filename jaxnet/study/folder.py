@@ -174,6 +174,15 @@ class Folder:
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write_text(text))
 
+    def need(self, wanted: int) -> None:
+        """Refuse to begin what the disk has no room for."""
+        free = shutil.disk_usage(self.path).free
+        if wanted > free:
+            raise FolderError(
+                f"{self.path} may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there:"
+                " save less, take fewer samples, or give another folder with --out"
+            )
+
     def shard(self, number: int) -> Path:
         """The row file of a shard."""
         return self.path / "lanes" / f"{number:05d}.parquet"

@@ -1,6 +1,6 @@
 """What a study leaves in its folder, and how its lanes are parted into shards; known before anything runs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +8,9 @@ import numpy as np
 from jaxnet.study import config
 from jaxnet.study.sweep import Cell
 
-SHARD = 256  # lanes, fewer where their arrays would take more than SHARD_BYTES
+SHARDS = {"chassis": 512, "flat": 4096}  # lanes, fewer where their arrays would take more than SHARD_BYTES
 SHARD_BYTES = 2**27
+ROW_BYTES = 120  # of a row in a file, at most
 
 STATE_NAMES = ("x", "y", "heading", "speed", "turn_rate", "force")
 
@@ -75,17 +76,41 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
 
 
 def shard_size(cells: Sequence[Cell], save: config.Save) -> int:
-    """Lanes a shard, so that its saved arrays stay small."""
-    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, save)), 1, SHARD))
+    """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
+    most = min(SHARDS[cell.scenario.engine.kind] for cell in cells)
+    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, save)), 1, most))
 
 
 def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:
     """Bytes of arrays that one lane leaves behind in the folder, at most."""
-    coords = coordinates(cells, 1)
-    wanted = list(ERRORS.values()) if save.errors else []
+    wanted = dict(ERRORS) if save.errors else {}
     if save.trajectories == "all":
-        wanted += [TRAJECTORIES[name] for name in trajectory_series(cells)]
+        wanted |= trajectory_variables(cells)
+    return variable_bytes(wanted, cells)
+
+
+def disk_bytes(study: config.Config, cells: Sequence[Cell], lanes: int) -> int:
+    """Bytes that so many lanes of a study, and the trajectories it chooses, take on the disk, at most."""
+    match study.save.trajectories:
+        case config.Samples(samples=samples):
+            chosen = len(samples) * len(cells)
+        case config.Worst(worst=count):
+            chosen = count * len(cells)
+        case _:
+            chosen = 0
+    chosen_bytes = variable_bytes(trajectory_variables(cells), cells) if chosen else 0
+    return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen * chosen_bytes
+
+
+def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
+    """Arrays of a trajectory."""
+    return {name: TRAJECTORIES[name] for name in trajectory_series(cells)}
+
+
+def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
+    """Bytes of one lane's part of some arrays."""
+    coords = coordinates(cells, 1)
     return sum(
         int(np.prod([len(coords[dim]) for dim in variable.dims[2:]])) * np.dtype(variable.dtype).itemsize
-        for variable in wanted
+        for variable in variables.values()
     )

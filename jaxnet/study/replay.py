@@ -1,23 +1,27 @@
 """One lane again, by itself, with everything that can be seen of it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 
 from jaxnet.engine import batch
-from jaxnet.study import arrays, layout
+from jaxnet.engine.batch import Machine
+from jaxnet.study import arrays, checks, config, layout
 from jaxnet.study.api import Results
 from jaxnet.study.folder import FolderError
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard
 from jaxnet.study.run import rows_of
+from jaxnet.study.sweep import Cell
 
 
-def replay(results: Results, cell: int, sample: int) -> tuple[Path, pd.Series]:
+def replay(results: Results, cell: int, sample: int, engine: str = "") -> tuple[Path, pd.Series]:
     """Store the lane's trajectory under `replays/`; its path and the lane's row.
 
-    Raises FolderError if the study has no such lane.
+    `engine` names one to use instead of the study's own.
+    Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     study = results.study
     if cell >= len(study.cells) or sample >= study.config.samples:
@@ -25,10 +29,12 @@ def replay(results: Results, cell: int, sample: int) -> tuple[Path, pd.Series]:
             f"{results.path} has cells 0 to {len(study.cells) - 1} and samples 0 to"
             f" {study.config.samples - 1} (got cell {cell}, sample {sample})"
         )
-    chosen = study.cells[cell]
+    chosen = with_engine(study.cells[cell], engine)
     series = (*layout.ERRORS, *layout.trajectory_series([chosen]))
-    outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series))
-    path = results.path / "replays" / f"cell-{cell}-sample-{sample}.zarr"
+    machine = Machine(chunk=results.manifest.get("chunk"))
+    outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series), machine)
+    other = "" if chosen is study.cells[cell] else f"-{engine}"
+    path = results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
     shutil.rmtree(path, ignore_errors=True)
     variables = layout.ERRORS | layout.TRAJECTORIES
     store = arrays.prepare(path, {name: variables[name] for name in series}, [chosen], 1, 1)
@@ -36,3 +42,14 @@ def replay(results: Results, cell: int, sample: int) -> tuple[Path, pd.Series]:
     arrays.write(store, 0, slice(0, 1), outcome.series)
     row = rows_of(study.config, Shard(0, chosen, range(sample, sample + 1)), outcome)
     return path, row.to_pandas().iloc[0]
+
+
+def with_engine(cell: Cell, engine: str) -> Cell:
+    """The cell under this engine with its defaults; itself if that is its own."""
+    if engine in ("", cell.scenario.engine.kind):
+        return cell
+    kinds = {config.kind_name(kind): kind for kind in config.KINDS["engine"]}
+    scenario = cell.scenario.model_copy(update={"engine": kinds[engine]()})
+    for objection in checks.engine_objections(scenario):
+        raise FolderError(f"cell {cell.number}: {objection.message}")
+    return replace(cell, scenario=scenario)

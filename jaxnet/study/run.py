@@ -1,10 +1,10 @@
 """Simulate a study shard by shard into its folder; what is there already is not done again.
 
-A shard holds consecutive samples of one cell. Small shards whose lanes can share a compiled program are
-advanced together. `lanes/` is written last, so a shard that is there is complete with its arrays.
+A shard holds consecutive samples of one cell. Shards whose lanes can share a compiled program follow each
+other without a pause, drawn while others are simulated. `lanes/` is written last, so a shard that is there
+is complete with its arrays.
 """
 
-import itertools
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +17,7 @@ import pyarrow as pa
 import zarr
 
 from jaxnet.engine import batch
-from jaxnet.engine.batch import Job
+from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
@@ -25,20 +25,20 @@ from jaxnet.study import arrays, config, layout, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import Folder, digest, versions
 from jaxnet.study.lanes import job
-from jaxnet.study.layout import Shard, shard_size, shards_of
+from jaxnet.study.layout import Shard
 from jaxnet.study.sweep import Cell, plain
-
-TOGETHER = 512  # lanes of small shards advanced as one
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
 
 
-def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Progress) -> None:
+def execute(
+    study: Config, cells: Sequence[Cell], folder: Folder, progress: Progress, machine: Machine
+) -> None:
     """Bring the folder to hold every lane of the study; the folder is held by its writer."""
     began, before = time.monotonic(), folder.manifest
     samples, save = max(study.samples, before.get("samples", 0)), plain(study.save)
     study = study.model_copy(update={"samples": samples})
-    size = before.get("shard_size") or shard_size(cells, study.save)
+    size = before.get("shard_size") or layout.shard_size(cells, study.save)
     same = before.get("save") == save and before.get("samples") == samples
     folder.write_study(study)
     folder.write_manifest(
@@ -46,6 +46,7 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
         seed=study.seed,
         versions=versions(),
         device=jax.devices()[0].device_kind,
+        chunk=machine.chunk,
         samples=samples,
         shard_size=size,
         save=save,
@@ -54,16 +55,17 @@ def execute(study: Config, cells: Sequence[Cell], folder: Folder, progress: Prog
     stores = prepare_stores(study, cells, folder, size)
     todo = [
         shard
-        for shard in shards_of(cells, samples, size)
+        for shard in layout.shards_of(cells, samples, size)
         if not folder.done(shard.number, len(shard.samples), filled_by(stores))
     ]
+    folder.need(layout.disk_bytes(study, cells, sum(len(shard.samples) for shard in todo)))
     tally = Tally(len(cells) * samples, todo, progress)
-    for shard, outcome in outcomes(study, cells, todo, tally.chunk_done):
+    for shard, outcome in outcomes(study, cells, todo, machine, tally.load_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)
     rows: Any = read_rows(folder)
     if todo or not folder.manifest["finished"]:
-        store_chosen(study, cells, rows, folder)
+        store_chosen(study, cells, rows, folder, machine)
     table = summary.summarise(rows, cells)
     folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
     failed = int((rows["status"] != "ok").sum())
@@ -83,8 +85,8 @@ class Tally:
         self.failed = 0
         progress(self.done, total, 0)
 
-    def chunk_done(self, lanes: int) -> None:
-        """A chunk was advanced."""
+    def load_done(self, lanes: int) -> None:
+        """So many lanes came to their end."""
         self.done += lanes
         self.progress(self.done, self.total, self.failed)
 
@@ -98,7 +100,7 @@ def prepare_stores(study: Config, cells: Sequence[Cell], folder: Folder, size: i
     """Stores that are filled shard by shard, by their names; a shard's file says which it has filled."""
     wanted = {"errors": layout.ERRORS} if study.save.errors else {}
     if study.save.trajectories == "all":
-        wanted["trajectories"] = {name: layout.TRAJECTORIES[name] for name in layout.trajectory_series(cells)}
+        wanted["trajectories"] = layout.trajectory_variables(cells)
     return {
         name: arrays.prepare(folder.path / f"{name}.zarr", variables, cells, study.samples, size)
         for name, variables in wanted.items()
@@ -111,9 +113,13 @@ def filled_by(stores: dict[str, zarr.Group]) -> dict[str, str]:
 
 
 def outcomes(
-    study: Config, cells: Sequence[Cell], shards: Sequence[Shard], chunk_done: Callable[[int], None]
+    study: Config,
+    cells: Sequence[Cell],
+    shards: Sequence[Shard],
+    machine: Machine,
+    load_done: Callable[[int], None],
 ) -> Iterator[tuple[Shard, Outcome]]:
-    """Outcome of each shard, those that fit one program advanced together."""
+    """Outcome of each shard, those that fit one program in one go."""
     save = tuple(layout.ERRORS) if study.save.errors else ()
     if study.save.trajectories == "all":
         save += layout.trajectory_series(cells)
@@ -121,39 +127,19 @@ def outcomes(
     for shard in shards:
         kinds.setdefault(program_of(job(shard.cell.scenario, study.seed, [0], save)), []).append(shard)
     for alike in kinds.values():
-        for together in packed(alike):
-            jobs = [job(s.cell.scenario, study.seed, s.samples, save) for s in together]
-            yield from zip(together, advance(jobs, chunk_done), strict=True)
+        one = job(alike[0].cell.scenario, study.seed, [0], save)
+        inputs = (job(shard.cell.scenario, study.seed, shard.samples, save).inputs for shard in alike)
+        lanes = sum(len(shard.samples) for shard in alike)
+        ends = batch.simulate_each(inputs, lanes, one.network, one.plan, machine, load_done)
+        yield from zip(alike, ends, strict=True)
 
 
 def program_of(one: Job) -> Any:
-    """What jobs must share to be joined: types, shapes, the plan and the network."""
+    """What jobs must share to run in one go: types, shapes, the plan and the network."""
     leaves, structure = jax.tree.flatten(one.inputs)
     shared, kind = jax.tree.flatten(one.network)
     network = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, network
-
-
-def packed(shards: Sequence[Shard]) -> Iterator[list[Shard]]:
-    """Shards in runs of about TOGETHER lanes, in order."""
-    run: list[Shard] = []
-    for shard in shards:
-        if run and sum(len(s.samples) for s in run) + len(shard.samples) > TOGETHER:
-            yield run
-            run = []
-        run.append(shard)
-    if run:
-        yield run
-
-
-def advance(jobs: Sequence[Job], chunk_done: Callable[[int], None]) -> list[Outcome]:
-    """Outcomes of jobs that share a program."""
-    outcome = batch.simulate(batch.join(jobs), chunk_done)
-    ends = list(itertools.accumulate(one.size for one in jobs))
-    return [
-        jax.tree.map(lambda leaf, a=start, b=end: leaf[a:b], outcome)
-        for start, end in zip([0, *ends], ends, strict=False)
-    ]
 
 
 def store_shard(
@@ -199,19 +185,18 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, folder: Folder) -> None:
+def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, folder: Folder, machine: Machine) -> None:
     """Simulate the chosen lanes again with their trajectories, into a new store."""
     if isinstance(study.save.trajectories, str):
         return
-    path, names = folder.path / "trajectories.zarr", layout.trajectory_series(cells)
+    path, variables = folder.path / "trajectories.zarr", layout.trajectory_variables(cells)
     shutil.rmtree(path, ignore_errors=True)
-    variables = {name: layout.TRAJECTORIES[name] for name in names}
     store = arrays.prepare(path, variables, cells, study.samples, chunk=1)
     for cell in cells:
         samples = chosen_samples(study.save, rows[rows["cell"] == cell.number])
         if not samples:
             continue
-        outcome = batch.simulate(job(cell.scenario, study.seed, samples, names))
+        outcome = batch.simulate(job(cell.scenario, study.seed, samples, tuple(variables)), machine)
         for place, sample in enumerate(samples):
             one = {name: values[place : place + 1] for name, values in outcome.series.items()}
             arrays.write(store, cell.number, slice(sample, sample + 1), one)

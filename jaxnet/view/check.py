@@ -12,8 +12,7 @@ from jaxnet.study.sweep import Cell
 from jaxnet.theory import certificate
 
 MOST_CELLS = 60
-ROW_BYTES = 60  # of a row in a file, measured
-PROCESS_BYTES = 600e6  # of a process that simulates one chunk, measured
+PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 
 
@@ -32,11 +31,12 @@ def head(study: Study) -> str:
     settled, lanes = study.config, study.lanes
     array_bytes = layout.lane_bytes(study.cells, settled.save)
     memory = PROCESS_BYTES + COPIES * array_bytes * layout.shard_size(study.cells, settled.save)
+    disk = layout.disk_bytes(settled, study.cells, lanes)
     cells = count(len(study.cells), "cell")
     return (
         f"{settled.name}: {cells} × {count(settled.samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
-        f"about {size(memory)} of memory; at most {size(float(lanes * (ROW_BYTES + array_bytes)))} on disk"
+        f"about {size(memory)} of memory; at most {size(float(disk))} on disk"
     )
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from jaxnet.engine import batch
+from jaxnet.engine.plan import Inputs
 from jaxnet.engine.status import Status
 from tests import systems
 
@@ -19,7 +20,7 @@ def with_faults(one):
     initial[3, 3, 7] = 0.0
     limit[5] = 10
     lane, tolerances = lane._replace(initial=initial), tolerances._replace(max_steps=limit)
-    return one._replace(inputs=batch.Inputs(lane, clock, tolerances))
+    return one._replace(inputs=Inputs(lane, clock, tolerances))
 
 
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])

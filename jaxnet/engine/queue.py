@@ -1,0 +1,85 @@
+"""A queue of lanes worked off some at a time: where some have ended, the next ones take their places.
+
+So a lane that takes many steps holds up nobody, and the places are busy until the queue runs out.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
+
+from jaxnet.engine.subset import picked, put
+
+SPARE = 16  # one place in so many may stand idle before the idle ones are filled
+
+Numbers = Int[Array, " places"]
+
+
+class Places(NamedTuple):
+    """Lanes side by side, each under way or at its end; every array's last axis is over places."""
+
+    number: Numbers  # of the lane in the queue; beyond it where there is none
+    inputs: Any
+    state: Any
+
+
+class Work(NamedTuple):
+    """What is done with lanes side by side."""
+
+    start: Callable[[Any], Any]  # inputs: their state at the start
+    advance: Callable[
+        [Places, Any], tuple[Any, Any]
+    ]  # places and record: their state and the record a pass later
+    under_way: Callable[[Any], Bool[Array, " places"]]  # state: who has not ended
+    end: Callable[[Any, Any], Any]  # inputs and state: what is left of a lane that has ended
+
+
+def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record: Any) -> tuple[Any, Any]:
+    """What is left of the first `count` lanes of a queue, and the record that the passes have filled.
+
+    Every leaf of the queue and of what is left has a last axis over its lanes.
+    """
+    length = jax.tree.leaves(queue)[0].shape[-1]
+
+    def busy(now: Places) -> Bool[Array, " places"]:
+        return (now.number < count) & work.under_way(now.state)
+
+    def refill(now: Places, taken: Int[Array, ""]) -> tuple[Places, Int[Array, ""]]:
+        idle = ~busy(now)
+        number = jnp.where(idle, taken + jnp.cumsum(idle) - 1, now.number)
+        inputs = jax.tree.map(lambda leaf: picked(leaf, number), queue)
+        state = jax.tree.map(lambda new, old: where(idle, new, old), work.start(inputs), now.state)
+        return Places(number, inputs, state), taken + idle.sum()
+
+    def until_some_end(carry: Any) -> Any:
+        now, taken, left, record = carry
+        now, taken = refill(now, taken)
+        few = jnp.where(taken < count, places - max(1, places // SPARE), 0)
+
+        def advance(carry: tuple[Places, Any]) -> tuple[Places, Any]:
+            now, record = carry
+            state, record = work.advance(now, record)
+            return now._replace(state=state), record
+
+        now, record = jax.lax.while_loop(lambda carry: busy(carry[0]).sum() > few, advance, (now, record))
+        done = jnp.where(busy(now), length, now.number)
+        ends = work.end(now.inputs, now.state)
+        return now, taken, jax.tree.map(lambda leaf, end: put(leaf, done, end), left, ends), record
+
+    def nothing(shapes: Any, lanes: int) -> Any:
+        return jax.tree.map(lambda leaf: jnp.zeros((*leaf.shape[:-1], lanes), leaf.dtype), shapes)
+
+    some = nothing(queue, places)
+    state = jax.eval_shape(work.start, some)
+    nobody = Places(jnp.full(places, length), some, nothing(state, places))
+    left = nothing(jax.eval_shape(work.end, some, state), length)
+    carry = nobody, jnp.asarray(0), left, record
+    carry = jax.lax.while_loop(lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry)
+    return carry[2], carry[3]
+
+
+def where(flagged: Bool[Array, " places"], new: jax.Array, old: jax.Array) -> jax.Array:
+    """The new array in the flagged places, the old one elsewhere."""
+    return jnp.where(flagged.reshape(*[1] * (new.ndim - 1), -1), new, old)
