@@ -430,6 +430,18 @@ SWEEPS = [
         "(got -5), in cell 1 (attack=bias, attack.magnitude=-5)",
     ),
     Bad("sweep: {attack.magnitude: [5, →big]}", "attack.magnitude", 'must be a number (got "big")'),
+    Bad("sweep: {→topology.kind: [star, path]}", "sweep.topology.kind", "sweep topology instead"),
+    Bad(
+        "sweep: {→attack.magnitude.uniform: [[0, 1], [0, 2]]}",
+        "sweep.attack.magnitude.uniform",
+        "attack.magnitude is not a mapping",
+    ),
+    Bad("sweep: {→defence.theta.3: [0, 1]}", "sweep.defence.theta.3", "defence.theta is not a mapping"),
+    Bad(
+        "sweep: {tick: [0.05, →{choice: [0.05, 0.1]}]}",
+        "tick",
+        'not a distribution (got {"choice": [0.05, 0.1]}), in cell 1',
+    ),
     Bad("sweep: {topology: [star, →ring]}", "topology|topology.kind", "in cell 1 (topology=ring)"),
     Bad("sweep: {topology: [star, {→kind: [path]}]}", "topology.kind", '(got ["path"])'),
     Bad("sweep: {topology: [star, →3]}", "topology", "(got 3)"),
@@ -932,6 +944,20 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
             "sweep: {attack.magnitude: [0, 5]}",
             ["sweep.attack.magnitude={geomspace: [1, 4, 3]}"],
             [{"attack.magnitude": 1.0}, {"attack.magnitude": 2.0}, {"attack.magnitude": 4.0}],
+        ),
+        (
+            "sweep: {attack.magnitude: [0, 0.5, {uniform: [0, 1]}]}",
+            [],
+            [
+                {"attack.magnitude": "0"},
+                {"attack.magnitude": "0.5"},
+                {"attack.magnitude": '{"uniform": [0, 1]}'},
+            ],
+        ),
+        (
+            "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}], attack.phase.uniform: [[0, 1]]}",
+            [],
+            [{"topology.navigator_weight": '{"uniform": [0.1, 0.2]}', "attack.phase.uniform": "[0, 1]"}],
         ),
         (
             "sweep: {attack.vehicles: [[2], [2, 5]]}",
