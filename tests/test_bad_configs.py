@@ -54,7 +54,7 @@ NUMBERS = [
     Bad("→horizon: true", "horizon", "must be a number (got true)"),
     Bad("→horizon: soon", "horizon", 'must be a number (got "soon")'),
     Bad("→horizon: 12:30", "horizon", 'must be a number (got "12:30")'),
-    Bad("→horizon: {uniform: [20, 30]}", "horizon", "must be a number (got {"),
+    Bad("→horizon: {uniform: [20, 30]}", "horizon", "must be a number, not a distribution (got {"),
     Bad("→horizon:", "horizon", "must be a number (got null)"),
     Bad("→tick: -0.1", "tick", "must be at least 0 (got -0.1)"),
     Bad("→output_step: 0", "output_step", "must be greater than 0 (got 0)"),
@@ -62,6 +62,9 @@ NUMBERS = [
     Bad("→gain: [1, 3]", "gain", "3 entries (got [1, 3])"),
     Bad("→gain: [1, 3, 3, 3]", "gain", "3 entries (got [1, 3, 3, 3])"),
     Bad("→gain: 3", "gain", "must be a list (got 3)"),
+    Bad("→gain: {uniform: [1, 2]}", "gain", "must be a list (got {"),
+    Bad("→tick: {choice: [0.05, 0.1]}", "tick", "must be a number, not a distribution (got {"),
+    Bad("→vehicles: {choice: [12]}", "vehicles", "must be a whole number, not a distribution (got {"),
     Bad("gain: [1, →high, 3]", "gain.1", 'must be a number (got "high")'),
     Bad("gain:\n  - 1\n  - 3\n  - →.inf", "gain.2", "must be finite (got Infinity)"),
     Bad("initial: {→position: far}", "initial.position", 'must be a number (got "far")'),
@@ -102,10 +105,10 @@ KINDS = [
     Bad(
         "navigator: {amplitude: [→{uniform: [90, 100]}, 50]}",
         "navigator.amplitude.0",
-        "must be a number (got {",
+        "must be a number, not a distribution (got {",
     ),
     Bad("→attack: rotatin", "attack|attack.kind", "did you mean 'rotating'?"),
-    Bad("attack: {→magnitude: -1}", "attack.magnitude", "must not be negative"),
+    Bad("attack: {→magnitude: -1}", "attack.magnitude", "must be at least 0 (got -1)"),
     Bad("attack: {→magnitude: big}", "attack.magnitude", 'must be a number (got "big")'),
     Bad("attack: {→magnitude: true}", "attack.magnitude", "must be a number (got true)"),
     Bad("attack: {→magnitude: .nan}", "attack.magnitude", "must be finite (got NaN)"),
@@ -120,6 +123,8 @@ KINDS = [
     Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
     Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),
     Bad("defence: {→theta: 1.5}", "defence.theta", "must be a whole number (got 1.5)"),
+    Bad("defence: {→theta: {choice: [1, 2]}}", "defence.theta", "a whole number, not a distribution"),
+    Bad("engine: {→max_steps: {choice: [9]}}", "engine.max_steps", "a whole number, not a distribution"),
     Bad("defence: {→theta: [1]}", "defence.theta", "must be a whole number (got [1])"),
     Bad("defence: {theta: {→1: -1}}", "defence.theta.1", "must be at least 0 (got -1)"),
     Bad("defence: {theta: {→one: 1}}", "defence.theta.one", 'must be a whole number (got "one")'),
@@ -157,12 +162,38 @@ DISTRIBUTIONS = [
     Bad("attack: {phase: {uniform: [0, →true]}}", "attack.phase.uniform.1", "a number (got true)"),
     Bad("attack: {phase: {→normal: [0, -1]}}", "attack.phase.normal", "not negative (got [0, -1])"),
     Bad("attack: {phase: {→choice: []}}", "attack.phase.choice", "(got [])"),
-    Bad("attack: {→magnitude: {uniform: [-1, 1]}}", "attack.magnitude", "must not be negative"),
-    Bad("attack: {→magnitude: {normal: [5, 1]}}", "attack.magnitude", "must not be negative"),
-    Bad("initial: {→speed: 0}", "initial.speed", "must be positive, whatever is drawn (got 0)"),
-    Bad("initial: {→speed: {uniform: [0, 1]}}", "initial.speed", "must be positive"),
-    Bad("initial: {→speed: {normal: [1, 0.1]}}", "initial.speed", "must be positive"),
-    Bad("initial: {→speed: {choice: [1, -1]}}", "initial.speed", "must be positive"),
+    Bad(
+        "attack: {→magnitude: {uniform: [-1, 1]}}", "attack.magnitude", "at least 0, whatever is drawn (got {"
+    ),
+    Bad("attack: {→magnitude: {normal: [5, 1]}}", "attack.magnitude", "at least 0, whatever is drawn (got {"),
+    Bad("initial: {→speed: 0}", "initial.speed", "must be greater than 0 (got 0)"),
+    Bad("initial: {→speed: {uniform: [0, 1]}}", "initial.speed", "must be greater than 0, whatever is drawn"),
+    Bad(
+        "initial: {→speed: {normal: [1, 0.1]}}", "initial.speed", "must be greater than 0, whatever is drawn"
+    ),
+    Bad("initial: {→speed: {choice: [1, -1]}}", "initial.speed", "must be greater than 0, whatever is drawn"),
+    Bad("gain: [1, {→uniform: [4, 3]}, 3]", "gain.1.uniform", "lower bound stands first (got [4, 3])"),
+    Bad("gain: [1, 3, →{gaussian: [3, 1]}]", "gain.2", "{normal: [mean, sd]} or {choice: [...]} (got {"),
+    Bad(
+        "topology: {→navigator_weight: {uniform: [0, 0.5]}}", "topology.navigator_weight", "than 0, whatever"
+    ),
+    Bad("topology: {→navigator_weight: {choice: [0.1, 2]}}", "topology.navigator_weight", "most 1, whatever"),
+    Bad(
+        "topology: {→navigator_weight: {choice: [0.1, 1]}}", "topology.navigator_weight", "less than 1 where"
+    ),
+    Bad(
+        "topology: {kind: edges, edges: [[1, 0, →{uniform: [0, 1]}]]}",
+        "topology.edges.0.2",
+        "must be greater than 0, whatever is drawn (got {",
+    ),
+    Bad(
+        "topology: {kind: edges, edges: [[1, 0, →{uniform: [1, 1e10]}]]}",
+        "topology.edges.0.2",
+        "must be at most 1e+09, whatever is drawn (got {",
+    ),
+    Bad("defence: {→tolerance: {normal: [1, 0.1]}}", "defence.tolerance", "at least 0, whatever is drawn"),
+    Bad("engine: {→rtol: {uniform: [1e-7, 1]}}", "engine.rtol", "less than 1, whatever is drawn"),
+    Bad("engine: {→atol: {choice: [1e-9, 0]}}", "engine.atol", "greater than 0, whatever is drawn"),
 ]
 
 UNKNOWN = [
@@ -304,6 +335,14 @@ SCENARIOS = [
     Bad("→gain: [1, 0.1, 0.1]", "gain", "0.45+0.893j"),
     Bad("→gain: [0, 3, 3]", "gain", "unstable"),
     Bad(
+        "→gain: [{uniform: [0.5, 1]}, {choice: [3, 0.1]}, {uniform: [0.1, 3]}]",
+        "gain",
+        "0.45+0.893j where [1.0, 0.1, 0.1] is drawn (got [{",
+    ),
+    Bad("→gain: [{uniform: [-1, 1]}, 3, 3]", "gain", "where [-1.0, 3.0, 3.0] is drawn"),
+    Bad("→gain: [1, 3, {normal: [3, 0.1]}]", "gain", "where [1.0, 3.0, 0.0] is drawn"),
+    Bad("→gain: [{normal: [1, 0.1]}, 3, 3]", "gain", "where [0.0, 3.0, 3.0] is drawn"),
+    Bad(
         """
         →navigator:
           amplitude: [100, 60]
@@ -391,6 +430,18 @@ SWEEPS = [
         "(got -5), in cell 1 (attack=bias, attack.magnitude=-5)",
     ),
     Bad("sweep: {attack.magnitude: [5, →big]}", "attack.magnitude", 'must be a number (got "big")'),
+    Bad("sweep: {→topology.kind: [star, path]}", "sweep.topology.kind", "sweep topology instead"),
+    Bad(
+        "sweep: {→attack.magnitude.uniform: [[0, 1], [0, 2]]}",
+        "sweep.attack.magnitude.uniform",
+        "attack.magnitude is not a mapping",
+    ),
+    Bad("sweep: {→defence.theta.3: [0, 1]}", "sweep.defence.theta.3", "defence.theta is not a mapping"),
+    Bad(
+        "sweep: {tick: [0.05, →{choice: [0.05, 0.1]}]}",
+        "tick",
+        'not a distribution (got {"choice": [0.05, 0.1]}), in cell 1',
+    ),
     Bad("sweep: {topology: [star, →ring]}", "topology|topology.kind", "in cell 1 (topology=ring)"),
     Bad("sweep: {topology: [star, {→kind: [path]}]}", "topology.kind", '(got ["path"])'),
     Bad("sweep: {topology: [star, →3]}", "topology", "(got 3)"),
@@ -433,8 +484,13 @@ OVERRIDES = [
     Bad("", "name", "must be text (got null)", ("→name=",)),
     Bad("", "attack|attack.kind", "did you mean 'rotating'?", ("→attack=rotatin",)),
     Bad("", "attack|attack.kind", "did you mean 'rotating'?", ("→attack.kind=rotatin",)),
-    Bad("", "initial.speed", "must be positive", ("→initial={speed: 0}",)),
-    Bad("", "initial.speed", "must be positive", ("→initial.speed={uniform: [0, 1]}",)),
+    Bad("", "initial.speed", "must be greater than 0", ("→initial={speed: 0}",)),
+    Bad(
+        "",
+        "initial.speed",
+        "must be greater than 0, whatever is drawn",
+        ("→initial.speed={uniform: [0, 1]}",),
+    ),
     Bad("", "tail", "must fit into horizon = 3", ("→horizon=3",)),
     Bad("", "attack.vehicles", "(got 13)", ("→attack.vehicles=[13]",)),
     Bad("", "attack.vehicles", "must be a list", ("→attack.vehicles.0=3",)),
@@ -761,6 +817,11 @@ def test_yaml_is_read_as_version_1_2(text: str, key: str, value: Any, tmp_path: 
         "tail: 0",
         "tick: 0",
         "gain: [8.9, 3, 3]",
+        "gain: [{uniform: [0.1, 8.9]}, {choice: [3, 4]}, {normal: [3, 0]}]",
+        "topology: {navigator_weight: {uniform: [1e-9, 0.999]}}",
+        "vehicles: 1\nattack: none\ntopology: {kind: edges, edges: [[1, 0, {uniform: [1e-9, 1e9]}]]}",
+        "engine: {rtol: {uniform: [1e-9, 0.999]}, atol: {normal: [1e-9, 0]}}",
+        "defence: {tolerance: {uniform: [0, 1]}}",
         "seed: 9223372036854775807",
         "attack: {magnitude: 0}",
         "attack: {magnitude: {uniform: [0, 0]}}",
@@ -883,6 +944,20 @@ def test_overrides_of_a_script_are_a_mapping_of_plain_values(tmp_path: Path):
             "sweep: {attack.magnitude: [0, 5]}",
             ["sweep.attack.magnitude={geomspace: [1, 4, 3]}"],
             [{"attack.magnitude": 1.0}, {"attack.magnitude": 2.0}, {"attack.magnitude": 4.0}],
+        ),
+        (
+            "sweep: {attack.magnitude: [0, 0.5, {uniform: [0, 1]}]}",
+            [],
+            [
+                {"attack.magnitude": "0"},
+                {"attack.magnitude": "0.5"},
+                {"attack.magnitude": '{"uniform": [0, 1]}'},
+            ],
+        ),
+        (
+            "sweep: {topology.navigator_weight: [{uniform: [0.1, 0.2]}], attack.phase.uniform: [[0, 1]]}",
+            [],
+            [{"topology.navigator_weight": '{"uniform": [0.1, 0.2]}', "attack.phase.uniform": "[0, 1]"}],
         ),
         (
             "sweep: {attack.vehicles: [[2], [2, 5]]}",

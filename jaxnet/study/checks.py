@@ -1,7 +1,7 @@
 """What cannot be simulated, and why: faults that only several keys together show (DESIGN, section 3)."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,12 +74,20 @@ def time_objections(scenario: Scenario) -> Iterator[Objection]:
 
 
 def gain_objections(scenario: Scenario) -> Iterator[Objection]:
-    """The closed loop `s³ + k2 s² + k1 s + k0` must be Hurwitz."""
-    k0, k1, k2 = scenario.gain
+    """The closed loop `s³ + k2 s² + k1 s + k0` must be Hurwitz, whatever is drawn."""
+    k0, k1, k2 = worst = least_stable(scenario.gain)
     if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
         roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
         eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
-        yield Objection(("gain",), f"unstable: eigenvalues {eigenvalues} (got {shown(scenario.gain)})")
+        drawn = f" where {shown(worst)} is drawn" if any(map(config.is_drawn, scenario.gain)) else ""
+        yield Objection(("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shown(scenario.gain)})")
+
+
+def least_stable(gain: list[Any]) -> list[float]:
+    """The draw that is unstable if any is: the least k1 and k2, and the greatest k0 if all are positive."""
+    low, high = zip(*map(config.bounds, gain), strict=True)
+    k0, k1, k2 = (0.0 if bound == -np.inf else bound for bound in low)
+    return [high[0] if k0 > 0 else k0, k1, k2]
 
 
 def engine_objections(scenario: Scenario) -> Iterator[Objection]:

@@ -3,7 +3,9 @@
 The models know one key at a time; what several keys must fulfil together is in `checks`.
 """
 
+import operator
 import re
+import statistics
 from typing import Annotated, Any, Literal
 
 from annotated_types import Len
@@ -65,6 +67,11 @@ class Choice(Record):
 DISTRIBUTIONS = ("uniform", "normal", "choice")
 
 
+def names_distribution(value: Any) -> bool:
+    """Whether a value means to be a distribution."""
+    return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
+
+
 def distribution(value: Any) -> str | None:
     """Which kind of number a value means to be."""
     if isinstance(value, BaseModel):
@@ -88,34 +95,70 @@ Number = Annotated[
 ]
 
 
-def least(number: Any) -> float:
-    """The least value that a number or distribution takes."""
+def is_drawn(number: Any) -> bool:
+    """Whether it is a distribution."""
+    return isinstance(number, Uniform | Normal | Choice)
+
+
+def bounds(number: Any) -> tuple[float, float]:
+    """The least and the greatest value that a number or distribution takes."""
     match number:
-        case Uniform():
-            return number.uniform[0]
-        case Normal():
-            return number.normal[0] if number.normal[1] == 0 else -float("inf")
-        case Choice():
-            return min(number.choice)
+        case Uniform(uniform=[low, high]):
+            return low, high
+        case Normal(normal=[mean, deviation]):
+            return (mean, mean) if deviation == 0 else (-float("inf"), float("inf"))
+        case Choice(choice=values):
+            return min(values), max(values)
+    return number, number
+
+
+def median(number: Any) -> float:
+    """The median of a distribution; a number itself."""
+    match number:
+        case Uniform(uniform=[low, high]):
+            return (low + high) / 2
+        case Normal(normal=[mean, _]):
+            return mean
+        case Choice(choice=values):
+            return statistics.median(values)
     return number
 
 
-def positive(number: Any) -> Any:
-    """The number, if it is above zero whatever is drawn."""
-    if not least(number) > 0:
-        raise ValueError("must be positive, whatever is drawn")
-    return number
+# Which of the bounds is compared, how, in what words, and the schema's keyword for it.
+LIMITS = {
+    "gt": (0, operator.gt, "greater than", "exclusiveMinimum"),
+    "ge": (0, operator.ge, "at least", "minimum"),
+    "lt": (1, operator.lt, "less than", "exclusiveMaximum"),
+    "le": (1, operator.le, "at most", "maximum"),
+}
 
 
-def not_negative(number: Any) -> Any:
-    """The number, if it is not below zero whatever is drawn."""
-    if least(number) < 0:
-        raise ValueError("must not be negative, whatever is drawn")
-    return number
+class Within:
+    """Limits on a number, or on whatever a distribution may draw, by the names that `Field` has."""
+
+    def __init__(self, **limits: float):
+        self.limits = limits
+
+    def check(self, number: Any) -> Any:
+        """The number, if it keeps the limits."""
+        for name, limit in self.limits.items():
+            bound, holds, words, _ = LIMITS[name]
+            if not holds(bounds(number)[bound], limit):
+                drawn = ", whatever is drawn" if is_drawn(number) else ""
+                raise ValueError(f"must be {words} {limit:g}{drawn}")
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Validate by `check`."""
+        return AfterValidator(self.check).__get_pydantic_core_schema__(source, handler)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+        """Tell editors the limits; JSON's apply to numbers alone."""
+        return handler(schema) | {LIMITS[name][3]: limit for name, limit in self.limits.items()}
 
 
-Positive = Annotated[Number, AfterValidator(positive)]
-NotNegative = Annotated[Number, AfterValidator(not_negative)]
+Positive = Annotated[Number, Within(gt=0.0)]
+NotNegative = Annotated[Number, Within(ge=0.0)]
 Angle = Annotated[Number, Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]
 Amplitude = Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], Len(2, 2)]
@@ -138,11 +181,18 @@ class Star(Kind):
     kind: Literal["star"] = "star"
 
 
+def leaves_neighbours(weight: Any) -> Any:
+    """The navigator's weight, if everybody hears the same sources whatever is drawn."""
+    if is_drawn(weight) and bounds(weight)[1] >= 1:
+        raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
+    return weight
+
+
 class Cyclic(Kind):
     """A ring; every vehicle hears both its neighbours and the navigator."""
 
     kind: Literal["cyclic"] = "cyclic"
-    navigator_weight: float = Field(default=0.1, gt=0, le=1)
+    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = 0.1
 
 
 class Path(Kind):
@@ -158,7 +208,7 @@ class Figure1(Kind):
 
 
 Edge = Annotated[
-    tuple[int, int, Annotated[float, Field(gt=0, le=1e9)]],
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=1e9)]],
     Field(strict=False, description="[i, j, w]: i hears j (0 is the navigator) with weight w"),
 ]
 
@@ -236,8 +286,9 @@ Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
 def whole_or_each(value: Any) -> str:
-    """Whether ϑ is one number or one for each vehicle."""
-    return MARK + ("each" if isinstance(value, dict) else "all")
+    """Whether ϑ means to be one number or one for each vehicle."""
+    each = isinstance(value, dict) and not names_distribution(value)
+    return MARK + ("each" if each else "all")
 
 
 class TrustedTrim(Kind):
@@ -251,7 +302,7 @@ class TrustedTrim(Kind):
     trusted: dict[int, list[int]] = Field(
         default={}, description="{vehicle: [sources]} trusted besides the navigator"
     )
-    tolerance: float = Field(default=1e-9, ge=0, description="[m], SCIENCE O8")
+    tolerance: NotNegative = Field(default=1e-9, description="[m], SCIENCE O8")
 
 
 class Chassis(Kind):
@@ -259,8 +310,8 @@ class Chassis(Kind):
 
     kind: Literal["chassis"] = "chassis"
     solver: Literal["dopri5", "tsit5", "dopri8"] = "dopri5"
-    rtol: float = Field(default=1e-7, gt=0, lt=1)
-    atol: float = Field(default=1e-9, gt=0)
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = 1e-7
+    atol: Positive = 1e-9
     max_steps: int = Field(default=100_000, ge=1, le=10**15)
 
 
@@ -335,7 +386,7 @@ class Scenario(Record):
     topology: Topology = Cyclic()
     navigator: Lissajous = Lissajous()
     initial: Initial = Initial()
-    gain: Annotated[list[float], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
+    gain: Annotated[list[Number], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
     attack: Attack = Rotating()
     defence: Defence = TrustedTrim()
     engine: Engine = Chassis()

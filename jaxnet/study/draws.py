@@ -11,15 +11,16 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt32
 
 from jaxnet.study import config
 
-COMPONENTS = 4  # slots of one vehicle's quantity
-DRAWN = 2  # components drawn, wanted or not, so that all quantities share a compiled program
-BLOCK = 256  # samples drawn by one call of the compiled program
+COMPONENTS = 4  # of a vehicle whose slots are side by side
+PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
+BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
 
-Draws = Float[np.ndarray, "samples vehicles components"]
+Place = tuple[int, int]  # vehicle (0: the lane's own) and component
+Draws = Float[np.ndarray, "samples places"]
 
 
 def draw(
@@ -29,13 +30,30 @@ def draw(
     samples: Sequence[int],
     vehicles: Sequence[int],
     components: int = 1,
-) -> Draws:
+) -> Float[np.ndarray, "samples vehicles components"]:
     """Values of a number or distribution for each sample, vehicle (0: the lane's own) and component."""
     shape = (len(samples), len(vehicles), components)
-    if isinstance(number, float | int):
+    if not config.is_drawn(number):
         return np.full(shape, float(number))
-    u = uniforms(seed, name, samples, vehicles, components)
+    places = [(vehicle, component) for vehicle in vehicles for component in range(components)]
+    return quantile(number, uniforms(seed, name, samples, places)).reshape(shape)
+
+
+def draw_each(
+    numbers: Sequence[Any], seed: int, name: str, samples: Sequence[int], places: Sequence[Place]
+) -> Draws:
+    """Values for each sample of several numbers or distributions, each with its own place."""
+    if not any(map(config.is_drawn, numbers)):
+        return np.tile(np.array(numbers, float), (len(samples), 1))
+    columns = uniforms(seed, name, samples, places).T
+    return np.stack([quantile(number, u) for number, u in zip(numbers, columns, strict=True)], axis=1)
+
+
+def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """The inverse CDF of a distribution; a number wherever it is asked."""
     match number:
+        case float() | int():
+            return np.full(u.shape, float(number))
         case config.Uniform(uniform=[low, high]):
             return low + (high - low) * u
         case config.Normal(normal=[mean, deviation]):
@@ -46,17 +64,26 @@ def draw(
     raise TypeError(f"not a number or distribution: {number!r}")
 
 
-def uniforms(seed: int, name: str, samples: Sequence[int], vehicles: Sequence[int], components: int) -> Draws:
+def uniforms(seed: int, name: str, samples: Sequence[int], places: Sequence[Place]) -> Draws:
     """Uniform numbers inside (0, 1), in steps of 2⁻⁵³."""
-    assert components <= DRAWN
-    slots = np.array([[v * COMPONENTS + c for c in range(DRAWN)] for v in vehicles], np.uint32)
-    padded = np.zeros(-(-len(samples) // BLOCK) * BLOCK, np.uint32)
-    padded[: len(samples)] = samples
+    rows, columns = in_blocks(samples, BLOCK[0]), in_blocks([slot(*place) for place in places], BLOCK[1])
     with jax.enable_x64(True):
         key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
-        blocks = [np.asarray(bits(key, block, slots)) for block in padded.reshape(-1, BLOCK)]
-    drawn = np.concatenate(blocks)[: len(samples), :, :components]
-    return ((drawn >> 11) + 0.5) * 2.0**-53
+        drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
+    return ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
+
+
+def slot(vehicle: int, component: int) -> int:
+    """The number below 2³² that a place has to itself."""
+    page, component = divmod(component, COMPONENTS)
+    return page * PAGE + vehicle * COMPONENTS + component
+
+
+def in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
+    """Numbers in rows of this size, the last one filled up with zeros."""
+    padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
+    padded[: len(numbers)] = numbers
+    return padded.reshape(-1, size)
 
 
 @jax.jit
@@ -66,5 +93,4 @@ def bits(key: Any, samples: Any, slots: Any) -> Any:
     def one(sample: Any, slot: Any) -> Any:
         return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64")
 
-    per_slot = jax.vmap(jax.vmap(one, (None, 0)), (None, 0))
-    return jax.vmap(per_slot, (0, None))(samples, slots)
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)

@@ -16,8 +16,8 @@ from jaxnet.model.lane import Lane
 from jaxnet.model.lane import Network as SharedNetwork
 from jaxnet.study import config
 from jaxnet.study.config import Scenario
-from jaxnet.study.draws import draw
-from jaxnet.study.network import Network, navigator_of, network_of
+from jaxnet.study.draws import draw, draw_each
+from jaxnet.study.network import Network, navigator_of, network_of, weights_are_drawn
 from jaxnet.theory import exact
 
 
@@ -25,19 +25,18 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
     """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`."""
     network, drawn = network_of(scenario), Drawn(scenario, seed, samples)
     sources, navigator, plan = hearing.slots(network.weights), navigator_of(scenario), plan_of(scenario, save)
-    tolerance = getattr(scenario.defence, "tolerance", 0.0)
     lanes = Lane(
         initial=drawn.initial(),
-        weights=drawn.same(hearing.by_slot(network.weights, sources)),
+        weights=drawn.weights(network, sources),
         navigator=type(navigator)(*map(drawn.same, navigator)),
         attack=drawn.attack(),
-        tolerance=drawn.same(tolerance),
-        gain=drawn.same(scenario.gain),
+        tolerance=drawn.one(getattr(scenario.defence, "tolerance", 0.0), "defence.tolerance"),
+        gain=drawn.gain(),
     )
     interval = scenario.output_step if plan.ticks == 1 else scenario.tick
     clock = Clock(drawn.same(interval), drawn.same(tail_outputs(scenario)))
     shared = shared_network(scenario, network, sources)
-    return Job(Inputs(lanes, clock, engine_numbers(scenario, interval, drawn)), shared, plan)
+    return Job(Inputs(lanes, clock, engine_numbers(scenario, lanes.gain, interval, drawn)), shared, plan)
 
 
 def shared_network(scenario: Scenario, network: Network, sources: Any) -> SharedNetwork:
@@ -50,12 +49,15 @@ def shared_network(scenario: Scenario, network: Network, sources: Any) -> Shared
     return SharedNetwork(heard, defence.trusted_trim(trusted, network.protected, network.theta))
 
 
-def engine_numbers(scenario: Scenario, interval: float, drawn: "Drawn") -> Any:
-    """What the engine needs besides the lane."""
+def engine_numbers(scenario: Scenario, gain: Any, interval: float, drawn: "Drawn") -> Any:
+    """What the engine needs besides the lanes, given their gains."""
     engine = scenario.engine
     if isinstance(engine, config.Flat):
-        return Flow(drawn.same(expm(exact.companion(np.array(scenario.gain)) * interval)))
-    return Tolerances(*map(drawn.same, (engine.rtol, engine.atol, engine.max_steps)))
+        gains, which = np.unique(gain, axis=0, return_inverse=True)
+        flows: Any = expm(exact.companion(gains) * interval)
+        return Flow(flows[which])
+    rtol, atol = drawn.one(engine.rtol, "engine.rtol"), drawn.one(engine.atol, "engine.atol")
+    return Tolerances(rtol, atol, drawn.same(engine.max_steps))
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
@@ -96,6 +98,31 @@ class Drawn:
     def one(self, number: Any, name: str) -> Any:
         """A number of the lane: (samples,)."""
         return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
+
+    def gain(self) -> Any:
+        """Gains on ε, ε̇, ε̈: (samples, 3)."""
+        places = [(0, component) for component in range(3)]
+        return draw_each(self.scenario.gain, self.seed, "gain", self.samples, places)
+
+    def weights(self, network: Network, sources: Any) -> Any:
+        """Weights by slot: (samples, slots, m)."""
+        if not weights_are_drawn(self.scenario):
+            return self.same(hearing.by_slot(network.weights, sources))
+        topology: Any = self.scenario.topology
+        if isinstance(topology, config.Cyclic):
+            navigator = self.one(topology.navigator_weight, "topology.navigator_weight")[:, None, None]
+            return np.where(sources == 0, navigator, (1.0 - navigator) / 2)
+        return self.edge_weights(topology.edges, sources)
+
+    def edge_weights(self, edges: Any, sources: Any) -> Any:
+        """Weights by slot of drawn edges: the number of edge (i, j) is component j of vehicle i."""
+        links, numbers = [(i, j) for i, j, _ in edges], [number for *_, number in edges]
+        listeners, heard = np.array(links).T
+        vehicles = listeners - 1
+        slots = (sources[:, vehicles] == heard).argmax(axis=0)
+        weights = np.zeros((len(self.samples), *sources.shape))
+        weights[:, slots, vehicles] = draw_each(numbers, self.seed, "topology.edges", self.samples, links)
+        return weights / weights.sum(axis=1, keepdims=True)
 
     def initial(self) -> Any:
         """Robot states at t = 0: (samples, 6, m), ω = F = 0."""

@@ -23,7 +23,10 @@ class Network(NamedTuple):
 
 
 def network_of(scenario: Scenario) -> Network:
-    """The network of a scenario; without a defence nobody trims, without an attack no link is attacked."""
+    """The network of a scenario; without a defence nobody trims, without an attack no link is attacked.
+
+    Where weights are drawn, they are here those of `weights_of`; all else is the same whatever is drawn.
+    """
     weights, m = weights_of(scenario), scenario.vehicles
     attacked = np.zeros(weights.shape, dtype=bool)
     if isinstance(scenario.attack, config.Attacked):
@@ -39,18 +42,32 @@ def network_of(scenario: Scenario) -> Network:
 
 
 def weights_of(scenario: Scenario) -> Float[np.ndarray, "m sources"]:
-    """Weights of a scenario's graph."""
+    """Weights of a scenario's graph; where numbers are drawn, of the graph with their medians.
+
+    Who hears whom does not depend on what is drawn.
+    """
     match scenario.topology:
         case config.Star():
             return graph.star(scenario.vehicles)
         case config.Cyclic(navigator_weight=weight):
-            return graph.cyclic(scenario.vehicles, weight)
+            return graph.cyclic(scenario.vehicles, config.median(weight))
         case config.Path():
             return graph.path(scenario.vehicles)
         case config.Figure1():
             return graph.figure1()
         case config.Edges(edges=edges):
-            return graph.weighted(scenario.vehicles, edges)
+            medians = [(i, j, config.median(weight)) for i, j, weight in edges]
+            return graph.weighted(scenario.vehicles, medians)
+
+
+def weights_are_drawn(scenario: Scenario) -> bool:
+    """Whether the graph's weights differ from lane to lane."""
+    match scenario.topology:
+        case config.Cyclic(navigator_weight=weight):
+            return config.is_drawn(weight)
+        case config.Edges(edges=edges):
+            return any(config.is_drawn(weight) for *_, weight in edges)
+    return False
 
 
 def navigator_of(scenario: Scenario) -> Lissajous:

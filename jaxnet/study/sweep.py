@@ -46,7 +46,8 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     spanned = {key: listed for key, listed in values.items() if is_known(key)}
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_CELLS:
-        cells, faults = span(document, spanned, known=set(problems))
+        base = document.data if settled is None else plain(settled)
+        cells, faults = span(document, base, spanned, known=set(problems))
         problems += faults
     if settled is not None:
         problems += [located(fault, document.place) for fault in checks.study_objections(settled)]
@@ -145,6 +146,8 @@ def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Ite
         if root not in Scenario.model_fields:
             wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
             yield key, wrong + wording.suggestion(root, list(Scenario.model_fields))
+        elif root in KINDS and key == f"{root}.kind":
+            yield key, f"sweep {root} instead: a kind comes with keys of its own"
         elif not is_known(key):
             yield key, "unknown key" + wording.suggestion(key.split(".")[1], known_inside(root))
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
@@ -165,18 +168,20 @@ def is_known(key: str) -> bool:
 
 
 def known_inside(root: str) -> list[str]:
-    """Keys that any kind of a field has, or the field's own mapping; none for a plain value."""
+    """Keys that kinds of a field have besides `kind`, or the field's own mapping; none for a plain value."""
     models = KINDS.get(root) or ((config.Initial,) if root == "initial" else ())
-    return list(dict.fromkeys(key for model in models for key in model.model_fields))
+    return list(dict.fromkeys(key for model in models for key in model.model_fields if key != "kind"))
 
 
 def names(key: str, listed: list[Any]) -> list[Any]:
-    """What tables call the values of one swept key.
+    """What tables call the values of one swept key: all by a number, or all by text.
 
     A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
     """
     if key not in KINDS:
-        return [value if isinstance(value, int | float | str) else wording.shown(value) for value in listed]
+        if all(isinstance(value, int | float) for value in listed):
+            return listed
+        return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
     return [kind_label(kind, kinds) for kind in kinds]
 
@@ -209,10 +214,14 @@ def kind_label(kind: Any, among: list[Any]) -> str:
 
 
 def span(
-    document: Document, values: Mapping[str, list[Any]], known: set[Problem]
+    document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
-    """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
-    base = {key: value for key, value in document.data.items() if key in Scenario.model_fields}
+    """The cells, first key slowest, and what is wrong with them but was not known, each fault once.
+
+    The values are set into the study, with its defaults written out if nothing is wrong with it, as it is
+    stored: so that the stored study has the same cells.
+    """
+    base = {key: value for key, value in study.items() if key in Scenario.model_fields}
     labels = {key: names(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
     faults: dict[Problem, list[str]] = {}

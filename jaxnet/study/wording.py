@@ -16,6 +16,7 @@ from jaxnet.study.config import (
     Save,
     Worst,
     kind_name,
+    names_distribution,
 )
 
 WORDS = {
@@ -59,13 +60,20 @@ def explain(error: Any) -> str:
         entries = "1 entry" if number == 1 else f"{number} entries"
         return f"must have at {word} {entries} (got {shown(given)})"
     message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
+    if kind in ("float_type", "int_type") and names_distribution(given):
+        message += ", not a distribution"
     return f"{message} (got {shown(given)})"
 
 
 def shown(value: Any) -> str:
     """A value as a user may have written it, cut short if it is long."""
-    text = json.dumps(value, default=str, ensure_ascii=False)
+    text = in_full(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def in_full(value: Any) -> str:
+    """A value in full, as a user may have written it."""
+    return json.dumps(value, default=lambda record: record.model_dump(), ensure_ascii=False)
 
 
 def suggestion(word: str, known: list[str], fallback: bool = True) -> str:

@@ -16,9 +16,12 @@ from jaxnet.model import graph
 Jets = Float[np.ndarray, "3 m 2"]
 
 
-def companion(gain: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def companion(gain: Float[np.ndarray, "*lanes 3"]) -> Float[np.ndarray, "*lanes 3 3"]:
     """`A_c`, of one vehicle and axis."""
-    return np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [*(-np.asarray(gain))]])
+    matrix = np.zeros((*gain.shape, 3))
+    matrix[..., 0, 1] = matrix[..., 1, 2] = 1.0
+    matrix[..., 2, :] = -gain
+    return matrix
 
 
 def tracking_errors(

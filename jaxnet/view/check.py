@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxnet.study import config, layout
 from jaxnet.study.api import Study
-from jaxnet.study.network import network_of, slowest_of
+from jaxnet.study.network import network_of, slowest_of, weights_are_drawn
 from jaxnet.study.sweep import Cell
 from jaxnet.theory import certificate
 
@@ -63,7 +63,7 @@ def network_key(cell: Cell) -> Any:
 
 
 def network_text(cells: Sequence[Cell]) -> str:
-    """Certificate of the network that these cells share."""
+    """Certificate of the network that these cells share, where weights are drawn the one of their medians."""
     scenario, network = cells[0].scenario, network_of(cells[0].scenario)
     facts = certificate.certify(network.weights, network.attacked, network.trusted, network.theta)
     slowest, when = slowest_of(scenario)
@@ -77,6 +77,7 @@ def network_text(cells: Sequence[Cell]) -> str:
         "attack": attack_line(scenario, facts),
         "Assumption 1": honest_line(facts),
         "trimming": trimming_line(scenario, network.theta, facts),
+        **drawn_lines(cells),
     }
     title = f"{scenario.topology.kind}, cells {ranges([cell.number for cell in cells])}"
     width = max(map(len, rows))
@@ -137,6 +138,18 @@ def trimming_line(scenario: config.Scenario, theta: np.ndarray, facts: certifica
     if facts.outnumbered:
         line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(facts.outnumbered)}"
     return line
+
+
+def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
+    """Where weights or gains differ from lane to lane, and what that means for what is said."""
+    weights = [cell.number for cell in cells if weights_are_drawn(cell.scenario)]
+    gain = [cell.number for cell in cells if any(map(config.is_drawn, cell.scenario.gain))]
+    lines = {}
+    if weights:
+        lines["weights"] = f"drawn in cells {ranges(weights)}; ‖L⁻¹‖₂ is of the graph of their medians"
+    if gain:
+        lines["gain"] = f"drawn in cells {ranges(gain)}; stable whatever is drawn"
+    return lines
 
 
 def ranges(numbers: Sequence[int]) -> str:

@@ -24,7 +24,10 @@ ATTACKED = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
 
 
 def figure(cells: Sequence[Cell]) -> Figure:
-    """One panel per graph, each with the most attacked links that the study has on it."""
+    """One panel per graph, each with the most attacked links that the study has on it.
+
+    Weights that are drawn lane by lane are those of the graph of their medians.
+    """
     graphs: dict[str, Cell] = {}
     for cell in cells:
         known = graphs.get(name(cell))

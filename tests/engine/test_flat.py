@@ -55,3 +55,36 @@ def test_both_engines_measure_the_same():
             np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-5, rtol=0)
         np.testing.assert_allclose(ours.min_speed, theirs.min_speed, atol=1e-3)
         np.testing.assert_allclose(ours.peak_turn_rate, theirs.peak_turn_rate, rtol=1e-2)
+
+
+GAIN = [{"uniform": [0.5, 1.5]}, {"uniform": [2.5, 3.5]}, {"choice": [2.5, 3, 3.5]}]
+
+
+def test_drawn_gains_and_edges_are_each_lane_s_own():
+    """O2 with gains and a weighted digraph drawn lane by lane, to 1e-9 m."""
+    edges = [[i, j, {"uniform": [weight / 4, 4 * weight]}] for i, j, weight in RANDOM_GRAPH["edges"]]
+    topology = {"kind": "edges", "edges": edges}
+    one = systems.lanes(systems.study(engine="flat", defence="none", topology=topology, gain=GAIN), 6)
+    outcome = systems.simulate(one)
+    assert (outcome.status == 0).all()
+    assert len({systems.lane(one, number).weights.tobytes() for number in range(6)}) == 6
+    for number, states in enumerate(outcome.series["state"]):
+        known = exact(one, number, 0.1, 300)["positions"]
+        assert np.abs(states[:, :, :2] - known).max() <= 1e-9
+
+
+def test_trimming_with_drawn_gains_and_weights():
+    """The same decisions and positions as the reference that has the lane's numbers, tolerance included."""
+    topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
+    defence = {"tolerance": {"uniform": [0.1, 1]}}
+    given = systems.study(engine="flat", topology=topology, defence=defence, gain=GAIN, output_step=0.05)
+    one = systems.lanes(given, 3, ("state", "kept"))
+    outcome = systems.simulate(one)
+    for number in range(3):
+        tolerance = systems.lane(one, number).tolerance
+        rule = {"trusted": [{0}] * 12, "theta": [1] * 12, "tolerance": tolerance}
+        known = exact(one, number, 0.05, 600, **rule)
+        assert known["margin"].min() > 1e-9, "no decision on a knife's edge"
+        np.testing.assert_allclose(outcome.series["kept"][number], known["kept"], atol=1e-12)
+        error = np.abs(outcome.series["state"][number, :, :, :2] - known["positions"])
+        assert error.max() <= 1e-9

@@ -19,6 +19,7 @@ import jaxnet
 from jaxnet.study.api import Results
 from jaxnet.study.document import ConfigError
 from jaxnet.study.folder import Folder, FolderError
+from tests import systems
 
 STUDY = {
     "name": "small",
@@ -322,3 +323,32 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
 def test_arrays_open_without_a_warning(results):
     """By xarray alone, without this package."""
     assert set(xr.open_zarr(results.path / "errors.zarr").data_vars) == {"tracking", "disagreement"}
+
+
+def test_numbers_and_distributions_swept_together(tmp_path):
+    """A column of one type, rows that stay when samples are added, and a stored study with the same cells."""
+    given = {
+        "engine": "flat",
+        "horizon": 2.0,
+        "tail": 1.0,
+        "sweep": {
+            "topology.navigator_weight": [{"uniform": [0.1, 0.2]}, 0.15],
+            "gain": [[1, 3, 3], [{"uniform": [1, 2]}, {"uniform": [3, 4]}, {"uniform": [3, 4]}]],
+            "attack.phase.uniform": [[0, 1]],
+        },
+        "save": {"errors": True},
+    }
+    few = jaxnet.run(systems.study(samples=2, **given), tmp_path / "out")
+    before = few.lanes
+    many = jaxnet.run(systems.study(samples=4, **given), tmp_path / "out")
+    rows = many.lanes
+    pd.testing.assert_frame_equal(rows[rows["sample"] < 2].reset_index(drop=True), before, check_exact=True)
+    weights = ['{"uniform": [0.1, 0.2]}', "0.15"]
+    assert rows["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(8)]
+    assert many.cells["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(2)]
+    assert many.errors["topology.navigator_weight"].values.tolist() == many.cells.iloc[:, 0].tolist()
+    assert rows["gain"].nunique() == 2
+    assert rows["tail_mean"].nunique() == 16
+    given = systems.study(samples=4, **given)
+    assert [cell.scenario for cell in many.study.cells] == [cell.scenario for cell in given.cells]
+    assert [cell.labels for cell in many.study.cells] == [cell.labels for cell in given.cells]

@@ -39,3 +39,16 @@ def test_some_are_protected_and_some_outnumbered():
 def test_ranges():
     """Runs of three or more are drawn together."""
     assert check.ranges([1, 2, 3, 5, 7, 8, 10]) == "1-3, 5, 7, 8, 10"
+
+
+def test_what_is_drawn_lane_by_lane_is_said():
+    """The certificate is of the weights' medians, 0.1 and 0.1 and 0.2, and says in which cells."""
+    weights = [{"uniform": [0.05, 0.15]}, 0.1, {"choice": [0.2, 0.1, 0.3]}]
+    gains = [[1, 3, 3], [1, 3, {"uniform": [3, 4]}]]
+    text = check.text(systems.study(sweep={"topology.navigator_weight": weights, "gain": gains}))
+    tenth, fifth = (section(text, f"cyclic, cells {cells}") for cells in ("0-3", "4, 5"))
+    assert [part.split("‖L⁻¹‖₂")[1].split()[0] for part in (tenth, fifth)] == ["10", "5"]
+    assert "weights       drawn in cells 0, 1; ‖L⁻¹‖₂ is of the graph of their medians" in tenth
+    assert "gain          drawn in cells 1, 3; stable whatever is drawn" in tenth
+    assert "weights       drawn in cells 4, 5" in fifth
+    assert "drawn" not in check.text(systems.study(gain=[2, 3, 3]))
