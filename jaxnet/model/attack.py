@@ -60,7 +60,8 @@ def rotating(magnitude: Number, frequency: Number, phase: Angles) -> Harmonic:
 
 def amplitude(magnitude: Number, frequency: Number) -> Number:
     """`ā / max(1, |ω|³)`: the greatest with which no derivative exceeds ā."""
-    return magnitude / np.maximum(1.0, np.abs(frequency) ** 3)
+    size = magnitude / np.maximum(1.0, np.abs(frequency) ** 3)
+    return np.asarray(size)  # of one lane alone NumPy makes a scalar, which is no array
 
 
 def _harmonic(frequency: Number, cosine: np.ndarray, sine: np.ndarray) -> Harmonic:

@@ -26,9 +26,9 @@ def everybodys(angle):
 
 
 def attack_of(kind, magnitude=10.0, frequency=0.7, phase=(0.0,) * 4, direction=(0.0,) * 4):
-    """An attack of the paper's four liars."""
-    size, rate = np.array([magnitude]), np.array([frequency])
-    phase, direction = everybodys(phase)[:, None], everybodys(direction)[:, None]
+    """An attack of the paper's four liars in one lane, without an axis over lanes."""
+    size, rate = np.array(magnitude), np.array(frequency)
+    phase, direction = everybodys(phase), everybodys(direction)
     match kind:
         case "bias":
             signal = attack.bias(size, direction)
@@ -36,9 +36,9 @@ def attack_of(kind, magnitude=10.0, frequency=0.7, phase=(0.0,) * 4, direction=(
             signal = attack.rotating(size, rate, phase)
         case "sinusoid":
             signal = attack.sinusoid(size, rate, phase, direction)
-    lies = np.isin(np.arange(1, FLEET + 1), LIARS)[:, None]
+    lies = np.isin(np.arange(1, FLEET + 1), LIARS)
     signal = signal._replace(cosine=signal.cosine * lies, sine=signal.sine * lies)
-    return jax.tree.map(lambda one_lane: jnp.asarray(one_lane[..., 0]), signal)
+    return jax.tree.map(jnp.asarray, signal)
 
 
 @jax.jit

@@ -1,0 +1,198 @@
+"""The engine's own Runge-Kutta steps, lanes side by side, against diffrax's, lane by lane."""
+
+import functools
+import itertools
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaxnet.engine import stepper
+from jaxnet.engine.stepper import Tolerances
+
+SOLVERS = list(stepper.SOLVERS)
+NORM = jax.jit(diffrax.PIDController(rtol=0.0, atol=1.0).norm)
+VEHICLES, LANES = 3, 5
+
+
+def signals(t):
+    """What the field below needs of the time."""
+    return jnp.cos(3.0 * t), t / (1.0 + t)
+
+
+def field(now, state):
+    """Smooth, nonlinear, explicitly time-dependent; the components of a lane are coupled, lanes are not."""
+    wave, drift = (each[None, None] for each in now)
+    around = jnp.roll(state, 1, axis=0) - jnp.roll(state, 1, axis=1)
+    return wave * jnp.sin(around) - 0.5 * state + drift / (1.0 + state**2)
+
+
+# The same of one lane.
+TERM = diffrax.ODETerm(lambda t, y, args: field(signals(jnp.asarray(t)[None]), y[..., None])[..., 0])
+
+
+def moments(seed):
+    """Lanes at different times, with steps and states of different sizes."""
+    rng = np.random.default_rng(seed)
+    state = rng.normal(0.0, 1.0, (6, VEHICLES, LANES)) * 10.0 ** rng.uniform(-2, 1, LANES)
+    start = rng.uniform(0.0, 20.0, LANES)
+    end = start + rng.uniform(0.1, 1.0, LANES)
+    return jnp.asarray(start), jnp.asarray(end), jnp.asarray(state)
+
+
+def tolerances(rtol, atol):
+    """The same for all lanes."""
+    return Tolerances(jnp.full(LANES, rtol), jnp.full(LANES, atol), jnp.full(LANES, 1000))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def attempt(solver, start, end, state, tolerated):
+    """A step of all lanes, its first slope evaluated."""
+    rule, slope = stepper.method(solver), field(signals(start), state)
+    return stepper.attempt(field, signals, rule, start, end, state, slope, tolerated)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(jax.vmap, in_axes=(None, 0, 0, -1), out_axes=-1)
+def by_diffrax(solver, start, end, y0):
+    """`y1`, its slope, the size of the state and the error estimate of each lane's step, stacked."""
+    method = stepper.SOLVERS[solver]()
+    before = method.init(TERM, start, end, y0, None)
+    y1, error, *_ = method.step(TERM, start, end, y0, None, before, made_jump=False)
+    return jnp.stack([y1, TERM.vf(end, y1, None), jnp.maximum(jnp.abs(y0), jnp.abs(y1)), error])
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    tolerated=st.sampled_from([(1e-7, 1e-9), (1.0, 0.0), (0.0, 1.0)]).map(lambda pair: tolerances(*pair)),
+)
+def test_a_step_is_diffraxs(solver, seed, tolerated):
+    """State, slope at its end, and the norm of its error over what is tolerated."""
+    start, end, state = moments(seed)
+    trial = attempt(solver, start, end, state, tolerated)
+    y1, slope, size, error = np.asarray(by_diffrax(solver, start, end, state))
+    np.testing.assert_allclose(trial.state, y1, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(trial.slope, slope, rtol=0, atol=1e-13)
+    scale = np.asarray(tolerated.atol) + np.asarray(tolerated.rtol) * size
+    for lane in range(LANES):
+        known, rounding = (float(NORM(each[..., lane])) for each in (error / scale, 1e-13 / scale))
+        assert trial.error[lane] == pytest.approx(known, rel=1e-11, abs=rounding)
+    assert trial.finite.all()
+
+
+@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(jax.vmap, in_axes=(None, 0, 0))
+def by_controller(solver, step, error):
+    """What diffrax's controller makes of steps whose errors are so many times what is tolerated."""
+    controller = diffrax.PIDController(rtol=0.0, atol=1.0)
+    order = stepper.SOLVERS[solver]().error_order(TERM)
+    y, first = jnp.zeros(()), (jnp.asarray(1.0), jnp.asarray(1.0), False)
+    kept, begin, end, *_ = controller.adapt_step_size(jnp.zeros(()), step, y, y, None, error, order, first)
+    return kept, end - begin
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_next_step_is_the_controllers(solver):
+    """Over all sizes of error, at the limits of the factor and where a step is just not kept."""
+    rule = stepper.method(solver)
+    edges = [0.0, 1.0, np.nextafter(1.0, 0.0), 0.9**rule.order, np.inf]
+    errors = jnp.asarray([*10.0 ** np.linspace(-12, 12, 97), *edges])
+    steps = jnp.asarray(np.random.default_rng(0).uniform(1e-6, 0.5, len(errors)))
+    ours = stepper.next_step(steps, errors, rule)
+    kept, theirs = by_controller(solver, steps, errors)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12)
+    np.testing.assert_array_equal(kept, errors < 1.0)
+
+
+def march(solver, state, first, tolerated, passes):
+    """Times and states after each of some passes, a pass an attempt in every lane, and who kept the step."""
+    rule = stepper.method(solver)
+
+    @jax.jit
+    def once(time, step, state, slope):
+        trial = stepper.attempt(field, signals, rule, time, time + step, state, slope, tolerated)
+        kept = trial.error < 1.0
+        return (
+            jnp.where(kept, time + step, time),
+            stepper.next_step(step, trial.error, rule),
+            jnp.where(kept, trial.state, state),
+            jnp.where(kept, trial.slope, slope),
+        ), kept
+
+    time = jnp.zeros(LANES)
+    now, history = (time, first, state, field(signals(time), state)), []
+    for _ in range(passes):
+        now, kept = once(*now)
+        history.append((*now, kept))
+    times, _, states, _, kept = map(np.stack, zip(*history, strict=True))
+    return times, states, kept
+
+
+def test_lanes_step_as_diffrax_integrates_each():
+    """The same accepted times and states after the same refusals, though no lane waits for another."""
+    _, _, state = moments(0)
+    first = jnp.array([5.0, 1.0, 1e-4, 0.3, 1e-2])
+    times, states, kept = march("dopri5", state, first, tolerances(1e-7, 1e-9), 30)
+
+    @jax.jit
+    @functools.partial(jax.vmap, in_axes=(0, -1))
+    def solve(first, y0):
+        controller, saved = diffrax.PIDController(rtol=1e-7, atol=1e-9), diffrax.SaveAt(steps=True)
+        limits = {"stepsize_controller": controller, "saveat": saved, "max_steps": 30, "throw": False}
+        return diffrax.diffeqsolve(TERM, diffrax.Dopri5(), 0.0, 1e3, first, y0, **limits)
+
+    known = solve(first, state)
+    np.testing.assert_array_equal(known.stats["num_rejected_steps"], (~kept).sum(axis=0))
+    assert not kept.all()
+    for lane in range(LANES):
+        mine = kept[:, lane]
+        np.testing.assert_allclose(times[mine, lane], known.ts[lane][: mine.sum()], rtol=1e-6)
+        np.testing.assert_allclose(states[mine, ..., lane], known.ys[lane][: mine.sum()], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("solver", "order", "fewest"), [("dopri5", 5, 16), ("tsit5", 5, 16), ("dopri8", 8, 3)]
+)
+def test_kept_steps_converge_at_the_methods_order(solver, order, fewest):
+    """`ẏ = -2 t y²`, whose solution is 1/(c + t²), with each slope taken over from the step before."""
+    offset = jnp.asarray(np.random.default_rng(0).uniform(1.0, 3.0, (6, VEHICLES, LANES)))
+    tolerated, rule = tolerances(1.0, 1.0), stepper.method(solver)
+
+    def riccati(now, state):
+        return -2.0 * now[None, None] * state**2
+
+    @jax.jit
+    def step(time, end, state, slope):
+        trial = stepper.attempt(riccati, lambda t: t, rule, time, end, state, slope, tolerated)
+        return trial.state, trial.slope
+
+    def error(steps):
+        instants = jnp.linspace(0.0, 2.0, steps + 1)
+        state, slope = 1.0 / offset, jnp.zeros_like(offset)
+        for start, end in itertools.pairwise(instants):
+            state, slope = step(jnp.full(LANES, start), jnp.full(LANES, end), state, slope)
+        return np.abs(state - 1.0 / (offset + 4.0)).max()
+
+    coarse, fine, finest = (error(fewest * factor) for factor in (1, 2, 4))
+    assert np.log2(coarse / fine) > order - 0.5
+    assert np.log2(fine / finest) > order - 0.5
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_what_happens_in_a_lane_stays_there(solver):
+    """Neither a lane that is not finite nor one with other numbers changes a bit of the others."""
+    start, end, state = moments(0)
+    clean = attempt(solver, start, end, state, tolerances(1e-7, 1e-9))
+    state = state.at[2, 1, 1].set(jnp.nan).at[:, :, 3].set(1e308)
+    start, end = start.at[0].set(7.0), end.at[0].set(70.0)
+    dirty = attempt(solver, start, end, state, tolerances(1e-7, 1e-9))
+    assert dirty.finite.tolist() == [True, False, True, False, True]
+    assert np.isinf(dirty.error[jnp.array([1, 3])]).all()
+    assert dirty.error[0] != clean.error[0]
+    for ours, theirs in zip(jax.tree.leaves(dirty), jax.tree.leaves(clean), strict=True):
+        np.testing.assert_array_equal(ours[..., jnp.array([2, 4])], theirs[..., jnp.array([2, 4])])
