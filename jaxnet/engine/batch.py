@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 from jaxnet.engine import chassis, flat
-from jaxnet.engine.plan import Inputs, Outcome, Plan
+from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.model.lane import Network
 
 Tree = TypeVar("Tree")
@@ -32,10 +32,11 @@ COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
 
 
 class Job(NamedTuple):
-    """Lanes of one network that one compiled program can run; every leaf of the inputs has lanes first."""
+    """Lanes of one network and clock, for one compiled program; every leaf of the inputs has lanes first."""
 
     inputs: Inputs
     network: Network
+    clock: Clock
     plan: Plan
 
     @property
@@ -75,13 +76,14 @@ def cores() -> int:
 
 def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
     """Outcome of a job's lanes: NumPy arrays with a leading axis over lanes."""
-    return next(simulate_each([job.inputs], job.size, job.network, job.plan, machine))
+    return next(simulate_each([job.inputs], job.size, job.network, job.clock, job.plan, machine))
 
 
 def simulate_each(
     batches: Iterable[Inputs],
     lanes: int,
     network: Network,
+    clock: Clock,
     plan: Plan,
     machine: Machine = EVERYTHING,
     load_done: Callable[[int], None] = lambda lanes: None,
@@ -101,7 +103,7 @@ def simulate_each(
     def run(load: Inputs) -> Outcome:
         device = free.get()
         try:
-            return advance(load, network, plan, capacity, device)
+            return advance(load, network, clock, plan, capacity, device)
         finally:
             free.put(device)
 
@@ -114,22 +116,22 @@ def simulate_each(
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def advance(load: Inputs, network: Network, plan: Plan, capacity: int, device: Any) -> Outcome:
+def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any) -> Outcome:
     """Outcome of one load, in double precision whatever the process's default is."""
     count = size(load)
     index = np.minimum(np.arange(capacity), count - 1)
     queue = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
     with jax.enable_x64(True), jax.default_device(device):
-        outcome = program(device.platform)(plan, network, queue, count)
+        outcome = program(device.platform)(plan, network, clock, queue, count)
         return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0)[:count], outcome)
 
 
 @functools.cache
-def program(platform: str) -> Callable[[Plan, Network, Inputs, int], Outcome]:
+def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outcome]:
     """The engines, compiled for a platform."""
 
-    def run(plan: Plan, network: Network, queue: Inputs, count: Any) -> Outcome:
-        return ENGINES[plan.engine](queue, count, network, plan)
+    def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
+        return ENGINES[plan.engine](queue, count, network, clock, plan)
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 

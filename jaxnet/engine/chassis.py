@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import stepper
 from jaxnet.engine.metrics import SERIES, Gathered, Observation
-from jaxnet.engine.plan import CONNECTED, Inputs, Outcome, Plan
+from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
@@ -52,8 +52,8 @@ class Fleet(NamedTuple):
     time: Times
     step: Times  # [s] proposed for the next attempt
     ticks: Int[Array, " lanes"]  # passed
+    at_tick: Bool[Array, " lanes"]  # at a tick at which they have not yet heard
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
-    due: Bool[Array, " lanes"]  # at an output time that was not yet measured
     dropped: Bool[Array, "slots m lanes"]
     held: Held
     switches: Int[Array, " lanes"]
@@ -67,23 +67,21 @@ class Run(NamedTuple):
     gathered: Gathered
 
 
-def simulate(queue: Inputs, count: Int[Array, ""], network: Network, plan: Plan) -> Outcome:
+def simulate(queue: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
     """The first `count` lanes of a queue from 0 to the horizon, `plan.chunk` of them side by side."""
     rule = stepper.method(plan.solver)
 
     def begin(inputs: Inputs) -> Run:
-        return Run(start(inputs, network, plan), Gathered.start(inputs.lane.initial.shape[1:]))
+        return Run(start(inputs, clock), Gathered.start(inputs.lane.initial.shape[1:]))
 
     def advance(places: Places, series: Any) -> tuple[Run, Any]:
         (fleet, gathered), inputs = places.state, places.inputs
-        seen, number = observe(fleet, inputs.lane, network, plan), fleet.ticks // plan.ticks
-        in_tail = number > plan.outputs - inputs.clock.tail_outputs
-        gathered = gathered.add(seen, network.hearing, fleet.due, in_tail)
-        series = record(series, seen, jnp.where(fleet.due, number, plan.outputs + 1), places.number)
-        fleet, arrived = step(fleet, inputs, network, rule, plan)
-        fleet = settle(fleet, arrived, inputs.lane, network, plan)
-        at_output = arrived & (fleet.ticks % plan.ticks == 0) & (fleet.status == Status.ok)
-        return Run(fleet._replace(due=at_output), gathered), series
+        fleet = settle(fleet, inputs, network, plan)
+        seen, number = observe(fleet, inputs.lane, network, plan), fleet.ticks // clock.ticks
+        due = fleet.at_tick & (fleet.ticks % clock.ticks == 0) & (fleet.status == Status.ok)
+        gathered = gathered.add(seen, network.hearing, due, clock.in_tail(number))
+        series = record(series, seen, jnp.where(due, number, plan.rows), places.number)
+        return Run(step(fleet, inputs, network, clock, rule, plan), gathered), series
 
     def record(series: Any, seen: Observation, output: Any, number: Any) -> Any:
         return {
@@ -94,56 +92,61 @@ def simulate(queue: Inputs, count: Int[Array, ""], network: Network, plan: Plan)
         }
 
     def under_way(run: Run) -> Bool[Array, " lanes"]:
-        return moving(run.fleet, plan) | run.fleet.due
+        return (run.fleet.status == Status.ok) & (run.fleet.at_tick | moving(run.fleet, clock))
 
     def end(inputs: Inputs, run: Run) -> Outcome:
         fleet, ok = run.fleet, run.fleet.status == Status.ok
-        metrics = run.gathered.metrics(inputs.clock.tail_outputs, ok)
+        metrics = run.gathered.metrics(clock.tail_outputs, ok)
         return Outcome(fleet.status, metrics, fleet.steps, fleet.switches, {})
 
     def one(inputs: Inputs) -> Any:
-        seen = observe(start(inputs, network, plan), inputs.lane, network, plan)
+        seen = observe(start(inputs, clock), inputs.lane, network, plan)
         return {name: SERIES[name](seen, network.hearing) for name in plan.save}
 
     shapes = jax.eval_shape(one, queue)
-    series = {name: jnp.full((plan.outputs + 1, *kept.shape), jnp.nan) for name, kept in shapes.items()}
+    series = {name: jnp.full((plan.rows, *kept.shape), jnp.nan) for name, kept in shapes.items()}
     outcome, series = work_off(queue, count, plan.chunk, Work(begin, advance, under_way, end), series)
     return outcome._replace(series=series)
 
 
-def moving(fleet: Fleet, plan: Plan) -> Bool[Array, " lanes"]:
+def moving(fleet: Fleet, clock: Clock) -> Bool[Array, " lanes"]:
     """Lanes that have neither failed nor reached the horizon."""
-    return (fleet.status == Status.ok) & (fleet.ticks < plan.outputs * plan.ticks)
+    return (fleet.status == Status.ok) & (fleet.ticks < clock.outputs * clock.ticks)
 
 
-def start(inputs: Inputs, network: Network, plan: Plan) -> Fleet:
-    """The lanes at t = 0 with their first decision taken."""
-    lane, clock, tolerances = inputs
-    lanes, zero = clock.interval.shape[0], jnp.zeros_like(clock.interval)
+def start(inputs: Inputs, clock: Clock) -> Fleet:
+    """The lanes at t = 0, at a tick as at any other."""
+    lane, m = inputs.lane, inputs.lane.initial.shape[1]
     still = (jnp.abs(lane.initial[robot.SPEED]) < LEAST_SPEED).any(axis=0)
-    status = fail(jnp.zeros(lanes, int), Status.singular, still)
-    status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
-    now = signals(lane, zero)
-    dropped = choose(lane, network, lane.initial, now, network.defence.start(lane.weights))
-    held, connected = hold(lane, network, dropped)
-    status = fail(status, Status.disconnected, ~connected)
-    slope = field(lane, network, held, now, lane.initial, plan)
-    proposed = stepper.first_step(lane.initial, slope, tolerances)
-    none = jnp.zeros(lanes, int)
-    proposed = jnp.where(proposed > 0, proposed, clock.interval)
-    due = status == Status.ok
-    return Fleet(lane.initial, slope, now, zero, proposed, none, none, due, dropped, held, none, status)
+    none = jnp.zeros(still.shape, int)
+    status = fail(none, Status.singular, still)
+    zero = jnp.zeros_like(lane.tolerance)
+    return Fleet(
+        state=lane.initial,
+        slope=jnp.zeros_like(lane.initial),
+        signals=signals(lane, zero),
+        time=zero,
+        step=jnp.zeros_like(zero) + clock.interval,
+        ticks=none,
+        at_tick=jnp.ones(still.shape, bool),
+        steps=none,
+        dropped=jnp.zeros(lane.weights.shape, bool),
+        held=Held(lane.weights, jnp.zeros((m, *lane.initial.shape[1:]))),
+        switches=none,
+        status=fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1))),
+    )
 
 
 def step(
     fleet: Fleet,
     inputs: Inputs,
     network: Network,
+    clock: Clock,
     rule: stepper.Method,
     plan: Plan,
-) -> tuple[Fleet, Bool[Array, " lanes"]]:
-    """One attempted step of the moving lanes, and which of them it brought to their next tick."""
-    (lane, clock, tolerances), going = inputs, moving(fleet, plan)
+) -> Fleet:
+    """One attempted step of the moving lanes."""
+    (lane, tolerances), going = inputs, moving(fleet, clock)
     goal = clock.at(fleet.ticks + 1)
     pieces = jnp.maximum(1.0, jnp.ceil((goal - fleet.time) / fleet.step))
     end = jnp.where(pieces > 1, fleet.time + (goal - fleet.time) / pieces, goal)
@@ -167,7 +170,7 @@ def step(
     ticks = fleet.ticks + arrived.astype(int)
     status = fail(fleet.status, Status.singular, going & still)
     status = fail(status, Status.nonfinite, stuck & ~trial.finite)
-    spent = going & (steps >= tolerances.max_steps) & (ticks < plan.outputs * plan.ticks)
+    spent = going & (steps >= tolerances.max_steps) & (ticks < clock.outputs * clock.ticks)
     return fleet._replace(
         state=state,
         slope=jnp.where(kept[None, None], trial.slope, fleet.slope),
@@ -175,35 +178,43 @@ def step(
         time=time,
         step=jnp.where(going, proposed, fleet.step),
         ticks=ticks,
+        at_tick=arrived,
         steps=steps,
         status=fail(status, Status.max_steps, spent | stuck),
-    ), arrived
+    )
 
 
-def settle(fleet: Fleet, arrived: Bool[Array, " lanes"], lane: Lane, network: Network, plan: Plan) -> Fleet:
-    """Hear and decide in the lanes that came to a tick; count the vehicles that changed their mind.
+def settle(fleet: Fleet, inputs: Inputs, network: Network, plan: Plan) -> Fleet:
+    """Hear and decide in the lanes at a tick; count the vehicles that changed their mind.
 
-    Where a kept set changed, the Laplacian is inverted and the vector field evaluated anew.
+    Where a kept set changed, and at the start, the Laplacian is inverted and the vector field evaluated.
     """
-    arrived = arrived & (fleet.status == Status.ok)
+    lane, tolerances = inputs
+    here, first = fleet.at_tick & (fleet.status == Status.ok), fleet.ticks == 0
     memory = network.defence.start(lane.weights) if plan.in_field else fleet.dropped
     decided = choose(lane, network, fleet.state, fleet.signals, memory)
-    dropped = jnp.where(arrived[None, None], decided, fleet.dropped)
+    dropped = jnp.where(here[None, None], decided, fleet.dropped)
     changed = (dropped != fleet.dropped).any(axis=0).sum(axis=0)
 
     def some(few: Any, carry: Any) -> Any:
-        held, slope, status = carry
+        held, slope, step, status = carry
         part, now = jax.tree.map(lambda leaf: picked(leaf, few), (lane, fleet.signals))
+        state, tolerated = picked(fleet.state, few), jax.tree.map(lambda leaf: picked(leaf, few), tolerances)
         new, connected = hold(part, network, picked(dropped, few))
-        there = field(part, network, new, now, picked(fleet.state, few), plan)
+        there = field(part, network, new, now, state, plan)
+        proposed = stepper.first_step(state, there, tolerated)
+        proposed = jnp.where(picked(first, few) & (proposed > 0), proposed, picked(step, few))
         cut_off = fail(picked(status, few), Status.disconnected, ~connected)
         held = Held(put(held.weights, few, new.weights), put(held.inverse, few, new.inverse))
-        return held, put(slope, few, there), put(status, few, cut_off)
+        return held, put(slope, few, there), put(step, few, proposed), put(status, few, cut_off)
 
-    carry = for_each(changed > 0, SOLVED, some, (fleet.held, fleet.slope, fleet.status))
-    held, slope, status = carry
-    switches = fleet.switches + changed
-    return fleet._replace(dropped=dropped, held=held, slope=slope, status=status, switches=switches)
+    carry = fleet.held, fleet.slope, fleet.step, fleet.status
+    carry = for_each(here & (first | (changed > 0)), SOLVED, some, carry)
+    held, slope, step, status = carry
+    switches = fleet.switches + jnp.where(first, 0, changed)
+    return fleet._replace(
+        dropped=dropped, held=held, slope=slope, step=step, status=status, switches=switches
+    )
 
 
 def signals(lane: Lane, time: Times) -> Signals:

@@ -52,54 +52,61 @@ class Fleet(NamedTuple):
     status: Code
 
 
-def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, plan: Plan) -> Outcome:
+def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
     """Lanes from 0 to the horizon, all side by side; what stands after the first `count` is filling."""
-    lane, clock, numbers = inputs
-    lanes, zero = clock.interval.shape[0], jnp.asarray(0)
+    (lane, numbers), zero = inputs, jnp.asarray(0)
 
-    def tick(fleet: Fleet, n: Int[Array, ""]) -> tuple[Fleet, None]:
-        fleet = settle(fleet, lane, network)
+    def tick(n: Int[Array, ""], fleet: Fleet) -> Fleet:
+        fleet = settle(fleet, n == 0, lane, network)
         after = lane.attack.frequency * clock.at(n + 2)
         moved = fleet._replace(
             free=flown(numbers, fleet.free), angle=fleet.next_angle, next_angle=circle(after)
         )
-        return decide(moved, lane, network), None
+        return decide(moved, lane, network)
 
-    def output(carry: Any, number: Int[Array, ""]) -> Any:
-        fleet, gathered, navigator = carry
-        fleet, _ = jax.lax.scan(tick, fleet, (number - 1) * plan.ticks + jnp.arange(plan.ticks))
-        gathered, saved = measure(fleet, gathered, navigator, number)
-        return (fleet, gathered, lane.navigator.angle(clock.at((number + 1) * plan.ticks))), saved
+    def output(number: Int[Array, ""], carry: Any) -> Any:
+        fleet, gathered, series, navigator = carry
+        gathered, series = measure(fleet, gathered, series, navigator, number)
+        now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
+        fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
+        return fleet, gathered, series, lane.navigator.angle(instant(number + 1))
 
-    def measure(fleet: Fleet, gathered: Gathered, navigator: Angle, number: Int[Array, ""]) -> Any:
+    def measure(fleet: Fleet, gathered: Gathered, series: Any, navigator: Angle, number: Any) -> Any:
         seen, ok = observe(fleet, lane, network, navigator), fleet.status == Status.ok
-        in_tail = number > plan.outputs - clock.tail_outputs
-        saved = {name: jnp.where(ok, SERIES[name](seen, network.hearing), jnp.nan) for name in plan.save}
-        return gathered.add(seen, network.hearing, jnp.ones_like(ok), in_tail), saved
+        series = {
+            name: jax.lax.dynamic_update_index_in_dim(
+                kept, jnp.where(ok, SERIES[name](seen, network.hearing), jnp.nan), number, 0
+            )
+            for name, kept in series.items()
+        }
+        return gathered.add(seen, network.hearing, jnp.ones_like(ok), clock.in_tail(number)), series
+
+    def instant(number: Any) -> Float[Array, "lanes"]:
+        return jnp.broadcast_to(clock.at(number * clock.ticks), lane.tolerance.shape)
+
+    def first() -> Any:
+        seen = observe(start(lane, network, clock), lane, network, lane.navigator.angle(instant(zero)))
+        return {name: SERIES[name](seen, network.hearing) for name in plan.save}
 
     fleet = start(lane, network, clock)
-    gathered, first = measure(
-        fleet, Gathered.start(lane.initial.shape[1:]), lane.navigator.angle(clock.at(zero)), zero
-    )
-    following = lane.navigator.angle(clock.at(zero + plan.ticks))
-    carry, rest = jax.lax.scan(output, (fleet, gathered, following), jnp.arange(1, plan.outputs + 1))
-    fleet, gathered, _ = carry
-    fleet = settle(fleet, lane, network)
+    series = jax.tree.map(lambda one: jnp.zeros((plan.rows, *one.shape)), jax.eval_shape(first))
+    gathered = Gathered.start(lane.initial.shape[1:])
+    carry = fleet, gathered, series, lane.navigator.angle(instant(zero))
+    fleet, gathered, series, _ = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
     status = fail(fleet.status, Status.singular, (gathered.min_speed < LEAST_SPEED).any(axis=0))
-    series = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
     return Outcome(
         status,
         gathered.metrics(clock.tail_outputs, status == Status.ok),
-        jnp.zeros(lanes, int),
+        jnp.zeros_like(status),
         fleet.switches,
         series,
     )
 
 
 def start(lane: Lane, network: Network, clock: Clock) -> Fleet:
-    """The lanes at t = 0 with their first decision followed."""
-    lanes, zero = clock.interval.shape[0], jnp.asarray(0)
-    navigator = lane.navigator.jets(clock.at(zero))
+    """The lanes at t = 0 with their first decision taken, all of E still free."""
+    lanes, zero = lane.tolerance.shape[0], jnp.asarray(0)
+    navigator = lane.navigator.jets(jnp.zeros(lanes))
     still = (jnp.abs(lane.initial[robot.SPEED]) < LEAST_SPEED).any(axis=0)
     status = fail(jnp.zeros(lanes, int), Status.singular, still)
     status = fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
@@ -114,8 +121,7 @@ def start(lane: Lane, network: Network, clock: Clock) -> Fleet:
         switches=jnp.zeros(lanes, int),
         status=status,
     )
-    fleet = decide(fleet, lane, network)
-    return follow(fleet, jnp.ones(lanes, bool), lane, network)
+    return decide(fleet, lane, network)
 
 
 def decide(fleet: Fleet, lane: Lane, network: Network) -> Fleet:
@@ -128,12 +134,15 @@ def decide(fleet: Fleet, lane: Lane, network: Network) -> Fleet:
     return fleet._replace(decided=dropped)
 
 
-def settle(fleet: Fleet, lane: Lane, network: Network) -> Fleet:
-    """Follow the decision in the lanes where it changed, and count the vehicles that changed their mind."""
+def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network) -> Fleet:
+    """Follow the decision in the lanes where it changed, and count the vehicles that changed their mind.
+
+    The first decision is no change, and followed in every lane.
+    """
     changed = (fleet.decided != fleet.followed).any(axis=0).sum(axis=0)
     alive = fleet.status == Status.ok
-    counted = fleet._replace(switches=fleet.switches + jnp.where(alive, changed, 0))
-    return follow(counted, alive & (changed > 0), lane, network)
+    counted = fleet._replace(switches=fleet.switches + jnp.where(alive & ~first, changed, 0))
+    return follow(counted, alive & (first | (changed > 0)), lane, network)
 
 
 def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Network) -> Fleet:

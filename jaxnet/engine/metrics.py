@@ -72,7 +72,7 @@ class Gathered(NamedTuple):
         seen: Observation,
         hearing: Hearing,
         there: Bool[Array, "*lanes"],
-        in_tail: Bool[Array, "*lanes"],
+        in_tail: Bool[Array, "*some"],
     ) -> "Gathered":
         """With one more output time of the lanes that are `there`; tails count where it is `in_tail`."""
         counts, errors = (there & in_tail)[None], seen.errors()
@@ -97,7 +97,7 @@ class Gathered(NamedTuple):
             jnp.where(here, jnp.maximum(self.peak_turn_rate, turn_rate), self.peak_turn_rate),
         )
 
-    def metrics(self, tail_outputs: Int[Array, "*lanes"], ok: Bool[Array, "*lanes"]) -> Metrics:
+    def metrics(self, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]) -> Metrics:
         """What a row shows: of the whole fleet, and not-a-number where a lane is not ok."""
         outputs = tail_outputs.astype(float)
         whole = Metrics(

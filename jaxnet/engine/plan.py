@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.status import Code
@@ -15,30 +15,34 @@ class Plan(NamedTuple):
     """What the compiled program is shaped by: hashable, a new one compiles anew."""
 
     engine: str  # chassis | flat
-    outputs: int  # output times after t = 0
-    ticks: int  # intervals from one output time to the next
     in_field: bool = False  # chassis: decide inside the vector field (tick: 0), not once an interval
     solver: str = ""  # chassis
     save: tuple[str, ...] = ()  # what is stacked over output times, of `metrics.SERIES`
+    rows: int = 0  # of those stacks: the clock's outputs and t = 0, where anything is saved
     chunk: int = 0  # lanes side by side
 
 
 class Clock(NamedTuple):
-    """When things happen, as numbers of a lane."""
+    """When things happen."""
 
-    interval: Float[Array, "*lanes"]  # [s] from tick to tick
-    tail_outputs: Int[Array, "*lanes"]  # how many of the last output times stand for t → ∞
+    interval: Float[Array, ""]  # [s] from tick to tick
+    ticks: Int[Array, ""]  # intervals from one output time to the next
+    outputs: Int[Array, ""]  # output times after t = 0
+    tail_outputs: Int[Array, ""]  # how many of the last output times stand for t → ∞
 
-    def at(self, number: Any) -> Float[Array, "*lanes"]:
-        """Time [s] of the tick with this number, one for all or one for each lane."""
+    def at(self, number: Any) -> Float[Array, "*numbers"]:
+        """Times [s] of the ticks with these numbers."""
         return number.astype(float) * self.interval
+
+    def in_tail(self, output: Any) -> Bool[Array, "*numbers"]:
+        """Whether these output times stand for t → ∞."""
+        return output > self.outputs - self.tail_outputs
 
 
 class Inputs(NamedTuple):
     """Everything about lanes that is a number."""
 
     lane: Lane
-    clock: Clock
     numbers: Any  # of the engine: its tolerances, or its flow
 
 

@@ -35,6 +35,7 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
                 worst(
                     jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs),
                     lanes.network.hearing,
+                    float(lanes.clock.interval),
                     {name: values[n] for name, values in outcome.series.items()},
                 )
                 for n in range(lanes.size)
@@ -42,9 +43,9 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
         )
 
 
-def worst(one: batch.Inputs, hearing: Hearing, series: dict[str, Any]) -> float:
+def worst(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, Any]) -> float:
     """Greatest distance of one lane."""
-    lane, interval = one.lane, float(one.clock.interval)
+    lane = one.lane
     times = np.arange(len(series["kept"])) * interval
     signals = [np.asarray(jet) for jet in jax.vmap(lane.attack.jets)(jnp.asarray(times))]
     navigator = type(lane.navigator)(*map(np.asarray, lane.navigator)).jets(times)

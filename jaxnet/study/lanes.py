@@ -33,10 +33,9 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
         tolerance=drawn.one(getattr(scenario.defence, "tolerance", 0.0), "defence.tolerance"),
         gain=drawn.gain(),
     )
-    interval = scenario.output_step if plan.ticks == 1 else scenario.tick
-    clock = Clock(drawn.same(interval), drawn.same(tail_outputs(scenario)))
-    shared = shared_network(scenario, network, sources)
-    return Job(Inputs(lanes, clock, engine_numbers(scenario, lanes.gain, interval, drawn)), shared, plan)
+    shared, clock = shared_network(scenario, network, sources), clock_of(scenario)
+    numbers = engine_numbers(scenario, lanes.gain, float(clock.interval), drawn)
+    return Job(Inputs(lanes, numbers), shared, clock, plan)
 
 
 def shared_network(scenario: Scenario, network: Network, sources: Any) -> SharedNetwork:
@@ -61,22 +60,31 @@ def engine_numbers(scenario: Scenario, gain: Any, interval: float, drawn: "Drawn
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """What the compiled program is shaped by. Where nobody decides, a tick is an output step."""
-    decides = isinstance(scenario.defence, config.TrustedTrim)
-    held = decides and scenario.tick > 0
+    """What the compiled program is shaped by."""
     return Plan(
         engine=scenario.engine.kind,
-        outputs=round(scenario.horizon / scenario.output_step),
-        ticks=round(scenario.output_step / scenario.tick) if held else 1,
-        in_field=decides and scenario.tick == 0,
+        in_field=isinstance(scenario.defence, config.TrustedTrim) and scenario.tick == 0,
         solver=getattr(scenario.engine, "solver", ""),
         save=save,
+        rows=outputs_of(scenario) + 1 if save else 0,
     )
 
 
-def tail_outputs(scenario: Scenario) -> int:
-    """Output times that stand for t → ∞, both ends of the tail included."""
-    return round(scenario.tail / scenario.output_step) + 1
+def clock_of(scenario: Scenario) -> Clock:
+    """When things happen. Where nobody decides, a tick is an output step."""
+    held = isinstance(scenario.defence, config.TrustedTrim) and scenario.tick > 0
+    numbers = (
+        scenario.tick if held else scenario.output_step,
+        round(scenario.output_step / scenario.tick) if held else 1,
+        outputs_of(scenario),
+        round(scenario.tail / scenario.output_step) + 1,  # both ends of the tail
+    )
+    return Clock(*map(np.asarray, numbers))  # pyright: ignore[reportArgumentType]
+
+
+def outputs_of(scenario: Scenario) -> int:
+    """Output times after t = 0."""
+    return round(scenario.horizon / scenario.output_step)
 
 
 class Drawn:

@@ -130,16 +130,16 @@ def outcomes(
         one = job(alike[0].cell.scenario, study.seed, [0], save)
         inputs = (job(shard.cell.scenario, study.seed, shard.samples, save).inputs for shard in alike)
         lanes = sum(len(shard.samples) for shard in alike)
-        ends = batch.simulate_each(inputs, lanes, one.network, one.plan, machine, load_done)
+        ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
         yield from zip(alike, ends, strict=True)
 
 
 def program_of(one: Job) -> Any:
-    """What jobs must share to run in one go: types, shapes, the plan and the network."""
+    """What jobs must share to run in one go: types, shapes, the plan, the network and the clock."""
     leaves, structure = jax.tree.flatten(one.inputs)
-    shared, kind = jax.tree.flatten(one.network)
-    network = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
-    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, network
+    shared, kind = jax.tree.flatten((one.network, one.clock))
+    values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
+    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
 
 
 def store_shard(

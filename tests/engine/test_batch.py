@@ -14,13 +14,13 @@ SHORT = {"horizon": 2.0, "tail": 1.0}
 
 def with_faults(one):
     """Lane 1 starts from NaN, lane 3 with a vehicle at rest, lane 5 may take ten steps."""
-    lane, clock, tolerances = one.inputs
+    lane, tolerances = one.inputs
     initial, limit = lane.initial.copy(), tolerances.max_steps.copy()
     initial[1, 0, 4] = np.nan
     initial[3, 3, 7] = 0.0
     limit[5] = 10
     lane, tolerances = lane._replace(initial=initial), tolerances._replace(max_steps=limit)
-    return one._replace(inputs=Inputs(lane, clock, tolerances))
+    return one._replace(inputs=Inputs(lane, tolerances))
 
 
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])
