@@ -51,13 +51,57 @@ def test_the_step_limit_is_a_limit():
         assert (outcome.status[0], outcome.steps[0]) == (status, limit)
 
 
-def test_a_lane_is_the_same_alone_and_among_others():
-    """Whatever the number of lanes and its place in the chunk."""
-    given = systems.study(**SHORT)
-    many = systems.simulate(systems.lanes(given, batch.CHUNKS["chassis"] + 3, ()))
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_a_lane_is_the_same_alone_and_among_others(engine):
+    """Whatever the number of lanes, its place among them, and how many cores share the work."""
+    given = systems.study(engine=engine, **SHORT)
+    lanes = 2 * batch.CHUNKS[engine] + 3
+    many = systems.simulate(systems.lanes(given, lanes, ()))
+    alone = batch.simulate(systems.lanes(given, lanes, ()), batch.Machine(devices=1))
     few = systems.simulate(systems.lanes(given, 3, ()))
-    for ours, theirs in zip(jax.tree.leaves(few), jax.tree.leaves(many), strict=True):
+    for ours, theirs, same in zip(*map(jax.tree.leaves, (few, many, alone)), strict=True):
         np.testing.assert_array_equal(ours, theirs[:3])
+        np.testing.assert_array_equal(same, theirs)
+
+
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_what_is_saved_changes_no_row(engine):
+    """Rows are the same to the last bit with trajectories and without."""
+    given = systems.study(engine=engine, **SHORT)
+    bare = systems.simulate(systems.lanes(given, 40, ()))
+    saving = systems.simulate(
+        systems.lanes(given, 40, ("state", "attack", "kept", "tracking", "disagreement"))
+    )
+    for ours, theirs in zip(*map(jax.tree.leaves, (bare, saving._replace(series={}))), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_chunks_of_another_width_agree(engine):
+    """To 1e-9, with the same decisions."""
+    one = systems.lanes(systems.study(engine=engine, **SHORT), 40, ())
+    ours, theirs = systems.simulate(one), batch.simulate(one, batch.Machine(chunk=5))
+    np.testing.assert_array_equal(ours.switches, theirs.switches)
+    for metric, other in zip(ours.metrics, theirs.metrics, strict=True):
+        np.testing.assert_allclose(metric, other, rtol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_numbers_never_compile_anew(engine):
+    """Not gains, magnitudes, tolerances, horizons, ticks or tails; another kind of attack neither."""
+    keys = {"gain": [2, 4, 4], "horizon": 3.0, "tail": 0.5, "tick": 0.025, "output_step": 0.05}
+    attack = {"kind": "sinusoid", "magnitude": {"normal": [3, 0]}}
+    defence = {"kind": "trusted_trim", "tolerance": 1e-6}
+    first, *others = (
+        systems.lanes(systems.study(engine=engine, **changed), 2, ())
+        for changed in (SHORT, {"attack": attack, **keys}, {"defence": defence, **SHORT})
+    )
+    systems.simulate(first)
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: compiled.append(name))
+    for lanes in others:
+        assert systems.simulate(lanes).status.tolist() == [0, 0]
+    assert not [name for name in compiled if "backend_compile" in name]
 
 
 def test_a_defence_that_cuts_vehicles_off_is_disconnected():

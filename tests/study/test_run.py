@@ -1,5 +1,6 @@
 """The results folder: what the contract says is in it, and that no interruption changes it."""
 
+import errno
 import json
 import os
 import shutil
@@ -8,17 +9,21 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 import yaml
+from click.testing import CliRunner
 
 import jaxnet
+from jaxnet.cli import main
 from jaxnet.study.api import Results
 from jaxnet.study.document import ConfigError
 from jaxnet.study.folder import Folder, FolderError
+from jaxnet.study.replay import replay
 from tests import systems
 
 STUDY = {
@@ -352,3 +357,44 @@ def test_numbers_and_distributions_swept_together(tmp_path):
     given = systems.study(samples=4, **given)
     assert [cell.scenario for cell in many.study.cells] == [cell.scenario for cell in given.cells]
     assert [cell.labels for cell in many.study.cells] == [cell.labels for cell in given.cells]
+
+
+def test_a_run_that_the_disk_has_no_room_for_is_not_begun(config, tmp_path, monkeypatch):
+    """It says how much it may need, and how much there is."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=2**20))
+    with pytest.raises(FolderError, match=r"may need 4 MiB, and 1 MiB are free there"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "full")
+    assert not list(tmp_path.glob("full/lanes/*"))
+
+
+def test_a_disk_that_fills_up_loses_nothing(config, results, tmp_path, monkeypatch):
+    """The message is plain and the same command goes on."""
+    whole = Folder.put
+
+    def filling(folder, name, write):
+        if name == "lanes/00002.parquet":
+            raise OSError(errno.ENOSPC, "No space left on device", name)
+        whole(folder, name, write)
+
+    command = ["run", str(config), "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patch:
+        patch.setattr(Folder, "put", filling)
+        ended = CliRunner().invoke(main, command)
+    assert ended.exit_code == 2
+    assert "No space left on device" in ended.output
+    assert "the same command goes on" in ended.output
+    assert CliRunner().invoke(main, command).exit_code == 0
+    pd.testing.assert_frame_equal(jaxnet.open(tmp_path / "out").lanes, results.lanes, check_exact=True)
+
+
+def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
+    """By its own it is the same to the last bit; by the other it goes the same way."""
+    shutil.copytree(results.path, tmp_path / "copy")
+    copy = jaxnet.open(tmp_path / "copy")
+    _, own = replay(copy, 1, 2)
+    assert own.equals(results.lanes.iloc[5])
+    path, other = replay(copy, 1, 2, "flat")
+    assert other["steps"] == 0
+    assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
+    paths = xr.open_zarr(path)["state"].values[0, 0, :, :, :2]
+    np.testing.assert_allclose(paths, results.trajectories["state"].values[1, 2, :, :, :2], atol=1e-5)
