@@ -1,0 +1,58 @@
+"""The races: a peer that simulates something else would be no peer, and a script must at least start."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from experiments.benchmarks import peers
+from jaxnet.study.lanes import job
+from tests import systems
+
+BENCHMARKS = Path(peers.__file__).parent
+PEERS = {
+    "scipy dense": peers.with_scipy,
+    "scipy structured": lambda lanes: peers.with_scipy(lanes, dense=False),
+    "diffrax dense": peers.with_diffrax,
+    "diffrax structured": lambda lanes: peers.with_diffrax(lanes, dense=False),
+    "octave dense": peers.with_octave,
+}
+
+
+@pytest.fixture(scope="module")
+def attacked():
+    """A lane whose graph, gain and attack have no symmetry to hide behind."""
+    edges = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1, 2]]
+    (cell,) = systems.study(
+        vehicles=4,
+        topology={"kind": "edges", "edges": edges},
+        gain=[6, 11, 6],
+        attack={"kind": "rotating", "vehicles": [1, 3]},
+        defence="none",
+        horizon=3.0,
+        tail=1.0,
+    ).cells
+    return job(cell.scenario, 0, [0])
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_simulates_the_same_lane(name, attacked):
+    """Within what its tolerances allow, 1e-5 m."""
+    try:
+        positions = PEERS[name](attacked)
+    except peers.NotInstalledError as program:
+        pytest.skip(f"{program}: not on this machine")
+    assert positions.shape == (1, 31, 4, 2)
+    assert peers.greatest_error(attacked, positions) < 1e-5
+
+
+@pytest.mark.parametrize("script", ["speed", "scaling", "memory", "row"])
+def test_a_script_says_what_it_does(script):
+    """Under `--help`, with its question or task first."""
+    command = [sys.executable, BENCHMARKS / f"{script}.py", "--help"]
+    path = os.pathsep.join(sys.path)
+    shown = subprocess.run(command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True)
+    assert shown.returncode == 0, shown.stderr
+    assert "usage" in shown.stdout
