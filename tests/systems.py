@@ -8,11 +8,14 @@ import yaml
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
+from jaxnet.engine.metrics import SERIES
 from jaxnet.engine.plan import Outcome
 from jaxnet.study import sweep
 from jaxnet.study.api import Study
 from jaxnet.study.document import Document
 from jaxnet.study.lanes import job
+
+EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
 
 
 def study(**keys: Any) -> Study:
@@ -33,7 +36,7 @@ class Lanes(NamedTuple):
         return sum(job.size for job in self.jobs)
 
 
-def lanes(given: Study, samples: int, save: tuple[str, ...] = ("state",)) -> Any:
+def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any:
     """Lanes of all cells of a study: one job where there is one cell."""
     jobs = [job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells]
     return jobs[0] if len(jobs) == 1 else Lanes(jobs)

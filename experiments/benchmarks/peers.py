@@ -27,7 +27,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat, savemat
-from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
 from jaxnet.engine.batch import Job
 from jaxnet.study import exactness
@@ -55,7 +54,7 @@ class Fleet(NamedTuple):
 
 def fleets(job: Job) -> list[Fleet]:
     """The lanes of an untrimmed job."""
-    assert job.plan.ticks == 1, "the peers do not trim"
+    assert job.clock.ticks == 1, "the peers do not trim"
     lanes = (jax.tree.map(lambda leaf, n=n: np.asarray(leaf[n]), job.inputs.lane) for n in range(job.size))
     return [fleet(lane, *map(np.asarray, job.network.hearing)) for lane in lanes]
 
@@ -89,7 +88,7 @@ def links(weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray) -> tup
 
 def output_times(job: Job) -> Float[np.ndarray, " times"]:
     """Output times [s]."""
-    return np.arange(job.plan.outputs + 1) * float(job.inputs.clock.interval[0])
+    return np.arange(job.clock.outputs + 1) * float(job.clock.interval)
 
 
 def greatest_error(job: Job, positions: Positions) -> float:
@@ -99,6 +98,7 @@ def greatest_error(job: Job, positions: Positions) -> float:
             exactness.worst(
                 jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), job.inputs),
                 job.network.hearing,
+                float(job.clock.interval),
                 {"state": path, "kept": kept(job, n)},
             )
             for n, path in enumerate(positions)
@@ -109,7 +109,7 @@ def greatest_error(job: Job, positions: Positions) -> float:
 def kept(job: Job, number: int) -> Float[np.ndarray, "times m sources"]:
     """Weights of a lane that nobody trims, at every output time."""
     weights = job.network.hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
-    return np.broadcast_to(weights, (job.plan.outputs + 1, *weights.shape))
+    return np.broadcast_to(weights, (job.clock.outputs + 1, *weights.shape))
 
 
 # --- SciPy -------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.nd
             columns[0], columns[1] = along, speed * left
             rows[0], rows[1] = along.conj(), left.conj() / speed
             mixing = doubled * (rows.reshape(2 * m, 1) * columns.reshape(2 * m)).real
-            force_rate, turn = dgesv(mixing, (rows * demand).real.reshape(2 * m))[2].reshape(2, m)
+            force_rate, turn = np.linalg.solve(mixing, (rows * demand).real.ravel()).reshape(2, m)
         else:
             jerk = along.conj() * (inverse @ demand)
             force_rate, turn = jerk.real, jerk.imag / speed

@@ -26,7 +26,7 @@ def with_faults(one):
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])
 def test_a_failed_lane_is_named_and_spoils_no_other(defence):
     """The others of its batch are the same to the last bit."""
-    one = systems.lanes(systems.study(defence=defence, **SHORT), 20, ("state", "tracking"))
+    one = systems.lanes(systems.study(defence=defence, **SHORT), 20)
     clean, faulty = systems.simulate(one), systems.simulate(with_faults(one))
     assert (clean.status == Status.ok).all()
     failed = {1: Status.nonfinite, 3: Status.singular, 5: Status.max_steps}
@@ -69,9 +69,7 @@ def test_what_is_saved_changes_no_row(engine):
     """Rows are the same to the last bit with trajectories and without."""
     given = systems.study(engine=engine, **SHORT)
     bare = systems.simulate(systems.lanes(given, 40, ()))
-    saving = systems.simulate(
-        systems.lanes(given, 40, ("state", "attack", "kept", "tracking", "disagreement"))
-    )
+    saving = systems.simulate(systems.lanes(given, 40))
     for ours, theirs in zip(*map(jax.tree.leaves, (bare, saving._replace(series={}))), strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
@@ -115,7 +113,7 @@ def test_a_defence_that_cuts_vehicles_off_is_disconnected():
     }
     defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
     given = systems.study(topology=graph, vehicles=4, defence=defence, attack="none", horizon=10.0, tail=1.0)
-    outcome = systems.simulate(systems.lanes(given, 16, ("kept",)))
+    outcome = systems.simulate(systems.lanes(given, 16))
     cut = outcome.status == Status.disconnected
     assert cut.any()
     assert set(outcome.status.tolist()) <= {Status.ok, Status.disconnected}
@@ -124,7 +122,7 @@ def test_a_defence_that_cuts_vehicles_off_is_disconnected():
 
 def test_metrics_are_those_of_the_stored_trajectory():
     """Each number by its definition, from states and weights at output times."""
-    one = systems.lanes(systems.study(**SHORT), 4, ("state", "kept", "tracking", "disagreement"))
+    one = systems.lanes(systems.study(**SHORT), 4)
     outcome = systems.simulate(one)
     for number in range(4):
         lane = systems.lane(one, number)

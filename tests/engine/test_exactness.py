@@ -56,7 +56,7 @@ def exact(one, number, interval, intervals, **trimming):
 def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
     """O1: 20 random lanes in each of three topologies, to 5e-6 m over 30 s."""
     given = systems.study(attack="none", defence="none", sweep={"topology": TOPOLOGIES})
-    one = systems.lanes(given, 20, ("state", "tracking"))
+    one = systems.lanes(given, 20)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     for number, states in enumerate(outcome.series["state"]):
@@ -98,7 +98,7 @@ def trimmed(request):
     if request.param == "bias":
         signal["direction"] = {"uniform": [0, 6.28]}
     given = systems.study(attack=signal, output_step=0.05)
-    one = systems.lanes(given, 4, ("state", "attack", "kept"))
+    one = systems.lanes(given, 4)
     outcome = systems.simulate(one)
     count = one.size
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}

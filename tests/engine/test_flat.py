@@ -27,7 +27,7 @@ def test_attacked_without_trimming_is_exact(kind):
 def test_trimming_at_ticks_decides_and_moves_as_the_reference():
     """The same decisions until one falls on a knife's edge, and positions to 1e-9 m until then."""
     given = systems.study(engine="flat", attack={"magnitude": 5.0}, output_step=0.05)
-    one = systems.lanes(given, 4, ("state", "kept"))
+    one = systems.lanes(given, 4)
     outcome = systems.simulate(one)
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
     for number in range(4):
@@ -78,7 +78,7 @@ def test_trimming_with_drawn_gains_and_weights():
     topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
     defence = {"tolerance": {"uniform": [0.1, 1]}}
     given = systems.study(engine="flat", topology=topology, defence=defence, gain=GAIN, output_step=0.05)
-    one = systems.lanes(given, 3, ("state", "kept"))
+    one = systems.lanes(given, 3)
     outcome = systems.simulate(one)
     for number in range(3):
         tolerance = systems.lane(one, number).tolerance
