@@ -126,10 +126,8 @@ def schema() -> None:
 @results_argument
 @click.option("--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0.")
 @click.option("--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0.")
-@click.option(
-    "--engine", type=click.Choice(["chassis", "flat"]), default="", help="[default: the study's own]"
-)
-def replay(results: Path, cell: int, sample: int, engine: str) -> None:
+@click.option("--engine", type=click.Choice(["chassis", "flat"]), help="[default: the study's own]")
+def replay(results: Path, cell: int, sample: int, engine: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
         opened = jaxnet.open(results)

@@ -88,7 +88,7 @@ def links(weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray) -> tup
 
 def output_times(job: Job) -> Float[np.ndarray, " times"]:
     """Output times [s]."""
-    return np.arange(job.clock.outputs + 1) * float(job.clock.interval)
+    return np.arange(int(job.clock.outputs) + 1) * float(job.clock.interval)
 
 
 def greatest_error(job: Job, positions: Positions) -> float:
@@ -109,7 +109,7 @@ def greatest_error(job: Job, positions: Positions) -> float:
 def kept(job: Job, number: int) -> Float[np.ndarray, "times m sources"]:
     """Weights of a lane that nobody trims, at every output time."""
     weights = job.network.hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
-    return np.broadcast_to(weights, (job.clock.outputs + 1, *weights.shape))
+    return np.broadcast_to(weights, (int(job.clock.outputs) + 1, *weights.shape))
 
 
 # --- SciPy -------------------------------------------------------------------------------------------

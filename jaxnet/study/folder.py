@@ -116,6 +116,9 @@ class Folder:
             lock.truncate(0)
             lock.write(f"process {os.getpid()} on {platform.node()}")
             lock.flush()
+            for place in (self.path, self.path / "lanes"):
+                for torn in place.glob(".*.[0-9]*"):  # by a writer that was killed
+                    torn.unlink()
             yield
 
     def clear(self) -> None:

@@ -17,7 +17,7 @@ from jaxnet.study.run import rows_of
 from jaxnet.study.sweep import Cell
 
 
-def replay(results: Results, cell: int, sample: int, engine: str = "") -> tuple[Path, pd.Series]:
+def replay(results: Results, cell: int, sample: int, engine: str | None = None) -> tuple[Path, pd.Series]:
     """Store the lane's trajectory under `replays/`; its path and the lane's row.
 
     `engine` names one to use instead of the study's own.
@@ -44,9 +44,9 @@ def replay(results: Results, cell: int, sample: int, engine: str = "") -> tuple[
     return path, row.to_pandas().iloc[0]
 
 
-def with_engine(cell: Cell, engine: str) -> Cell:
+def with_engine(cell: Cell, engine: str | None) -> Cell:
     """The cell under this engine with its defaults; itself if that is its own."""
-    if engine in ("", cell.scenario.engine.kind):
+    if engine in (None, cell.scenario.engine.kind):
         return cell
     kinds = {config.kind_name(kind): kind for kind in config.KINDS["engine"]}
     scenario = cell.scenario.model_copy(update={"engine": kinds[engine]()})

@@ -4,40 +4,29 @@ import jax
 import numpy as np
 import pytest
 
+from experiments import faults
 from jaxnet.engine import batch
-from jaxnet.engine.plan import Inputs
 from jaxnet.engine.status import Status
 from tests import systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
 
 
-def with_faults(one):
-    """Lane 1 starts from NaN, lane 3 with a vehicle at rest, lane 5 may take ten steps."""
-    lane, tolerances = one.inputs
-    initial, limit = lane.initial.copy(), tolerances.max_steps.copy()
-    initial[1, 0, 4] = np.nan
-    initial[3, 3, 7] = 0.0
-    limit[5] = 10
-    lane, tolerances = lane._replace(initial=initial), tolerances._replace(max_steps=limit)
-    return one._replace(inputs=Inputs(lane, tolerances))
-
-
-@pytest.mark.parametrize("defence", ["none", "trusted_trim"])
-def test_a_failed_lane_is_named_and_spoils_no_other(defence):
-    """The others of its batch are the same to the last bit."""
-    one = systems.lanes(systems.study(defence=defence, **SHORT), 20)
-    clean, faulty = systems.simulate(one), systems.simulate(with_faults(one))
-    assert (clean.status == Status.ok).all()
-    failed = {1: Status.nonfinite, 3: Status.singular, 5: Status.max_steps}
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_a_failed_lane_is_named_and_spoils_no_other(engine):
+    """Of a thousand lanes three fail, and the others are the same to the last bit."""
+    given = systems.study(engine=engine, horizon=0.4, tail=0.2)
+    clean = systems.lanes(given, 1000)
+    failed = {n: status for n, status in faults.FAULTS.items() if faults.fits(engine, status)}
+    before, after = systems.simulate(clean), systems.simulate(faults.with_faults(clean, failed))
+    assert (before.status == Status.ok).all()
+    assert before.switches.any()
+    assert faults.changed(before, after) == set(failed)
     for number, status in failed.items():
-        assert faulty.status[number] == status
-        assert all(np.isnan(metric[number]) for metric in faulty.metrics)
-        assert np.isnan(faulty.series["tracking"][number, -1])
-    assert faulty.steps[5] == 10
-    others = [number for number in range(20) if number not in failed]
-    for ours, theirs in zip(jax.tree.leaves(faulty), jax.tree.leaves(clean), strict=True):
-        np.testing.assert_array_equal(ours[others], theirs[others])
+        assert after.status[number] == status
+        assert all(np.isnan(metric[number]) for metric in after.metrics)
+        assert np.isnan(after.series["tracking"][number, -1])
+        assert (status == Status.max_steps) == (after.steps[number] == faults.STEPS)
 
 
 def test_the_step_limit_is_a_limit():
