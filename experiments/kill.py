@@ -63,7 +63,7 @@ def main(kills: int, seed: int) -> None:
         cut = [path.name for path in broken.rglob(".*") if path.is_file() and path.name != ".lock"]
         compare(broken, whole)
         print(f"{reader.reads} tables read on the way, none torn, no shard written twice")
-        print(f"{kills} kills, {len(cut)} within the writing of a table: {', '.join(cut)}")
+        print(f"{kills} kills, {len(cut)} within the writing of a table {cut}")
         print("all is equal to the undisturbed run")
 
 
