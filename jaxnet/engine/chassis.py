@@ -95,9 +95,9 @@ def simulate(queue: Inputs, count: Int[Array, ""], network: Network, clock: Cloc
         return (run.fleet.status == Status.ok) & (run.fleet.at_tick | moving(run.fleet, clock))
 
     def end(inputs: Inputs, run: Run) -> Outcome:
-        fleet, ok = run.fleet, run.fleet.status == Status.ok
-        metrics = run.gathered.metrics(clock.tail_outputs, ok)
-        return Outcome(fleet.status, metrics, fleet.steps, fleet.switches, {})
+        fleet, status = run.fleet, fail(run.fleet.status, Status.nonfinite, ~run.gathered.finite())
+        metrics = run.gathered.metrics(clock.tail_outputs, status == Status.ok)
+        return Outcome(status, metrics, fleet.steps, fleet.switches, {})
 
     def one(inputs: Inputs) -> Any:
         seen = observe(start(inputs, clock), inputs.lane, network, plan)

@@ -97,6 +97,10 @@ class Gathered(NamedTuple):
             jnp.where(here, jnp.maximum(self.peak_turn_rate, turn_rate), self.peak_turn_rate),
         )
 
+    def finite(self) -> Bool[Array, "*lanes"]:
+        """Lanes of which every number is one."""
+        return jnp.isfinite(jnp.stack(self)).all(axis=(0, 1))
+
     def metrics(self, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]) -> Metrics:
         """What a row shows: of the whole fleet, and not-a-number where a lane is not ok."""
         outputs = tail_outputs.astype(float)

@@ -1,9 +1,9 @@
 """Adaptive Runge-Kutta steps of many lanes side by side, each with its own time and step.
 
 The methods are diffrax's Butcher tableaux and the control of the step is that of its `PIDController` as an
-integral controller, as MATLAB's `ode45` and SciPy's `RK45` have it.
-Its own stepping is for one lane (`vmap` over it puts lanes first, and evaluates
-the first stage anew whenever some lane of the batch was rejected): measured, half as fast.
+integral controller; a step, its error, the next step and the order of convergence are held against diffrax's
+own in tests. Diffrax's stepping itself is for one lane (`vmap` over it puts lanes first, and evaluates the
+first stage anew whenever some lane of the batch was rejected): measured, half as fast.
 
 The lanes are the last axis of every array. The stages are a loop, so that the vector field is compiled once;
 what it needs of the time is evaluated for all stages before, for what a loop is given is evaluated once,
@@ -45,7 +45,6 @@ class Method(NamedTuple):
     solution: Float[np.ndarray, " s"]  # b
     error: Float[np.ndarray, " s"]  # b minus the embedded method's
     order: int
-    reuses: bool  # the last stage is the next step's first
 
 
 class Trial(NamedTuple):
@@ -59,16 +58,17 @@ class Trial(NamedTuple):
 
 
 def method(name: str) -> Method:
-    """A method by the name of its solver."""
+    """A method by the name of its solver, one whose last stage is the next step's first."""
     solver = SOLVERS[name]()
     table = solver.tableau
+    assert table.fsal, name
     stages = len(table.b_sol)
     matrix = np.zeros((stages, stages))
     for row, given in enumerate(table.a_lower, start=1):
         matrix[row, : len(given)] = given
     order = solver.error_order(diffrax.ODETerm(lambda t, y, args: y))
     nodes = np.concatenate([[0.0], table.c])
-    return Method(nodes, matrix, table.b_sol, table.b_error, int(order), bool(table.fsal))
+    return Method(nodes, matrix, table.b_sol, table.b_error, int(order))
 
 
 def attempt(

@@ -142,3 +142,13 @@ def test_other_solvers_agree(solver):
     theirs = systems.simulate(systems.lanes(systems.study(**keys), 2))
     np.testing.assert_allclose(ours.series["state"][..., :2], theirs.series["state"][..., :2], atol=1e-5)
     assert not np.array_equal(ours.steps, theirs.steps)
+
+
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_numbers_beyond_all_bounds_are_nonfinite(engine):
+    """An attack that overflows leaves no lane that calls itself ok."""
+    attack = {"kind": "rotating", "magnitude": 1e308}
+    given = systems.study(engine=engine, attack=attack, defence="none", **SHORT)
+    outcome = systems.simulate(systems.lanes(given, 2, ()))
+    assert outcome.status.tolist() == [Status.nonfinite] * 2
+    assert np.isnan(outcome.metrics.tail_mean).all()

@@ -361,8 +361,8 @@ def test_numbers_and_distributions_swept_together(tmp_path):
 
 def test_a_run_that_the_disk_has_no_room_for_is_not_begun(config, tmp_path, monkeypatch):
     """It says how much it may need, and how much there is."""
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=2**20))
-    with pytest.raises(FolderError, match=r"may need 4 MiB, and 1 MiB are free there"):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
+    with pytest.raises(FolderError, match=r"may need \d+ MiB, and 0 MiB are free there"):
         jaxnet.run(jaxnet.load(config), tmp_path / "full")
     assert not list(tmp_path.glob("full/lanes/*"))
 
