@@ -139,7 +139,9 @@ def scenario_of(keys: Mapping[str, Any]) -> Any:
 
 
 def spread(rates: Sequence[float]) -> str:
-    """Median, least and greatest."""
+    """Median, least and greatest; a single rate by itself."""
+    if len(rates) == 1:
+        return shown(rates[0])
     low, middle, high = (shown(rate) for rate in (min(rates), statistics.median(rates), max(rates)))
     return f"{middle} ({low} to {high})"
 
