@@ -93,8 +93,8 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     gathered = Gathered.start(lane.initial.shape[1:])
     carry = fleet, gathered, series, lane.navigator.angle(instant(zero))
     fleet, gathered, series, _ = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
-    status = fail(fleet.status, Status.nonfinite, ~gathered.finite())
-    status = fail(status, Status.singular, (gathered.min_speed < LEAST_SPEED).any(axis=0))
+    status = fail(fleet.status, Status.singular, (gathered.min_speed < LEAST_SPEED).any(axis=0))
+    status = fail(status, Status.nonfinite, ~gathered.finite())
     return Outcome(
         status,
         gathered.metrics(clock.tail_outputs, status == Status.ok),

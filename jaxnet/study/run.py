@@ -123,9 +123,14 @@ def outcomes(
     save = tuple(layout.ERRORS) if study.save.errors else ()
     if study.save.trajectories == "all":
         save += layout.trajectory_series(cells)
+    cells_in_need = {shard.cell.number: shard.cell for shard in shards}
+    programs = {
+        number: program_of(job(cell.scenario, study.seed, [0], save))
+        for number, cell in cells_in_need.items()
+    }
     kinds: dict[Any, list[Shard]] = {}
     for shard in shards:
-        kinds.setdefault(program_of(job(shard.cell.scenario, study.seed, [0], save)), []).append(shard)
+        kinds.setdefault(programs[shard.cell.number], []).append(shard)
     for alike in kinds.values():
         one = job(alike[0].cell.scenario, study.seed, [0], save)
         inputs = (job(shard.cell.scenario, study.seed, shard.samples, save).inputs for shard in alike)

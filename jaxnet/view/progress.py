@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -13,11 +14,8 @@ Report = Callable[[int, int, int], None]
 @contextlib.contextmanager
 def reporting() -> Iterator[Report]:
     """A function to tell of lanes done, lanes in all, lanes failed."""
-    if sys.stderr.isatty():
-        with bar() as report:
-            yield report
-    else:
-        yield heartbeat()
+    with bar() if sys.stderr.isatty() else heartbeat() as report:
+        yield report
 
 
 @contextlib.contextmanager
@@ -51,22 +49,34 @@ def bar() -> Iterator[Report]:
         yield report
 
 
-def heartbeat() -> Report:
-    """A line now and then."""
-    speed, last = Speed(), [time.monotonic()]
+@contextlib.contextmanager
+def heartbeat() -> Iterator[Report]:
+    """A line each half minute, also while nothing comes to its end."""
+    speed, ended, now = Speed(), threading.Event(), (0, 0, 0)
 
     def report(done: int, total: int, failed: int) -> None:
+        nonlocal now
         speed.note(done)
-        if time.monotonic() - last[0] >= HEARTBEAT and done < total:
-            last[0] = time.monotonic()
-            left = speed.left(total - done)
-            print(
-                f"{done}/{total} lanes  {speed.text()}  {failed} failed  {left} left",
-                file=sys.stderr,
-                flush=True,
-            )
+        now = done, total, failed
 
-    return report
+    def beat() -> None:
+        while not ended.wait(HEARTBEAT):
+            done, total, failed = now
+            words = [
+                f"{done}/{total} lanes",
+                speed.text(),
+                f"{failed} failed",
+                f"{speed.left(total - done)} left",
+            ]
+            print("  ".join(filter(None, words)), file=sys.stderr, flush=True)
+
+    beating = threading.Thread(target=beat, daemon=True)
+    beating.start()
+    try:
+        yield report
+    finally:
+        ended.set()
+        beating.join()
 
 
 class Speed:
