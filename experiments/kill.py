@@ -50,20 +50,21 @@ def main(kills: int, seed: int) -> None:
         config = written(STUDY, Path(place))
         took, shards = run_through(config, whole)
         print(f"undisturbed: {shards} shards in {took:.1f} s after the first", flush=True)
-        random = np.random.default_rng(seed)
+        random, cut = np.random.default_rng(seed), list[str]()
         with watched(broken) as reader:
             for number in range(kills):
                 left = 1 - len(done(broken)) / shards
                 delay = random.uniform(0, 1.5) * took * left / (kills - number + 1)
                 brought = run_and_kill(config, broken, delay)
+                cut += unfinished(broken)
                 print(f"life {number + 1}: {brought} shards, killed after {delay:.2f} s", flush=True)
             before = len(done(broken))
             run_through(config, broken)
             print(f"last life: {len(done(broken)) - before} shards", flush=True)
-        cut = [path.name for path in broken.rglob(".*") if path.is_file() and path.name != ".lock"]
+        assert not unfinished(broken)
         compare(broken, whole)
         print(f"{reader.reads} tables read on the way, none torn, no shard written twice")
-        print(f"{kills} kills, {len(cut)} within the writing of a table {cut}")
+        print(f"{kills} kills, {len(cut)} within the writing of a table: {', '.join(cut) or 'none'}")
         print("all is equal to the undisturbed run")
 
 
@@ -77,6 +78,11 @@ def written(study: dict[str, Any], place: Path) -> Path:
 def done(folder: Path) -> list[Path]:
     """Files of the shards that are done."""
     return sorted(folder.glob("lanes/*.parquet"))
+
+
+def unfinished(folder: Path) -> list[str]:
+    """Names of the tables within whose writing the last run was killed; the next one removes them."""
+    return [path.name for path in folder.rglob(".*") if path.is_file() and path.name != ".lock"]
 
 
 def started(config: Path, folder: Path) -> subprocess.Popen[str]:

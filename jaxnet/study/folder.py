@@ -116,10 +116,13 @@ class Folder:
             lock.truncate(0)
             lock.write(f"process {os.getpid()} on {platform.node()}")
             lock.flush()
-            for place in (self.path, self.path / "lanes"):
-                for torn in place.glob(".*.[0-9]*"):  # by a writer that was killed
-                    torn.unlink()
             yield
+
+    def remove_torn(self) -> None:
+        """Remove what a writer that was killed had not yet given its name."""
+        for name in (".study.yaml.*", ".manifest.json.*", ".cells.csv.*", "lanes/.*.parquet.*"):
+            for torn in self.path.glob(name):
+                torn.unlink()
 
     def clear(self) -> None:
         """Remove results, and nothing else."""

@@ -40,6 +40,7 @@ def execute(
     study = study.model_copy(update={"samples": samples})
     size = before.get("shard_size") or layout.shard_size(cells, study.save)
     same = before.get("save") == save and before.get("samples") == samples
+    folder.remove_torn()
     folder.write_study(study)
     folder.write_manifest(
         hash=digest(study),

@@ -63,8 +63,8 @@ def lane(results: Results, row: pd.Series) -> str:
     """One lane's row, and whether it is the one that the folder holds."""
     lanes = results.lanes
     stored = lanes[(lanes["cell"] == row["cell"]) & (lanes["sample"] == row["sample"])]
-    if len(stored) == 1 and stored.iloc[0].equals(row):
-        return f"{row.to_string()}\nthe same as the stored row"
-    theirs = {} if len(stored) != 1 else {name: stored.iloc[0][name] for name in row.index}
-    apart = [f"{name} ({theirs[name]} there)" for name in theirs if theirs[name] != row[name]]
-    return f"{row.to_string()}\nDIFFERS from the stored row in {', '.join(apart) or 'that there is none'}"
+    if stored.empty:
+        return f"{row.to_string()}\nno such row is stored"
+    apart = stored.iloc[0].compare(row, result_names=("stored", "replayed"))
+    verdict = "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
+    return f"{row.to_string()}\n{verdict}"

@@ -24,6 +24,7 @@ from jaxnet.study.api import Results
 from jaxnet.study.document import ConfigError
 from jaxnet.study.folder import Folder, FolderError
 from jaxnet.study.replay import replay
+from jaxnet.view.tables import lane
 from tests import systems
 
 STUDY = {
@@ -147,10 +148,12 @@ def test_a_missing_shard_is_made_again_as_it_was(config, results, tmp_path):
     (tmp_path / "cut" / "lanes" / "00002.parquet").unlink()
     kept = (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns
     told = []
+    (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").touch()
     again = jaxnet.run(jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now))
     assert told[0] == (9, 12, 0)
     assert told[-1] == (12, 12, 0)
     pd.testing.assert_frame_equal(again.lanes, results.lanes, check_exact=True)
+    assert not (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").exists()
     assert (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns == kept
 
 
@@ -174,9 +177,11 @@ def test_a_folder_by_another_version_or_of_something_else_is_refused(config, res
         jaxnet.run(jaxnet.load(config), tmp_path / "old")
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter1.tex").touch()
+    (tmp_path / "thesis" / ".notes.1").touch()
     for fresh in (False, True):
         with pytest.raises(FolderError, match=r"chapter1\.tex"):
             jaxnet.run(jaxnet.load(config), tmp_path / "thesis", fresh=fresh)
+    assert (tmp_path / "thesis" / ".notes.1").exists()
     with pytest.raises(FolderError, match="not a results folder"):
         jaxnet.open(tmp_path / "thesis")
 
@@ -393,7 +398,9 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     copy = jaxnet.open(tmp_path / "copy")
     _, own = replay(copy, 1, 2)
     assert own.equals(results.lanes.iloc[5])
+    assert lane(copy, own).endswith("the same as the stored row")
     path, other = replay(copy, 1, 2, "flat")
+    assert "DIFFERS" in lane(copy, other)
     assert other["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
     paths = xr.open_zarr(path)["state"].values[0, 0, :, :, :2]
