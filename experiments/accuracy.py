@@ -9,12 +9,9 @@ Run it with `python experiments/accuracy.py`; it takes a minute or two.
 
 from typing import Any
 
-import yaml
-
+import jaxnet
 from jaxnet.engine.batch import simulate
-from jaxnet.study import sweep
 from jaxnet.study.cache import enable
-from jaxnet.study.document import Document
 from jaxnet.study.exactness import deviations, ticked
 from jaxnet.study.lanes import job
 from jaxnet.study.sweep import Cell
@@ -52,8 +49,7 @@ def main() -> None:
 
 def cells(**keys: Any) -> tuple[Cell, ...]:
     """Cells of a study of these keys."""
-    text = yaml.safe_dump({"name": "accuracy", "tick": 0.1, **keys}, sort_keys=False)
-    return sweep.read(Document(text, "accuracy"))[1]
+    return jaxnet.load({"tick": 0.1, **keys}).cells
 
 
 def against(what: str, samples: int, **keys: Any) -> None:

@@ -21,14 +21,12 @@ import click
 import jax
 import jax.numpy as jnp
 import numpy as np
-import yaml
 
+import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.model import hearing
-from jaxnet.study import sweep
 from jaxnet.study.cache import enable
-from jaxnet.study.document import Document
 from jaxnet.study.lanes import job
 
 TOPOLOGIES = ("star", "path", "cyclic")
@@ -67,8 +65,7 @@ def agree(what: str, lanes: int, **keys: Any) -> tuple[list[Outcome], np.ndarray
 
 def lanes_of(engine: str, samples: Sequence[int], save: tuple[str, ...] = (), **keys: Any) -> Job:
     """Lanes of the default study with these keys."""
-    study = {"name": "agreement", "tick": TICK, "engine": engine, **keys}
-    (cell,) = sweep.read(Document(yaml.safe_dump(study), "agreement"))[1]
+    (cell,) = jaxnet.load({"tick": TICK, "engine": engine, **keys}).cells
     return job(cell.scenario, 0, samples, save)
 
 

@@ -13,15 +13,13 @@ from typing import Any
 
 import jax
 import numpy as np
-import yaml
 
+import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.model import robot
-from jaxnet.study import sweep
 from jaxnet.study.cache import enable
-from jaxnet.study.document import Document
 from jaxnet.study.lanes import job
 
 LANES = 1000
@@ -56,7 +54,7 @@ def fits(engine: str, fault: Status) -> bool:
 
 def lanes(count: int, **keys: Any) -> Job:
     """Lanes of the default study with these keys."""
-    (cell,) = sweep.read(Document(yaml.safe_dump({"name": "faults", **keys}), "faults"))[1]
+    (cell,) = jaxnet.load(keys).cells
     return job(cell.scenario, 0, range(count), ("tracking",))
 
 

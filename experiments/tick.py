@@ -10,13 +10,11 @@ Run it with `python experiments/tick.py`; it takes a few minutes.
 from typing import Any
 
 import numpy as np
-import yaml
 
+import jaxnet
 from jaxnet.engine.batch import simulate
 from jaxnet.engine.status import Status
-from jaxnet.study import sweep
 from jaxnet.study.cache import enable
-from jaxnet.study.document import Document
 from jaxnet.study.lanes import job
 
 TICKS = (0.1, 0.05, 0.025, 0.0125)
@@ -44,13 +42,12 @@ def main() -> None:
 def lane(tick: float, attack: dict[str, Any]) -> Any:
     """The lane of sample 0 with this tick."""
     keys = {
-        "name": "tick",
         "tick": tick,
         "attack": attack,
         "horizon": HORIZON,
         "engine": {"max_steps": 20000},
     }
-    (cell,) = sweep.read(Document(yaml.safe_dump(keys), "tick"))[1]
+    (cell,) = jaxnet.load(keys).cells
     return simulate(job(cell.scenario, 0, [0], ("state",)))
 
 

@@ -4,15 +4,13 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-import yaml
 
+import jaxnet
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import SERIES
 from jaxnet.engine.plan import Outcome
-from jaxnet.study import sweep
 from jaxnet.study.api import Study
-from jaxnet.study.document import Document
 from jaxnet.study.lanes import job
 
 EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
@@ -20,9 +18,7 @@ EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a 
 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""
-    return Study(
-        *sweep.read(Document(yaml.safe_dump({"name": "test", **keys}, sort_keys=False), "test.yaml"))
-    )
+    return jaxnet.load({"name": "test", **keys})
 
 
 class Lanes(NamedTuple):

@@ -128,13 +128,9 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
 
 def scenario_of(keys: Mapping[str, Any]) -> Any:
     """The scenario of these keys, the defaults elsewhere."""
-    import yaml
+    import jaxnet
 
-    from jaxnet.study import sweep
-    from jaxnet.study.document import Document
-
-    text = yaml.safe_dump({"name": "benchmark", **keys})
-    (cell,) = sweep.read(Document(text, "benchmark"))[1]
+    (cell,) = jaxnet.load(keys).cells
     return cell.scenario
 
 

@@ -6,6 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import yaml
+
 from jaxnet.study import sweep
 from jaxnet.study.config import Config
 from jaxnet.study.document import Document
@@ -81,12 +83,16 @@ class Results:
         return xr.open_zarr(self.path / name)
 
 
-def load(path: str | Path, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
-    """Read a study from YAML, with overrides by dotted key or as KEY=VALUE words.
+def load(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
+    """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
-    Raises ConfigError with everything that is wrong.
+    Overrides are a mapping by dotted key, or KEY=VALUE words. Raises ConfigError with everything that is
+    wrong; of a mapping it names the places in its YAML.
     """
-    document = Document.read(path)
+    if isinstance(source, Mapping):
+        document = Document(yaml.safe_dump({"name": "study", **source}, sort_keys=False), "study")
+    else:
+        document = Document.read(source)
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={as_yaml(value)}" for key, value in overrides.items()]
     for word in overrides:
