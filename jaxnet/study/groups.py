@@ -1,0 +1,46 @@
+"""Cells that differ in the size of the lie alone: what δ̂(ā) is asked of."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from jaxnet.study import config
+from jaxnet.study.folder import FolderError
+from jaxnet.study.sweep import Cell
+
+MAGNITUDE = "attack.magnitude"
+
+
+class Group(NamedTuple):
+    """Cells by ascending ā, and the swept keys that they share."""
+
+    labels: dict[str, Any]
+    cells: tuple[Cell, ...]
+
+    def __str__(self) -> str:
+        """How tables and messages name it."""
+        return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
+
+
+def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
+    """Groups of the cells with an attack; raises FolderError where ā is drawn, for then no cell has one."""
+    members: dict[tuple[Any, ...], list[Cell]] = {}
+    for cell in cells:
+        if isinstance(cell.scenario.attack, config.Attacked):
+            members.setdefault(tuple(shared(cell).items()), []).append(cell)
+    return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
+
+
+def shared(cell: Cell) -> dict[str, Any]:
+    """The swept keys of a cell other than its ā."""
+    return {key: label for key, label in cell.labels.items() if key != MAGNITUDE}
+
+
+def magnitude(cell: Cell) -> float:
+    """ā of an attacked cell."""
+    attack: Any = cell.scenario.attack
+    number = attack.magnitude
+    if config.is_drawn(number):
+        raise FolderError(
+            f"{cell}: attack.magnitude is drawn; an error against ā asks for a fixed or swept one"
+        )
+    return number

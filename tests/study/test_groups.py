@@ -1,0 +1,29 @@
+"""Cells that differ in ā alone belong together."""
+
+import pytest
+
+import jaxnet
+from jaxnet.study import groups
+from jaxnet.study.folder import FolderError
+
+
+def test_cells_are_grouped_by_everything_but_the_magnitude():
+    """In the sweep's order, ā ascending; cells without attack belong to none."""
+    sweep = {"attack": ["none", "bias"], "topology": ["star", "path"]}
+    study = jaxnet.load({"sweep": sweep})
+    assert [group.labels for group in groups.attacked_groups(study.cells)] == [
+        {"attack": "bias", "topology": "star"},
+        {"attack": "bias", "topology": "path"},
+    ]
+    swept = jaxnet.load({"sweep": {"attack.magnitude": [5, 0, 1], "topology": ["star", "path"]}})
+    star, path = groups.attacked_groups(swept.cells)
+    assert [cell.number for cell in star.cells] == [2, 4, 0]
+    assert [groups.magnitude(cell) for cell in path.cells] == [0.0, 1.0, 5.0]
+    assert (str(star), star.labels) == ("topology=star", {"topology": "star"})
+
+
+def test_a_drawn_magnitude_is_refused():
+    """There is no ā that a cell's errors could stand against."""
+    study = jaxnet.load({"attack": {"magnitude": {"uniform": [1, 2]}}})
+    with pytest.raises(FolderError, match=r"cell 0: attack.magnitude is drawn"):
+        groups.attacked_groups(study.cells)
