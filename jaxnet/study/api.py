@@ -28,8 +28,8 @@ class Study:
 
     @property
     def lanes(self) -> int:
-        """How many lanes it has."""
-        return len(self.cells) * self.config.samples
+        """How many lanes it has, at most."""
+        return len(self.cells) * self.config.most_samples
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """What cannot be simulated, and why: faults that only several keys together show (DESIGN, section 3)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,16 +23,42 @@ class Objection(NamedTuple):
     message: str
 
 
-def study_objections(study: Config) -> Iterator[Objection]:
+def study_objections(study: Config, cells: Sequence[Scenario]) -> Iterator[Objection]:
     """Faults of a study beyond its cells."""
     chosen = study.save.trajectories
     if isinstance(chosen, config.Samples):
-        beyond = [sample for sample in chosen.samples if sample >= study.samples]
-        if beyond:
-            yield Objection(
-                ("save.trajectories.samples", "samples"),
-                f"samples are 0 to {study.samples - 1} (got {beyond[0]})",
-            )
+        yield from chosen_objections(chosen.samples, study.samples)
+    if isinstance(study.samples, config.Sequential) and study.recovery is None:
+        yield Objection(
+            ("samples.until", "samples"), "needs to know what has recovered: give recovery: {tau: 0.01}"
+        )
+    if study.recovery is not None:
+        yield from recovery_objections(study, cells)
+
+
+def chosen_objections(chosen: list[int], samples: Any) -> Iterator[Objection]:
+    """Samples that are asked for must be simulated."""
+    key = "save.trajectories.samples"
+    if isinstance(samples, config.Sequential):
+        yield Objection((key, "samples"), "asks for a fixed number of samples; {worst: K} does not")
+        return
+    beyond = [sample for sample in chosen if sample >= samples]
+    if beyond:
+        yield Objection((key, "samples"), f"samples are 0 to {samples - 1} (got {beyond[0]})")
+
+
+def recovery_objections(study: Config, cells: Sequence[Scenario]) -> Iterator[Objection]:
+    """A share of ā must be a number, and somewhere be asked about."""
+    magnitudes = [cell.attack.magnitude for cell in cells if isinstance(cell.attack, config.Attacked)]
+    if any(map(config.is_drawn, magnitudes)):
+        yield Objection(
+            ("recovery", "attack.magnitude"),
+            "compares with ā, which is drawn here: give or sweep attack.magnitude",
+        )
+    elif cells and isinstance(study.samples, config.Sequential) and not any(magnitudes):
+        yield Objection(
+            ("samples.until", "samples"), "nobody lies in any cell, so there is nothing to recover from"
+        )
 
 
 def scenario_objections(scenario: Scenario) -> Iterator[Objection]:

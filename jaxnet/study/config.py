@@ -476,6 +476,33 @@ def plain_file_name(name: str) -> str:
     return name
 
 
+class Recovery(Record):
+    """When a lane counts as saved by its defence."""
+
+    tau: float = Field(default=0.01, gt=0, description="a lane with tail_mean > tau · ā has not recovered")
+    worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
+
+
+class Criterion(Record):
+    """When enough lanes were simulated."""
+
+    half_width: float = Field(gt=0, lt=0.5, description="of the widest interval over the cells")
+    of: Literal["unrecovered"] = "unrecovered"
+    confidence: float = Field(default=0.95, gt=0, lt=1)
+    at_most: int = Field(default=100_000, ge=1, lt=2**32, description="samples")
+
+
+class Sequential(Record):
+    """As many lanes as it takes."""
+
+    until: Criterion
+
+
+def samples_given(value: Any) -> str:
+    """Whether a number of samples or a criterion is given."""
+    return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
+
+
 Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cells are the product")]
 
 
@@ -484,6 +511,15 @@ class Config(Scenario):
 
     name: Annotated[str, AfterValidator(plain_file_name)]
     seed: int = Field(default=0, ge=0, lt=2**63)
-    samples: int = Field(default=1, ge=1, lt=2**32, description="lanes per cell")
+    samples: Annotated[
+        Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
+        Discriminator(samples_given),
+    ] = Field(default=1, description="lanes per cell")
+    recovery: Recovery | None = None
     sweep: Sweep = {}
     save: Save = Save()
+
+    @property
+    def most_samples(self) -> int:
+        """How many samples it takes at most."""
+        return self.samples.until.at_most if isinstance(self.samples, Sequential) else self.samples

@@ -25,7 +25,7 @@ from jaxnet.study.config import Config
 from jaxnet.study.document import Document, Loader
 from jaxnet.study.sweep import plain
 
-UNHASHED = ("name", "save", "samples")  # keys that change no row
+UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
 OURS = (
     "study.yaml",
     "manifest.json",

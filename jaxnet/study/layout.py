@@ -75,10 +75,12 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
     ]
 
 
-def shard_size(cells: Sequence[Cell], save: config.Save) -> int:
+def shard_size(cells: Sequence[Cell], study: config.Config) -> int:
     """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
     most = min(SHARDS[cell.scenario.engine.kind] for cell in cells)
-    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, save)), 1, most))
+    if isinstance(study.samples, config.Sequential):
+        most = min(most, study.samples.until.at_most)  # whole shards are looked at, one at least
+    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 
 def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:

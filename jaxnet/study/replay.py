@@ -23,11 +23,11 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     `engine` names one to use instead of the study's own.
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
-    study = results.study
-    if cell >= len(study.cells) or sample >= study.config.samples:
+    study, samples = results.study, results.manifest["samples"]
+    if cell >= len(study.cells) or sample >= samples:
         raise FolderError(
             f"{results.path} has cells 0 to {len(study.cells) - 1} and samples 0 to"
-            f" {study.config.samples - 1} (got cell {cell}, sample {sample})"
+            f" {samples - 1} (got cell {cell}, sample {sample})"
         )
     chosen = with_engine(study.cells[cell], engine)
     series = (*layout.ERRORS, *layout.trajectory_series([chosen]))

@@ -21,7 +21,7 @@ from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
-from jaxnet.study import arrays, config, layout, summary
+from jaxnet.study import arrays, config, layout, recovery, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import Folder, digest, versions
 from jaxnet.study.lanes import job
@@ -36,12 +36,54 @@ def execute(
 ) -> None:
     """Bring the folder to hold every lane of the study; the folder is held by its writer."""
     began, before = time.monotonic(), folder.manifest
-    samples, save = max(study.samples, before.get("samples", 0)), plain(study.save)
-    study = study.model_copy(update={"samples": samples})
-    size = before.get("shard_size") or layout.shard_size(cells, study.save)
-    same = before.get("save") == save and before.get("samples") == samples
+    if isinstance(study.samples, int):
+        study = study.model_copy(update={"samples": max(study.samples, before.get("samples", 0))})
+    size = before.get("shard_size") or layout.shard_size(cells, study)
+    looks = looks_of(study, before.get("samples", 0), size)
     folder.remove_torn()
     folder.write_study(study)
+    tally = Tally(len(cells) * looks[-1], progress)
+    counts, simulated, samples = recovery.nobody(cells), False, 0
+    for look in looks:
+        shards = layout.shards_of(cells, look, size)[len(cells) * (samples // size) :]
+        begin(study, folder, machine, look, size)
+        simulated |= simulate_shards(study, cells, shards, folder, machine, tally, look, size)
+        samples = look
+        if isinstance(study.samples, config.Sequential):
+            assert study.recovery is not None
+            rows = read_rows(folder, shards)
+            counts = counts.plus(recovery.count(rows, cells, study.recovery.tau))
+            if recovery.settled(counts, cells, look // size, study.samples.until):
+                break
+    rows: Any = read_rows(folder)
+    if simulated or not folder.manifest["finished"]:
+        store_chosen(study, cells, rows, folder, machine, samples)
+    table = summary.summarise(rows, cells, study, samples // size)
+    folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
+    failed = int((rows["status"] != "ok").sum())
+    folder.write_manifest(
+        lanes={"total": len(rows), "ok": len(rows) - failed, "failed": failed},
+        wall_seconds=round(before.get("wall_seconds", 0.0) + time.monotonic() - began, 3),
+        finished=True,
+    )
+
+
+def looks_of(study: Config, there: int, size: int) -> list[int]:
+    """Samples a cell after which to look whether they are enough, the last in any case; `there` are begun.
+
+    A fixed number is one look. A criterion looks after whole shards, so that each number of shards is
+    looked at once, whatever was there.
+    """
+    if not isinstance(study.samples, config.Sequential):
+        return [study.samples]
+    least, most = max(1, -(-there // size)), study.samples.until.at_most // size
+    return [shards * size for shards in range(least, max(least, most) + 1)]
+
+
+def begin(study: Config, folder: Folder, machine: Machine, samples: int, size: int) -> None:
+    """Say in the manifest what is going to be in the folder."""
+    before, save = folder.manifest, plain(study.save)
+    same = before.get("save") == save and before.get("samples") == samples
     folder.write_manifest(
         hash=digest(study),
         seed=study.seed,
@@ -53,38 +95,40 @@ def execute(
         save=save,
         finished=same and before["finished"],
     )
-    stores = prepare_stores(study, cells, folder, size)
-    todo = [
-        shard
-        for shard in layout.shards_of(cells, samples, size)
-        if not folder.done(shard.number, len(shard.samples), filled_by(stores))
-    ]
+
+
+def simulate_shards(
+    study: Config,
+    cells: Sequence[Cell],
+    shards: Sequence[Shard],
+    folder: Folder,
+    machine: Machine,
+    tally: "Tally",
+    samples: int,
+    size: int,
+) -> bool:
+    """Simulate and store those shards that are not there yet; whether there were any."""
+    stores = prepare_stores(study, cells, folder, samples, size)
+    todo = [shard for shard in shards if not folder.done(shard.number, len(shard.samples), filled_by(stores))]
     folder.need(layout.disk_bytes(study, cells, sum(len(shard.samples) for shard in todo)))
-    tally = Tally(len(cells) * samples, todo, progress)
+    tally.expect(shards, todo)
     for shard, outcome in outcomes(study, cells, todo, machine, tally.load_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)
-    rows: Any = read_rows(folder)
-    if todo or not folder.manifest["finished"]:
-        store_chosen(study, cells, rows, folder, machine)
-    table = summary.summarise(rows, cells)
-    folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
-    failed = int((rows["status"] != "ok").sum())
-    folder.write_manifest(
-        lanes={"total": len(rows), "ok": len(rows) - failed, "failed": failed},
-        wall_seconds=round(before.get("wall_seconds", 0.0) + time.monotonic() - began, 3),
-        finished=True,
-    )
+    return bool(todo)
 
 
 class Tally:
     """Counts lanes for the progress report; lanes of an unfinished shard count once it is stored."""
 
-    def __init__(self, total: int, todo: Sequence[Shard], progress: Progress):
+    def __init__(self, total: int, progress: Progress):
         self.total, self.progress = total, progress
-        self.done = total - sum(len(shard.samples) for shard in todo)
-        self.failed = 0
-        progress(self.done, total, 0)
+        self.done = self.failed = 0
+
+    def expect(self, shards: Sequence[Shard], todo: Sequence[Shard]) -> None:
+        """Of these shards, all but those to do are there."""
+        self.done += sum(len(shard.samples) for shard in shards) - sum(len(shard.samples) for shard in todo)
+        self.progress(self.done, self.total, self.failed)
 
     def load_done(self, lanes: int) -> None:
         """So many lanes came to their end."""
@@ -97,13 +141,15 @@ class Tally:
         self.progress(self.done, self.total, self.failed)
 
 
-def prepare_stores(study: Config, cells: Sequence[Cell], folder: Folder, size: int) -> dict[str, zarr.Group]:
+def prepare_stores(
+    study: Config, cells: Sequence[Cell], folder: Folder, samples: int, size: int
+) -> dict[str, zarr.Group]:
     """Stores that are filled shard by shard, by their names; a shard's file says which it has filled."""
     wanted = {"errors": layout.ERRORS} if study.save.errors else {}
     if study.save.trajectories == "all":
         wanted["trajectories"] = layout.trajectory_variables(cells)
     return {
-        name: arrays.prepare(folder.path / f"{name}.zarr", variables, cells, study.samples, size)
+        name: arrays.prepare(folder.path / f"{name}.zarr", variables, cells, samples, size)
         for name, variables in wanted.items()
     }
 
@@ -191,19 +237,21 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def store_chosen(study: Config, cells: Sequence[Cell], rows: Any, folder: Folder, machine: Machine) -> None:
+def store_chosen(
+    study: Config, cells: Sequence[Cell], rows: Any, folder: Folder, machine: Machine, samples: int
+) -> None:
     """Simulate the chosen lanes again with their trajectories, into a new store."""
     if isinstance(study.save.trajectories, str):
         return
     path, variables = folder.path / "trajectories.zarr", layout.trajectory_variables(cells)
     shutil.rmtree(path, ignore_errors=True)
-    store = arrays.prepare(path, variables, cells, study.samples, chunk=1)
+    store = arrays.prepare(path, variables, cells, samples, chunk=1)
     for cell in cells:
-        samples = chosen_samples(study.save, rows[rows["cell"] == cell.number])
-        if not samples:
+        chosen = chosen_samples(study.save, rows[rows["cell"] == cell.number])
+        if not chosen:
             continue
-        outcome = batch.simulate(job(cell.scenario, study.seed, samples, tuple(variables)), machine)
-        for place, sample in enumerate(samples):
+        outcome = batch.simulate(job(cell.scenario, study.seed, chosen, tuple(variables)), machine)
+        for place, sample in enumerate(chosen):
             one = {name: values[place : place + 1] for name, values in outcome.series.items()}
             arrays.write(store, cell.number, slice(sample, sample + 1), one)
 
@@ -219,8 +267,11 @@ def chosen_samples(save: config.Save, rows: Any) -> list[int]:
     return []
 
 
-def read_rows(folder: Folder) -> pd.DataFrame:
-    """All rows of a folder, by cell and sample."""
-    files = sorted((folder.path / "lanes").glob("[0-9]*.parquet"))
+def read_rows(folder: Folder, shards: Sequence[Shard] | None = None) -> pd.DataFrame:
+    """Rows of some shards, or all of a folder, by cell and sample."""
+    if shards is None:
+        files = sorted((folder.path / "lanes").glob("[0-9]*.parquet"))
+    else:
+        files = [folder.shard(shard.number) for shard in shards]
     rows = pd.concat([pd.read_parquet(file) for file in files], ignore_index=True)
     return rows.sort_values(["cell", "sample"], ignore_index=True)

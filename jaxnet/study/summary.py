@@ -7,14 +7,19 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from jaxnet.study import recovery
+from jaxnet.study.config import Config
 from jaxnet.study.sweep import Cell
 
 SUMMARISED = ("tail_mean", "tail_max")
 CONFIDENCE = 0.95
 
 
-def summarise(lanes: pd.DataFrame, cells: Sequence[Cell]) -> pd.DataFrame:
-    """`cells.csv`: swept keys, lanes, ok, failed, and the spread of the tail errors over ok lanes."""
+def summarise(lanes: pd.DataFrame, cells: Sequence[Cell], study: Config, look: int) -> pd.DataFrame:
+    """`cells.csv`: swept keys, lanes, ok, failed, the spread of the tail errors over ok lanes.
+
+    And, if asked for, the share that did not recover; `look` is the one that ended a sequential run.
+    """
     by_cell: dict[Any, Any] = dict(tuple(lanes.groupby("cell")))
     rows = []
     for cell in cells:
@@ -24,7 +29,11 @@ def summarise(lanes: pd.DataFrame, cells: Sequence[Cell]) -> pd.DataFrame:
         for metric in SUMMARISED:
             row |= {f"{metric}_{name}": value for name, value in spread(ok[metric].to_numpy()).items()}
         rows.append(row)
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    if study.recovery is None:
+        return table
+    counts = recovery.count(lanes, cells, study.recovery.tau)
+    return table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
 
 
 def spread(values: np.ndarray) -> dict[str, float]:

@@ -50,7 +50,10 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         cells, faults = span(document, base, spanned, known=set(problems))
         problems += faults
     if settled is not None:
-        problems += [located(fault, document.place) for fault in checks.study_objections(settled)]
+        problems += [
+            located(fault, document.place)
+            for fault in checks.study_objections(settled, [cell.scenario for cell in cells])
+        ]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells

@@ -30,11 +30,12 @@ def head(study: Study) -> str:
     """Size of the study."""
     settled, lanes = study.config, study.lanes
     array_bytes = layout.lane_bytes(study.cells, settled.save)
-    memory = PROCESS_BYTES + COPIES * array_bytes * layout.shard_size(study.cells, settled.save)
+    memory = PROCESS_BYTES + COPIES * array_bytes * layout.shard_size(study.cells, settled)
     disk = layout.disk_bytes(settled, study.cells, lanes)
     cells = count(len(study.cells), "cell")
+    most = "at most " if isinstance(settled.samples, config.Sequential) else ""
     return (
-        f"{settled.name}: {cells} × {count(settled.samples, 'sample')} = {count(lanes, 'lane')}, "
+        f"{settled.name}: {cells} × {most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
         f"about {size(memory)} of memory; at most {size(float(disk))} on disk"
     )

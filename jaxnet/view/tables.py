@@ -5,6 +5,7 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.study.api import Results
+from jaxnet.study.config import Sequential
 
 MOST_ROWS = 60
 MOST_FAILURES = 20
@@ -16,13 +17,15 @@ SUMMARY = {
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
 }
+RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "from", "unrecovered_high": "to"}
 
 
 def summary(results: Results) -> str:
     """The summary table: a line per cell."""
     cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
-    table = cells[[*swept, "ok", "failed", *SUMMARY]].rename(columns=SUMMARY)
+    shown = SUMMARY | (RECOVERY if "unrecovered" in cells else {})
+    table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
     table.insert(0, "cell", range(len(table)))
     text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
     if len(table) > MOST_ROWS:
@@ -42,7 +45,21 @@ def written(results: Results) -> str:
     names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
-        f" wrote {results.path}: {', '.join(names)}"
+        f" wrote {results.path}: {', '.join(names)}" + stopped(results)
+    )
+
+
+def stopped(results: Results) -> str:
+    """Why a run that takes as many lanes as it needs has stopped; empty for another."""
+    samples = results.study.config.samples
+    if not isinstance(samples, Sequential):
+        return ""
+    cells: Any = results.cells
+    half = (cells["unrecovered_high"] - cells["unrecovered_low"]).max() / 2
+    why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
+    return (
+        f"\nstopped after {results.manifest['samples']} samples a cell: the widest interval of the share"
+        f" unrecovered is ± {half:.2g}, {why}"
     )
 
 
