@@ -8,7 +8,7 @@ import pandas as pd
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.study import arrays, checks, config, layout
+from jaxnet.study import arrays, checks, config, layout, recovery
 from jaxnet.study.api import Results
 from jaxnet.study.folder import FolderError
 from jaxnet.study.lanes import job
@@ -33,8 +33,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     series = (*layout.ERRORS, *layout.trajectory_series([chosen]))
     machine = Machine(chunk=results.manifest.get("chunk"))
     outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series), machine)
-    other = "" if chosen is study.cells[cell] else f"-{engine}"
-    path = results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
+    path = path_of(results, cell, sample, engine)
     shutil.rmtree(path, ignore_errors=True)
     variables = layout.ERRORS | layout.TRAJECTORIES
     store = arrays.prepare(path, {name: variables[name] for name in series}, [chosen], 1, 1)
@@ -42,6 +41,30 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     arrays.write(store, 0, slice(0, 1), outcome.series)
     row = rows_of(study.config, Shard(0, chosen, range(sample, sample + 1)), outcome)
     return path, row.to_pandas().iloc[0]
+
+
+def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> Path:
+    """Where a replayed lane is stored, by the study's own engine or another."""
+    own = results.study.cells[cell].scenario.engine.kind
+    other = "" if engine in (None, own) else f"-{engine}"
+    return results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
+
+
+def worst(results: Results) -> list[tuple[int, int]]:
+    """Cell and sample of the lanes to be looked at, those with the greatest mean error for their ā."""
+    asked = results.study.config.recovery
+    return [] if asked is None else recovery.worst(results.lanes, results.study.cells, asked.worst)
+
+
+def replay_worst(results: Results) -> list[Path]:
+    """Simulate the worst lanes again by the chassis engine; the stores of all of them, made now or before."""
+    paths = []
+    for cell, sample in worst(results):
+        path = path_of(results, cell, sample, "chassis")
+        if not path.exists():
+            replay(results, cell, sample, "chassis")
+        paths.append(path)
+    return paths
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:
