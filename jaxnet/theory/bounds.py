@@ -41,6 +41,9 @@ class Bound(NamedTuple):
         return float(self.vehicles.max())
 
 
+NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
+
+
 class Spread(NamedTuple):
     """How far lies spread: γ_i, and `‖L⁻¹‖₂ ‖W_a 1‖₂` where kept sets cannot switch, else not-a-number."""
 
