@@ -29,7 +29,7 @@ from jaxnet.theory.bounds import Bound
 
 ROUNDING = 1e-9  # relative
 ACCURACY = {"chassis": 1e-5, "flat": 1e-8}  # [m], what an engine may be off at its default tolerances
-AT_ONCE = 4096  # lanes
+NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
 COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
@@ -74,14 +74,14 @@ def violations(results: Results) -> pd.DataFrame:
     Static is asked where kept sets cannot switch, the peak gain where it is finite. Cells whose weights or
     gains are drawn are left out, and a failed lane has no tail_max that could exceed anything.
     """
-    rows: Any = results.lanes
-    found = [
-        excesses(results, cell, lanes[first : first + AT_ONCE])
-        for cell, (_, lanes) in zip(results.study.cells, rows.groupby("cell"), strict=True)
-        if isinstance(cell.scenario.attack, config.Attacked) and shared_by_lanes(cell.scenario)
-        for first in range(0, len(lanes), AT_ONCE)
-    ]
-    return pd.DataFrame([one for block in found for one in block], columns=list(COLUMNS))
+    found = []
+    for number, rows in results.lanes.groupby("cell"):
+        cell = results.study.cells[int(number)]  # pyright: ignore[reportArgumentType]
+        if isinstance(cell.scenario.attack, config.Attacked) and shared_by_lanes(cell.scenario):
+            at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
+            for first in range(0, len(rows), at_once):
+                found += excesses(results, cell, rows[first : first + at_once])
+    return pd.DataFrame(found, columns=list(COLUMNS))
 
 
 def excesses(results: Results, cell: Cell, rows: Any) -> Iterator[tuple[Any, ...]]:
@@ -117,7 +117,8 @@ def limits_of(
 
     def limits(bound: Bound, free: Any) -> Limits:
         transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
-        limit = bound.vehicles[:, None] * magnitude + transient
+        with np.errstate(invalid="ignore"):  # of nothing an infinite multiple says nothing
+            limit = bound.vehicles[:, None] * magnitude + transient
         return limit * (1 + ROUNDING) + ACCURACY[scenario.engine.kind]
 
     found = {"peak_gain": limits(bounds.peak_gain(lies, gain), error)}

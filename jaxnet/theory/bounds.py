@@ -73,8 +73,14 @@ def spread_of(weights: Weights, attacked: Links, trusted: Links, theta: Counts) 
 def bounds(weights: Weights, attacked: Links, trusted: Links, theta: Counts, gain: Gain) -> dict[str, Bound]:
     """All of them by name: not-a-number where one says nothing, infinite where a vehicle may be cut off."""
     lies = spread_of(weights, attacked, trusted, theta)
-    named = (peak_gain, lyapunov_printed, lyapunov_corrected, lyapunov_best, star_norm)
-    return {"static": static(lies)} | {bound.__name__: bound(lies, gain) for bound in named}
+    return {
+        "static": static(lies),
+        "peak_gain": peak_gain(lies, gain),
+        "lyapunov_printed": lyapunov_printed(lies, gain),
+        "lyapunov_corrected": lyapunov_corrected(lies, gain),
+        "lyapunov_best": lyapunov_best(lies, gain),
+        "star_norm": star_norm(lies, gain),
+    }
 
 
 def static(lies: Spread) -> Bound:

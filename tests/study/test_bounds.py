@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.study.api import Results
-from jaxnet.study.bounds import ACCURACY, limits_of, table, violations
+from jaxnet.study.bounds import ACCURACY, limits_of, table, tail_of, violations
 from jaxnet.study.lanes import job
 from tests import reference, systems
 
@@ -82,6 +82,26 @@ def test_a_lane_over_its_bound_is_found(engine):
     assert found["tail_max"].tolist() == [24.1, errors[1], 23.9, 24.1]
     np.testing.assert_allclose(found["limit"], [24, 3, 3, 3], rtol=1e-5)
     assert found["command"][0] == "jaxnet replay some/where --cell 0 --sample 3"
+
+
+def test_the_tail_s_output_times_count():
+    """Both ends; a transient that was there before them does not excuse a lane."""
+    (cell,) = systems.study(horizon=2, tail=1, output_step=0.5, attack="bias").cells
+    assert tail_of(cell.scenario).tolist() == [1.0, 1.5, 2.0]
+
+
+def test_nothing_said_of_a_vehicle_cut_off():
+    """An infinite bound is over every error, and of no lie at all nothing is claimed."""
+    links = [[i, j, 1] for i in (1, 2, 3) for j in (1, 2, 3, 4) if i != j]
+    keys = {
+        "vehicles": 4,
+        "topology": {"kind": "edges", "edges": [*links, [4, 0, 1]]},
+        "defence": {"kind": "trusted_trim", "trusted": {i: [1, 2, 3] for i in (1, 2, 3)}},
+        "attack": {"kind": "bias", "vehicles": [4]},
+    }
+    study = jaxnet.load(keys | {"sweep": {"attack.magnitude": [0, 5]}})
+    assert np.isinf(table(study.cells).set_index("vehicle").loc["worst", "slope"]).all()
+    assert violations(results_of(study, cell=[0, 1], tail_max=[1e9, 1e9])).empty
 
 
 def test_what_may_switch_is_held_against_the_peak_gain_alone():

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from jaxnet.model import graph
 from jaxnet.theory import exact, lyapunov, response
-from jaxnet.theory.bounds import bounds
+from jaxnet.theory.bounds import NAMES, bounds
 from tests.theory.test_spread import CUT_OFF, CYCLIC, LIARS, TRIO, hearing, networks, of
 
 GAIN = np.array([1.0, 3.0, 3.0])
@@ -109,6 +109,7 @@ GRAPHS = {"star": graph.star(12), "cyclic": CYCLIC, "path": graph.path(12)}
 def test_the_table_of_the_notes(name, static, peak, printed, corrected):
     """SCIENCE O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
     found = bounds(*of(GRAPHS[name], LIARS, theta=0), GAIN)
+    assert tuple(found) == NAMES
     assert found["static"].worst == pytest.approx(static, abs=5e-4)
     assert found["peak_gain"].worst == pytest.approx(peak, abs=0.05)
     assert found["lyapunov_printed"].fleet == pytest.approx(printed, abs=0.05)
