@@ -7,7 +7,7 @@ below the peak gain and need no check of their own.
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -21,8 +21,8 @@ from jaxnet.study import config
 from jaxnet.study.api import Results
 from jaxnet.study.config import Scenario
 from jaxnet.study.groups import attacked_groups, shared
-from jaxnet.study.lanes import Drawn, clock_of, job
-from jaxnet.study.network import network_of, weights_are_drawn
+from jaxnet.study.lanes import Drawn, clock_of
+from jaxnet.study.network import navigator_of, network_of, weights_are_drawn
 from jaxnet.study.sweep import Cell
 from jaxnet.theory import bounds, exact, spread
 from jaxnet.theory.bounds import Bound
@@ -108,11 +108,12 @@ def limits_of(
     network, gain = network_of(scenario), np.array(scenario.gain)
     links = network.weights, network.attacked, network.trusted, network.theta
     lies, kept = bounds.spread_of(*links), spread.settled(network.weights, network.trusted, network.theta)
-    attack: Any = scenario.attack
-    magnitude = Drawn(scenario, seed, samples).one(attack.magnitude, "attack.magnitude")
-    lane = job(scenario, seed, samples).inputs.lane
+    attack, drawn = cast(config.Attacked, scenario.attack), Drawn(scenario, seed, samples)
+    magnitude = drawn.one(attack.magnitude, "attack.magnitude")
+    path = np.stack(navigator_of(scenario).jets(np.zeros(1))[:3])
     with jax.enable_x64(True):
-        error, signal = map(np.asarray, start(lane.initial, lane.navigator, lane.attack))
+        own, signal = map(np.asarray, start(drawn.initial(), drawn.attack()))
+    error = own - path[:, :, None]
     flow = influence(tuple(gain.tolist()), tuple(times.tolist()))
 
     def limits(bound: Bound, free: Any) -> Limits:
@@ -137,11 +138,8 @@ def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.nda
 
 
 @jax.jit
-def start(initial: Any, navigator: Any, attack: Any) -> Any:
-    """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
-    lanes_last = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), (initial, navigator, attack))
-    initial, navigator, attack = lanes_last
-    zero = jnp.zeros(initial.shape[-1])
-    own, path = robot.output_jets(initial), navigator.jets(zero)
-    error = [y - y_0[:, None] for y, y_0 in zip(own, path, strict=False)]
-    return jnp.stack(error), jnp.stack(attack.jets(zero)[:3])
+def start(initial: Any, attack: Any) -> Any:
+    """Outputs and attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
+    initial, attack = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), (initial, attack))
+    signal = attack.jets(jnp.zeros(initial.shape[-1]))[:3]
+    return jnp.stack(robot.output_jets(initial)), jnp.stack(signal)
