@@ -1,1 +1,1 @@
-"""What is known without simulating: the certificate of a scenario, and the exact solution. Rests on model."""
+"""What is known without simulating: certificate, bounds and exact solution. Rests on model."""

@@ -1,0 +1,141 @@
+"""Bounds on the ultimate error, per ā: what ‖y_i - y_0‖ comes to at most under lies of size ā (SCIENCE, O5).
+
+Each is a constant of one axis times how far lies spread through the network (`spread`). With
+β = 1 + k0 + k1 + k2, lies whose value and first three derivatives are within ā disturb an axis by ρ with
+`‖ρ_i‖ ≤ β γ_i ā`, in E = y - y_0, whatever kept sets follow each other.
+
+                         holds for
+    static               consistent derivatives, kept sets that cannot switch
+    peak_gain            any ρ within its bound: inconsistent derivatives and switching too
+    lyapunov_printed     nobody: its proof has a gap (see `lyapunov`)
+    lyapunov_corrected,  as peak_gain
+    lyapunov_best,
+    star_norm
+
+`static ≤ peak_gain ≤` the last three, always: ‖h‖₁ ≥ 1/k0 and β ≥ k0, and a sound bound on an axis covers the
+ρ that attains ‖h‖₁.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxnet.model import graph
+from jaxnet.model.graph import Links, Weights
+from jaxnet.theory import lyapunov, response, spread
+from jaxnet.theory.spread import Counts, Gains
+
+Gain = Float[np.ndarray, "3"]
+
+
+class Bound(NamedTuple):
+    """Slopes per ā: of each vehicle's error, and of all vehicles' errors stacked."""
+
+    vehicles: Gains
+    fleet: float
+
+    @property
+    def worst(self) -> float:
+        """Of the vehicle that may be farthest off."""
+        return float(self.vehicles.max())
+
+
+NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
+
+
+class Spread(NamedTuple):
+    """How far lies spread: γ_i, and `‖L⁻¹‖₂ ‖W_a 1‖₂` where kept sets cannot switch, else not-a-number."""
+
+    gains: Gains
+    norms: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether kept sets cannot switch."""
+        return not np.isnan(self.norms)
+
+
+def spread_of(weights: Weights, attacked: Links, trusted: Links, theta: Counts) -> Spread:
+    """How far lies on the attacked links spread (ϑ_i = 0: nobody trims)."""
+    gains, kept = (
+        spread.worst_gains(weights, attacked, trusted, theta),
+        spread.settled(weights, trusted, theta),
+    )
+    if kept is None:
+        return Spread(gains, np.nan)
+    if graph.unreachable(kept):
+        return Spread(gains, np.inf)
+    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(kept)), 2)
+    return Spread(gains, float(inverse * np.linalg.norm(np.where(attacked, kept, 0.0).sum(axis=1))))
+
+
+def bounds(weights: Weights, attacked: Links, trusted: Links, theta: Counts, gain: Gain) -> dict[str, Bound]:
+    """All of them by name: not-a-number where one says nothing, infinite where a vehicle may be cut off."""
+    lies = spread_of(weights, attacked, trusted, theta)
+    return {
+        "static": static(lies),
+        "peak_gain": peak_gain(lies, gain),
+        "lyapunov_printed": lyapunov_printed(lies, gain),
+        "lyapunov_corrected": lyapunov_corrected(lies, gain),
+        "lyapunov_best": lyapunov_best(lies, gain),
+        "star_norm": star_norm(lies, gain),
+    }
+
+
+def static(lies: Spread) -> Bound:
+    """`s_i = Σ_l (L⁻¹)_il Σ_j w_lj` over attacked (l, j), in the fleet ‖s‖₂.
+
+    Holds, by the exact solution (O2), for every smooth attack whose derivatives are consistent, of any
+    frequency, while the kept set is fixed; constant lies in phase attain it. Blank where it may switch.
+    """
+    gains = lies.gains if lies.settled else np.full(lies.gains.shape, np.nan)
+    return Bound(gains, float(np.linalg.norm(gains)))
+
+
+def peak_gain(lies: Spread, gain: Gain) -> Bound:
+    """`β ‖h‖₁ γ_i`, in the fleet their 2-norm.
+
+    Holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
+    """
+    return per_vehicle(response.impulse_norm(gain), lies, gain)
+
+
+def lyapunov_printed(lies: Spread, gain: Gain) -> Bound:
+    """`c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q), Q = I, as in the paper.
+
+    Without proof, for the constant lacks √κ(P); blank where kept sets may switch, for ε jumps there.
+    """
+    return stacked(lyapunov.printed(gain), lies, gain, np.nan)
+
+
+def lyapunov_corrected(lies: Spread, gain: Gain) -> Bound:
+    """The printed bound times √κ(P), which makes it one; `c β γ_i`, in E, where kept sets may switch.
+
+    Holds for any ρ within its bound. Source: Khalil, theorem 4.18.
+    """
+    return stacked(lyapunov.corrected(gain), lies, gain, 1.0)
+
+
+def lyapunov_best(lies: Spread, gain: Gain) -> Bound:
+    """The corrected bound with the Q ≻ 0 that makes it least, of those that a search finds."""
+    return stacked(lyapunov.best(gain), lies, gain, 1.0)
+
+
+def star_norm(lies: Spread, gain: Gain) -> Bound:
+    """As corrected, with the star norm for c: what an ellipsoid proves of the position."""
+    return stacked(response.star_norm(gain), lies, gain, 1.0)
+
+
+def per_vehicle(constant: float, lies: Spread, gain: Gain) -> Bound:
+    """`c β γ_i`, and their 2-norm."""
+    slopes = constant * (1 + gain.sum()) * lies.gains
+    return Bound(slopes, float(np.linalg.norm(slopes)))
+
+
+def stacked(constant: float, lies: Spread, gain: Gain, switching: float) -> Bound:
+    """`c β γ_i`, of a fleet that is settled `c β ‖L⁻¹‖₂ ‖W_a 1‖₂`; times `switching` where it is not."""
+    one = per_vehicle(constant, lies, gain)
+    if lies.settled:
+        return one._replace(fleet=float(constant * (1 + gain.sum()) * lies.norms))
+    return Bound(one.vehicles * switching, one.fleet * switching)

@@ -1,0 +1,176 @@
+"""The bounds: the numbers of the notes, quadrature, and that none is below one that it must not be below."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from jaxnet.model import graph
+from jaxnet.theory import exact, lyapunov, response
+from jaxnet.theory.bounds import NAMES, bounds
+from tests.theory.test_spread import CUT_OFF, CYCLIC, LIARS, TRIO, hearing, networks, of
+
+GAIN = np.array([1.0, 3.0, 3.0])
+SWITCHING = ("peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
+
+
+def gain_of(*poles):
+    """Gain with these poles."""
+    return np.poly(poles).real[:0:-1].copy()
+
+
+def test_lyapunov_constants_of_the_default_gain():
+    """SCIENCE O5."""
+    P = [[2.3125, 1.9375, 0.5], [1.9375, 3.25, 0.8125], [0.5, 0.8125, 0.4375]]
+    np.testing.assert_allclose(lyapunov.certificate(GAIN), P, rtol=1e-12)
+    assert lyapunov.printed(GAIN) == pytest.approx(2.0991, abs=5e-5)
+    assert lyapunov.corrected(GAIN) / lyapunov.printed(GAIN) == pytest.approx(4.7626, abs=5e-5)
+    assert lyapunov.corrected(GAIN) == pytest.approx(9.997, abs=5e-4)
+    assert lyapunov.best(GAIN) == pytest.approx(7.856, abs=5e-4)
+
+
+def test_star_norms_of_the_default_gain():
+    """Of the position, and of the whole state."""
+    assert response.star_norm(GAIN) == pytest.approx(1.183, abs=5e-4)
+    assert response.star_norm(GAIN, np.eye(3)) == pytest.approx(1.238, abs=5e-4)
+
+
+@pytest.mark.parametrize("gain", [GAIN, gain_of(-0.5, -1, -7), gain_of(-2, -2, -0.1)])
+def test_with_real_poles_the_peak_gain_is_the_static_one(gain):
+    """Double and triple poles too, which rounding makes a little complex."""
+    assert response.impulse_norm(gain) == pytest.approx(1 / gain[0], rel=1e-10)
+
+
+def absolute_integral(p, sigma, omega):
+    """∫|h| by quadrature between the zeros of h, found on a dense grid; h from its partial fractions."""
+    poles = np.array([-p, -sigma + 1j * omega, -sigma - 1j * omega])
+    residues = np.array([1 / np.prod(pole - np.delete(poles, k)) for k, pole in enumerate(poles)])
+
+    def h(t):
+        return (residues * np.exp(poles * np.asarray(t)[..., None])).sum(axis=-1).real
+
+    end = 40 / min(p, sigma)
+    grid = np.linspace(1e-3 / omega, end, 20_000)
+    values = h(grid)
+    falls = np.flatnonzero(values[:-1] * values[1:] < 0)
+    zeros = [brentq(h, grid[n], grid[n + 1], xtol=1e-15) for n in falls]
+    edges = np.unique([*zeros, *np.linspace(0, end, 50)])
+    return sum(abs(quad(h, a, b, epsabs=1e-14, epsrel=1e-12)[0]) for a, b in pairwise(edges))
+
+
+@pytest.mark.parametrize(
+    ("p", "sigma", "omega"),
+    [
+        *((1, 0.5, 1), (1, 0.1, 2), (3, 0.3, 5), (2, 0.1, 10)),  # rings for ever
+        *((0.5, 1, 4), (0.1, 3, 0.5)),  # the pole hides the pair
+        (0.4, 0.41, 30),  # below zero a few times, in the beginning
+        *((1, 1, 3), (1, 0.999, 3), (1, 1.001, 3)),  # touches zero, or nearly
+    ],
+)
+def test_the_peak_gain_is_the_integral_of_the_absolute_impulse_response(p, sigma, omega):
+    """Of every sort of complex pair."""
+    gain = gain_of(-p, complex(-sigma, omega), complex(-sigma, -omega))
+    assert response.impulse_norm(gain) == pytest.approx(absolute_integral(p, sigma, omega), rel=1e-10)
+
+
+def test_a_ring_that_hardly_decays_has_the_peak_gain_of_its_sine():
+    """The limit of small damping: the pair alone rings, at the pole's strength |1 / (jω + p)| / ω."""
+    sigma, gain = 1e-5, gain_of(-1, complex(-1e-5, 1), complex(-1e-5, -1))
+    ringing = abs(1 / (1j + 1)) * (2 / np.pi) / sigma
+    assert response.impulse_norm(gain) == pytest.approx(ringing, rel=1e-4)
+
+
+def test_a_disturbance_can_attain_the_peak_gain():
+    """ρ(t) = sign h(T - t) brings the axis to ‖h‖₁ at T, by the exact solution for constant ρ."""
+    gain, step = gain_of(-1, -0.2 + 2j, -0.2 - 2j), 1e-3
+    A = exact.companion(gain)
+    flow = expm(A * step)
+    push = np.linalg.solve(A, flow - np.eye(3))[:, 2]
+    impulse, state = [np.array([0.0, 0.0, 1.0])], np.zeros(3)
+    for _ in range(60_000):
+        impulse.append(flow @ impulse[-1])
+    for h in impulse[::-1]:
+        state = flow @ state + push * np.sign(h[0])
+    assert state[0] == pytest.approx(response.impulse_norm(gain), rel=1e-4)
+
+
+GRAPHS = {"star": graph.star(12), "cyclic": CYCLIC, "path": graph.path(12)}
+
+
+@pytest.mark.parametrize(
+    ("name", "static", "peak", "printed", "corrected"),
+    [("star", 1, 8, 33.6, 160), ("cyclic", 3.103, 24.8, 213.7, 1018), ("path", 4, 32, 267.4, 1274)],
+)
+def test_the_table_of_the_notes(name, static, peak, printed, corrected):
+    """SCIENCE O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
+    found = bounds(*of(GRAPHS[name], LIARS, theta=0), GAIN)
+    assert tuple(found) == NAMES
+    assert found["static"].worst == pytest.approx(static, abs=5e-4)
+    assert found["peak_gain"].worst == pytest.approx(peak, abs=0.05)
+    assert found["lyapunov_printed"].fleet == pytest.approx(printed, abs=0.05)
+    assert found["lyapunov_corrected"].fleet == pytest.approx(corrected, abs=0.5)
+    assert found["lyapunov_best"].fleet / found["lyapunov_corrected"].fleet == pytest.approx(
+        7.856 / 9.997, rel=1e-4
+    )
+
+
+def test_the_ring_that_trims_may_switch():
+    """19.8 and 16.2; static and printed say nothing."""
+    found = bounds(*of(CYCLIC, LIARS), GAIN)
+    assert sorted(set(found["peak_gain"].vehicles.round(9))) == [16.2, 19.8]
+    assert found["peak_gain"].fleet == pytest.approx(np.sqrt(8 * 19.8**2 + 4 * 16.2**2))
+    for name in ("static", "lyapunov_printed"):
+        assert np.isnan(found[name].vehicles).all()
+        assert np.isnan([found[name].worst, found[name].fleet]).all()
+
+
+def test_who_always_drops_the_same_does_not_switch():
+    """1 hears the navigator, 2 and 3, trusts 0 and 2 and always drops 3: 0 and 2 have half each."""
+    network = of(hearing({1: [0, 2, 3], 2: [0], 3: [0]}), [2, 3], trusted={1: [2]})
+    found = bounds(*network, GAIN)
+    assert found["static"].vehicles.tolist() == [0.5, 0, 0]
+    assert found["lyapunov_printed"].fleet > 0
+
+
+def test_a_vehicle_that_may_be_cut_off_has_no_finite_bound():
+    """With a choice of kept sets static and printed say nothing; without one they are infinite too."""
+    trio = {1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4]}
+    choice = bounds(*of(hearing({**trio, 4: [0], 5: [0, 4, 6], 6: [0]}), [4], trusted=TRIO), GAIN)
+    for name, bound in choice.items():
+        expected = np.inf if name in SWITCHING else np.nan
+        np.testing.assert_equal([bound.worst, bound.fleet], [expected] * 2)
+    settled = bounds(*of(CUT_OFF, [4], trusted=TRIO), GAIN)
+    for bound in settled.values():
+        assert bound.worst == bound.fleet == np.inf
+        assert bound.vehicles.tolist() == [np.inf, np.inf, np.inf, 0.0]
+
+
+@st.composite
+def gains(draw):
+    """Stable gains with real or complex poles."""
+    p, sigma, omega = (draw(st.floats(0.2, 4.0)) for _ in range(3))
+    pair = [complex(-sigma, omega), complex(-sigma, -omega)]
+    return gain_of(-p, *draw(st.sampled_from([pair, [-sigma, -omega]])))
+
+
+@settings(max_examples=40)
+@given(networks(), gains())
+def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
+    """Static ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤ fleet."""
+    found = bounds(*network, gain)
+    static, peak, corrected, best, star = (
+        np.append(found[name].vehicles, found[name].fleet)
+        for name in ("static", "peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
+    )
+    allowed = 1 + 1e-9
+    assert (np.isnan(static) | (static <= peak * allowed)).all()
+    for greater in (corrected, best, star):
+        assert (peak <= greater * allowed).all()
+    assert (best <= corrected * allowed).all()
+    for bound in found.values():
+        assert np.isnan(bound.fleet) or bound.worst <= bound.fleet * allowed
