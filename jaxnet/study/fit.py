@@ -28,7 +28,7 @@ QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
-EXACT, RESAMPLED = 48, 9  # halvings: to rounding; to what is far below an interval
+EXACT, RESAMPLED = 48, 15  # halvings: to rounding; to what is far below an interval
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # numbers in a table of theirs
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
@@ -41,9 +41,11 @@ class Errors(NamedTuple):
     x: np.ndarray
     y: np.ndarray
 
-    def known(self, model: str) -> bool:
-        """Whether there are magnitudes enough for the parameters of a model."""
-        return np.isfinite(self.y).any(axis=1).sum() >= len(MODELS[model])
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Those that have no more parameters than there are magnitudes."""
+        known = np.isfinite(self.y).any(axis=1).sum()
+        return tuple(model for model, names in MODELS.items() if len(names) <= known)
 
     def ranked(self) -> Data:
         """For the estimators."""
@@ -110,13 +112,14 @@ def resamples(samples: int) -> np.ndarray:
 
 def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
     """Rows on one set of errors."""
-    points = estimates(errors, np.ones((1, counts.shape[1]), np.int16), (*QUANTILES, ENVELOPE), EXACT)
-    drawn = estimates(errors, counts, QUANTILES, RESAMPLED)
+    if not errors.models:
+        return
+    once, models = np.ones((1, counts.shape[1]), np.int16), errors.models
+    points = estimates(errors, once, (*QUANTILES, ENVELOPE), models, EXACT)
+    drawn = estimates(errors, counts, QUANTILES, models, RESAMPLED)
     for quantile, estimated in points.items():
-        for model, names in MODELS.items():
-            if not errors.known(model):
-                continue
-            (estimate,) = estimated[model]
+        for model, (estimate,) in estimated.items():
+            names = MODELS[model]
             low, high = interval(
                 drawn[quantile][model] if quantile in drawn else np.full((1, len(names)), np.nan)
             )
@@ -134,9 +137,9 @@ def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
 
 
 def estimates(
-    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], halvings: int
+    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], halvings: int
 ) -> dict[float | None, dict[str, np.ndarray]]:
-    """Parameters of each model by row of counts, by least squares (None) and at quantiles.
+    """Parameters of some models by row of counts, by least squares (None) and at quantiles.
 
     In double precision whatever the process's default is.
     """
@@ -149,14 +152,16 @@ def estimates(
     def in_parts(fitted: Callable[[np.ndarray], Any], total: int) -> Any:
         starts = range(0, total, at_once)
         parts = [fitted(np.minimum(start + np.arange(at_once), total - 1)) for start in starts]
-        return {model: np.concatenate([part[model] for part in parts])[:total] for model in MODELS}
+        return {model: np.concatenate([part[model] for part in parts])[:total] for model in models}
 
     with jax.enable_x64(True):
         data = jax.device_put(errors.ranked())
-        means = in_parts(lambda row: least_squares(data, weights(row), halvings), each)
-        rest = in_parts(lambda row: quantile_regression(data, weights(row), levels[row], halvings), len(levels))
+        means = in_parts(lambda row: least_squares(data, weights(row), halvings, models), each)
+        rest = in_parts(
+            lambda row: quantile_regression(data, weights(row), levels[row], halvings, models), len(levels)
+        )
     split = {model: np.split(found, len(quantiles)) for model, found in rest.items()}
-    at = {quantile: {model: split[model][n] for model in MODELS} for n, quantile in enumerate(quantiles)}
+    at = {quantile: {model: split[model][n] for model in models} for n, quantile in enumerate(quantiles)}
     return {None: means, **at}
 
 

@@ -13,6 +13,7 @@ cross once; so a curve bent more than all those through two of the points (x_j, 
 when it is bent less, about the place where it crosses them.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxnet.study.curves import BENT, Number, Values
+from jaxnet.study.curves import BENT, Curve, Number, Values
 
 Index = Int[Array, ""]
 
@@ -147,23 +148,26 @@ class Search(NamedTuple):
     scale: Number
 
 
-def fitted(data: Data, loss: Loss, halvings: Index | int) -> dict[str, Float[Array, " parameters"]]:
-    """Parameters of the best curve of every model."""
-    slope = loss.best(jnp.zeros_like(data.x), jnp.ones_like(data.x)).scale
-    found = jax.vmap(lambda kind: search(kind, data.x, loss, halvings))(jnp.arange(len(BENT)))
-    read = {
-        name: jnp.stack(curve.read(data.x, found.shape[kind], found.scale[kind]))
-        for kind, (name, curve) in enumerate(BENT.items())
-    }
-    return {"proportional": slope[None], **read}
+def fitted(
+    data: Data, loss: Loss, halvings: Index | int, models: tuple[str, ...]
+) -> dict[str, Float[Array, " parameters"]]:
+    """Parameters of the best curve of some models."""
+    straight = loss.best(jnp.zeros_like(data.x), jnp.ones_like(data.x)).scale
+    curves = [BENT[model] for model in models if model in BENT]
+    if not curves:
+        return {"proportional": straight[None]}
+    found = jax.vmap(lambda kind: search(curves, kind, data.x, loss, halvings))(jnp.arange(len(curves)))
+    ends = zip(curves, found.shape, found.scale, strict=True)
+    read = [jnp.stack(curve.read(data.x, shape, scale)) for curve, shape, scale in ends]
+    return dict(zip(models, [straight[None], *read], strict=True))
 
 
-def search(kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
+def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
     """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
 
     Where all slopes point to an end of the bracket, that end is the answer.
     """
-    row = shapes(kind, x, loss)
+    row = shapes(curves, kind, x, loss)
     last = SHAPES + halvings
 
     def step(number: Index, search: Search) -> Search:
@@ -171,13 +175,15 @@ def search(kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
         middle = (search.low + search.high) / 2
         end = jnp.where(search.low == row[0], row[0], jnp.where(search.high == row[-1], row[-1], middle))
         shape = jnp.where(number < last, jnp.where(in_row, row[number + 1], middle), end)
-        best, slope = look(kind, x, loss, shape)
+        best, slope = look(curves, kind, x, loss, shape)
         lowest = in_row & (best.loss < search.loss)
         below = jnp.max(row, initial=-jnp.inf, where=row < shape)
         above = jnp.min(row, initial=jnp.inf, where=row > shape)
         return Search(
             jnp.where(lowest, jnp.maximum(below, row[0]), jnp.where(in_row | (slope > 0), search.low, shape)),
-            jnp.where(lowest, jnp.minimum(above, row[-1]), jnp.where(in_row | (slope < 0), search.high, shape)),
+            jnp.where(
+                lowest, jnp.minimum(above, row[-1]), jnp.where(in_row | (slope < 0), search.high, shape)
+            ),
             jnp.where(lowest, best.loss, search.loss),
             shape,
             best.scale,
@@ -187,42 +193,48 @@ def search(kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
     return lax.fori_loop(0, last + 1, step, begin)
 
 
-def shapes(kind: Index, x: Values, loss: Loss) -> Float[Array, " row"]:
+def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " row"]:
     """Quantiles of the shapes of the curves through two minimisers, their extremes included; 0 if there are none.
 
     Quantiles, for two near magnitudes tell little of a shape and scatter a thousand times as far as others.
     """
     two = (loss.weights > 0)[:, None] & (loss.weights > 0)[None, :] & ~jnp.eye(len(x), dtype=bool)
-    through = lax.switch(kind, [curve.through for curve in BENT.values()], x, loss.least)
+    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)
     ascending = jnp.sort(jnp.where(two, through, jnp.inf).ravel())
     rank = (jnp.sum(two) - 1) * jnp.arange(SHAPES + 2) // (SHAPES + 1)
     return jnp.where(two.any(), ascending[jnp.maximum(rank, 0)], 0.0)
 
 
-def look(kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
+def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
     """The best scale for a shape, and the slope of its loss with the shape."""
 
     def bent(shape: Number) -> tuple[Values, Values]:
-        return lax.switch(kind, [curve.bent for curve in BENT.values()], x, shape)
+        return lax.switch(kind, [curve.bent for curve in curves], x, shape)
 
     (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
     best = loss.best(offset, growth)
     return best, jnp.sum(best.pull * (offset_bends + best.scale * growth_bends))
 
 
-@jax.jit
+@functools.partial(jax.jit, static_argnames="models")
 def least_squares(
-    data: Data, samples: Float[Array, "n s"], halvings: Index | int
+    data: Data, samples: Float[Array, "n s"], halvings: Index | int, models: tuple[str, ...]
 ) -> dict[str, Float[Array, "n parameters"]]:
-    """Parameters of every model, for each row of weights of the samples."""
-    return jax.vmap(lambda samples: fitted(data, squares(data, samples), halvings))(samples)
+    """Parameters of some models, the proportional one first, for each row of weights of the samples."""
+    return jax.vmap(lambda samples: fitted(data, squares(data, samples), halvings, models))(samples)
 
 
-@jax.jit
+@functools.partial(jax.jit, static_argnames="models")
 def quantile_regression(
-    data: Data, samples: Float[Array, "n s"], quantile: Float[Array, " n"], halvings: Index | int
+    data: Data,
+    samples: Float[Array, "n s"],
+    quantile: Float[Array, " n"],
+    halvings: Index | int,
+    models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
     """As `least_squares`, at quantiles up to 1."""
-    return jax.vmap(
-        lambda samples, quantile: fitted(data, pinball(data, samples, quantile, halvings), halvings)
-    )(samples, quantile)
+
+    def one(samples: Float[Array, " s"], quantile: Number) -> dict[str, Float[Array, " parameters"]]:
+        return fitted(data, pinball(data, samples, quantile, halvings), halvings, models)
+
+    return jax.vmap(one)(samples, quantile)
