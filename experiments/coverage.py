@@ -1,0 +1,69 @@
+"""Do the fits' 95 % intervals cover 95 %?
+
+Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the sample's own
+at all magnitudes, as its draw is in every cell, and e lognormal from lane to lane. The logarithm of y/x is normal
+with the variance of both, which gives the slopes that least squares and quantile regression look for: the
+mean, the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's interval holds the slope.
+
+Run it with `python experiments/coverage.py`, or with `--repeats 200`; a thousand take some minutes.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import click
+import numpy as np
+from scipy import special
+
+from jaxnet.engine.batch import cores
+from jaxnet.study import fit
+from jaxnet.study.cache import enable
+
+SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "lanes": (0.05, 0.8)}
+
+
+@click.command()
+@click.option("--repeats", default=1000, show_default=True)
+def main(repeats: int) -> None:
+    """A line per kind of scatter."""
+    enable()
+    names = "".join(f"{name:>15}" for name in ("least squares", *fit.QUANTILES))
+    print(f"{'what scatters':32}{names}   covered of {repeats}, nominal 95 %")
+    for what, spread in SPREADS.items():
+        covered = coverage(repeats, spread)
+        print(f"{what:32}" + "".join(f"{share:15.1%}" for share in covered), flush=True)
+
+
+def coverage(
+    repeats: int, spread: tuple[float, float], magnitudes: int = 12, samples: int = 256, seed: int = 0
+) -> np.ndarray:
+    """Share of studies whose interval holds the slope: least squares, then each quantile."""
+    counts = fit.resamples(samples)
+    slopes = true_slopes(spread)
+
+    def covers(repeat: int) -> np.ndarray:
+        errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
+        drawn = fit.estimates(errors, counts, fit.QUANTILES, ("proportional",), fit.RESAMPLED)
+        low, high = np.array([fit.interval(each["proportional"]) for each in drawn.values()])[..., 0].T
+        return (low <= slopes) & (slopes <= high)
+
+    with ThreadPoolExecutor(cores()) as pool:
+        return np.mean(list(pool.map(covers, range(repeats))), axis=0)
+
+
+def synthetic(
+    random: np.random.Generator, spread: tuple[float, float], magnitudes: int, samples: int
+) -> fit.Errors:
+    """One study: standard deviations of log w, the sample's, and log e, the lane's."""
+    x = np.geomspace(0.1, 100, magnitudes)
+    shared, own = random.normal(size=samples), random.normal(size=(magnitudes, samples))
+    return fit.Errors(x, x[:, None] * np.exp(spread[0] * shared + spread[1] * own))
+
+
+def true_slopes(spread: tuple[float, float]) -> np.ndarray:
+    """Mean and quantiles of y/x."""
+    deviation = np.hypot(*spread)
+    return np.exp([deviation**2 / 2, *(deviation * special.ndtri(fit.QUANTILES))])
+
+
+if __name__ == "__main__":
+    main()

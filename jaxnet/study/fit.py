@@ -1,0 +1,198 @@
+"""δ̂(ā), the fleet's ultimate error against the size of the attack: `fit.csv`.
+
+Each group of cells that differ in ā alone, and each of tail_mean and tail_max, is fitted with the curves of
+`curves` by the estimators of `regression`; cells with ā = 0 and failed lanes take no part. Intervals are the
+2.5 and 97.5 % points of fits to samples drawn again with replacement: samples and not rows, for sample s is
+the same random draw in every cell. The envelope has none, as the bootstrap fails for a maximum:
+`envelope_share` says what is known of it.
+"""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from jaxnet.engine.batch import cores
+from jaxnet.study.api import Results
+from jaxnet.study.curves import MODELS, value
+from jaxnet.study.folder import FolderError
+from jaxnet.study.groups import Group, attacked_groups, magnitude
+from jaxnet.study.regression import Data, least_squares, quantile_regression
+from jaxnet.study.summary import CONFIDENCE, SUMMARISED
+
+QUANTILES = (0.5, 0.95)
+ENVELOPE = 1.0
+RESAMPLES = 1000
+SEED = 0
+EXACT, RESAMPLED = 48, 15  # halvings: to rounding; to what is far below an interval
+ROWS = 25  # resamples fitted side by side
+ROOM = 2**22  # numbers in a table of theirs
+EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
+ROUNDING = 1e-12
+
+
+class Errors(NamedTuple):
+    """What is fitted: errors [m] at magnitudes x > 0, by sample; not-a-number where a lane failed."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Those that have no more parameters than there are magnitudes."""
+        known = np.isfinite(self.y).any(axis=1).sum()
+        return tuple(model for model, names in MODELS.items() if len(names) <= known)
+
+    def ranked(self) -> Data:
+        """For the estimators."""
+        ratios = self.y / self.x[:, None]
+        ratios = np.where(np.isfinite(ratios), ratios, np.inf)
+        order = np.argsort(ratios, axis=1, kind="stable")
+        return Data(self.x, np.take_along_axis(ratios, order, axis=1), order)
+
+
+def table(results: Results) -> pd.DataFrame:
+    """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
+
+    Models with more parameters than a group has magnitudes are left out. Raises FolderError where no cell
+    has an attack with ā > 0.
+    """
+    groups = [(group, attacked(group)) for group in attacked_groups(results.study.cells)]
+    groups = [(group, cells) for group, cells in groups if cells]
+    if not groups:
+        raise FolderError(f"{results.path}: no cell has an attack with ā > 0, so there is nothing to fit")
+    counts = resamples(results.lanes["sample"].nunique())
+    asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
+
+    def rows(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
+        labels, cells, metric = one
+        errors = observed(results.lanes, cells, metric)
+        return [labels | {"metric": metric} | row for row in fits(errors, counts)]
+
+    with ThreadPoolExecutor(cores()) as pool:
+        found = [row for rows_of_one in pool.map(rows, asked) for row in rows_of_one]
+    keys = [
+        *groups[0][0].labels,
+        "metric",
+        "model",
+        "quantile",
+        "parameter",
+        "estimate",
+        "low",
+        "high",
+        "aicc",
+    ]
+    return pd.DataFrame(found, columns=pd.Index(keys))
+
+
+def attacked(group: Group) -> dict[int, float]:
+    """ā of the cells that have one, by their number."""
+    return {cell.number: magnitude(cell) for cell in group.cells if magnitude(cell) > 0}
+
+
+def observed(lanes: pd.DataFrame, cells: dict[int, float], metric: str) -> Errors:
+    """Errors of some cells' lanes."""
+    kept = lanes["cell"].isin(list(cells)) & (lanes["status"] == "ok")
+    errors = lanes.assign(error=lanes[metric].where(kept)).pivot(
+        index="cell", columns="sample", values="error"
+    )
+    return Errors(np.array(list(cells.values())), errors.loc[list(cells)].to_numpy())
+
+
+def resamples(samples: int) -> np.ndarray:
+    """How often each sample is drawn in each resample."""
+    random = np.random.default_rng(SEED)
+    drawn = (random.integers(samples, size=samples) for _ in range(RESAMPLES))
+    return np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
+
+
+def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
+    """Rows on one set of errors."""
+    if not errors.models:
+        return
+    once, models = np.ones((1, counts.shape[1]), np.int16), errors.models
+    points = estimates(errors, once, (*QUANTILES, ENVELOPE), models, EXACT)
+    drawn = estimates(errors, counts, QUANTILES, models, RESAMPLED)
+    for quantile, estimated in points.items():
+        for model, (estimate,) in estimated.items():
+            names = MODELS[model]
+            low, high = interval(
+                drawn[quantile][model] if quantile in drawn else np.full((1, len(names)), np.nan)
+            )
+            score = aicc(errors, model, estimate) if quantile is None else np.nan
+            for number, name in enumerate(names):
+                yield {
+                    "model": model,
+                    "quantile": quantile,
+                    "parameter": name,
+                    "estimate": estimate[number],
+                    "low": low[number],
+                    "high": high[number],
+                    "aicc": score,
+                }
+
+
+def estimates(
+    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], halvings: int
+) -> dict[float | None, dict[str, np.ndarray]]:
+    """Parameters of some models by row of counts, by least squares (None) and at quantiles.
+
+    In double precision whatever the process's default is.
+    """
+    each, at_once = len(counts), max(1, min(ROWS, ROOM // errors.y.size))
+    levels = np.repeat(quantiles, each)
+
+    def weights(row: np.ndarray) -> np.ndarray:
+        return counts[row % each].astype(float)
+
+    def in_parts(fitted: Callable[[np.ndarray], Any], total: int) -> Any:
+        starts = range(0, total, at_once)
+        parts = [fitted(np.minimum(start + np.arange(at_once), total - 1)) for start in starts]
+        return {model: np.concatenate([part[model] for part in parts])[:total] for model in models}
+
+    with jax.enable_x64(True):
+        data = jax.device_put(errors.ranked())
+        means = in_parts(lambda row: least_squares(data, weights(row), halvings, models), each)
+        rest = in_parts(
+            lambda row: quantile_regression(data, weights(row), levels[row], halvings, models), len(levels)
+        )
+    split = {model: np.split(found, len(quantiles)) for model, found in rest.items()}
+    at = {quantile: {model: split[model][n] for model in models} for n, quantile in enumerate(quantiles)}
+    return {None: means, **at}
+
+
+def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The percentile interval of each parameter; a resample of none but failed lanes counts for nothing."""
+    ordered, counted = np.sort(drawn, axis=0), np.isfinite(drawn[:, 0]).sum()
+    outside = int((1 - CONFIDENCE) / 2 * counted)
+    return ordered[outside], ordered[counted - 1 - outside]
+
+
+def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
+    """Akaike's criterion with its correction for few rows, of the residuals (y − f)/x; nan where they are none.
+
+    `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, k counting the variance too (Hurvich and Tsai 1989).
+    """
+    ratios = errors.y / errors.x[:, None]
+    residuals = ratios - (value(model, errors.x, parameters) / errors.x)[:, None]
+    n, k = np.isfinite(ratios).sum(), len(parameters) + 1
+    spread, size = np.sqrt(np.nanmean(residuals**2)), np.sqrt(np.nanmean(ratios**2))
+    if n <= k + 1 or spread < max(EXACT_FIT * size, ROUNDING):
+        return np.nan
+    return float(2 * n * np.log(spread) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
+
+
+def envelope_share(samples: int, parameters: int) -> float:
+    """Share p such that with 95 % confidence at least p of all draws stay below the envelope at every ā simulated.
+
+    Samples are the independent units, for cells share their draws. Every model's envelope is a convex
+    program in suitable parameters (`regression.pinball`), so with ε = 1 − p, d parameters and n samples
+    `Σ_{i<d} C(n, i) εⁱ (1 − ε)ⁿ⁻ⁱ = 0.05` (Campi and Garatti 2008); d = 1 gives p = 0.05^(1/n).
+    """
+    if samples < parameters:
+        return 0.0
+    return float(special.betaincinv(samples - parameters + 1, parameters, 1 - CONFIDENCE))

@@ -1,0 +1,240 @@
+"""The best curve through errors of samples at magnitudes: least squares, pinball, envelope.
+
+All of it minimises Σ_j G_j(u_j) over the curves u of `curves`, where G_j collects the errors per ā,
+r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
+
+    least squares  G_j(u) = Σ_s n_s (r_js − u)²/2              of y with weights 1/x²
+    pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)              of y with weights 1/x, ρ_q(r) = r (q − 1[r < 0])
+    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js     what pinball comes to as q → 1, its "quantile 1"
+
+A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
+no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
+cross once; so a curve bent more than all those through two of the points (x_j, m_j) gains at every magnitude
+when it is bent less, about the place where it crosses them.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from jaxnet.study.curves import BENT, Curve, Number, Values
+
+Index = Int[Array, ""]
+
+SHAPES = 7  # looked at before a bracket of shapes is halved, for the loss may have several minima
+
+
+class Data(NamedTuple):
+    """Errors per ā by magnitude, ascending, and whose they are; inf where a lane failed."""
+
+    x: Values
+    ratios: Float[Array, "j s"]
+    sample: Int[Array, "j s"]
+
+
+class Best(NamedTuple):
+    """The best scale for some offset and growth."""
+
+    scale: Number
+    loss: Number
+    pull: Values  # G_j' of the subgradient with Σ_j G_j'·growth_j = 0
+
+
+class Loss(NamedTuple):
+    """What is minimised."""
+
+    weights: Values
+    least: Values  # minimisers m_j of the G_j
+    best: Callable[[Values, Values], Best]  # of offset and growth
+
+
+def squares(data: Data, samples: Float[Array, " s"]) -> Loss:
+    """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
+    weight, ratio = weighted(data, samples)
+    weights = jnp.sum(weight, axis=1)
+    means = jnp.sum(ratio, axis=1) / jnp.maximum(weights, 1.0)
+
+    def best(offset: Values, growth: Values) -> Best:
+        scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
+        residual = offset + scale * growth - means
+        return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
+
+    return Loss(weights, means, best)
+
+
+def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings: Index | int) -> Loss:
+    """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
+
+    `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`, whose first
+    term is left out: beside a few great errors it would drown what many small ones differ by. The envelope is convex in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    """
+    # Weights and weighted ratios up to a rank: [:, k] is the sum of the k least.
+    weight, ratio = (jnp.pad(jnp.cumsum(w, axis=1), ((0, 0), (1, 0))) for w in weighted(data, samples))
+    weights, last = weight[:, -1], data.ratios.shape[1] - 1
+    first = jnp.sum(weight[:, 1:] < quantile * weights[:, None], axis=1)
+    least = at(data.ratios, jnp.minimum(first, last))
+
+    def best(offset: Values, growth: Values) -> Best:
+        own = (least - offset) / growth
+
+        def halve(_: Index, bracket: tuple[Number, Number]) -> tuple[Number, Number]:
+            low, high = bracket
+            between = (own > low) & (own < high) & (weights > 0)
+            scale = jnp.mean(own, where=between | ~between.any())
+            scale = jnp.where(between.any(), scale, (low + high) / 2)
+            below = at(weight, ranks(data.ratios, offset + scale * growth))
+            short = jnp.sum(growth * (below - quantile * weights)) < 0
+            return jnp.where(short, scale, low), jnp.where(short, high, scale)
+
+        low, high = lax.fori_loop(0, halvings, halve, extremes(own, weights > 0))
+        rank = ranks(data.ratios, offset + low * growth)
+        kinks = jnp.where(rank > last, jnp.inf, (at(data.ratios, jnp.minimum(rank, last)) - offset) / growth)
+        touched = jnp.argmin(kinks)
+        scale = jnp.minimum(kinks[touched], high)
+        u, below = offset + scale * growth, at(weight, rank)
+        pull = jnp.where(quantile < 1, below - quantile * weights, weights)
+        loss = jnp.sum(u * pull - jnp.where(quantile < 1, at(ratio, rank), 0.0))
+        return Best(scale, loss, balanced(pull, growth, touched))
+
+    return Loss(weights, least, best)
+
+
+def weighted(data: Data, samples: Float[Array, " s"]) -> tuple[Float[Array, "j s"], Float[Array, "j s"]]:
+    """Weights of the ratios, and weighted ratios; 0 where a lane failed."""
+    there = jnp.isfinite(data.ratios)
+    weight = jnp.where(there, samples[data.sample], 0.0)
+    return weight, weight * jnp.where(there, data.ratios, 0.0)
+
+
+def ranks(ratios: Float[Array, "j s"], u: Values) -> Int[Array, " j"]:
+    """How many ratios of each magnitude are at most u; twice as fast here as `jnp.searchsorted`."""
+    width = ratios.shape[1]
+    rank = jnp.zeros(u.shape, int)
+    for bit in reversed(range(width.bit_length())):
+        further = rank + (1 << bit)
+        reached = at(ratios, jnp.minimum(further, width) - 1) <= u
+        rank = jnp.where((further <= width) & reached, further, rank)
+    return rank
+
+
+def at(table: Float[Array, "j n"], column: Int[Array, " j"]) -> Values:
+    """One column of each row."""
+    return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
+
+
+def balanced(pull: Values, growth: Values, touched: Index) -> Values:
+    """The subgradient in which the magnitude whose datum the curve touches holds the others in balance."""
+    others = jnp.where(jnp.arange(len(pull)) == touched, 0.0, pull)
+    return others.at[touched].set(-jnp.sum(others * growth) / growth[touched])
+
+
+def extremes(values: Float[Array, "..."], there: Array) -> tuple[Number, Number]:
+    """The least and the greatest of those that are there."""
+    return jnp.min(values, initial=jnp.inf, where=there), jnp.max(values, initial=-jnp.inf, where=there)
+
+
+class Search(NamedTuple):
+    """A bracket of the best shape, the lowest loss of a row, and where the search looked last."""
+
+    low: Number
+    high: Number
+    loss: Number
+    shape: Number
+    scale: Number
+
+
+def fitted(
+    data: Data, loss: Loss, halvings: Index | int, models: tuple[str, ...]
+) -> dict[str, Float[Array, " parameters"]]:
+    """Parameters of the best curve of some models."""
+    straight = loss.best(jnp.zeros_like(data.x), jnp.ones_like(data.x)).scale
+    curves = [BENT[model] for model in models if model in BENT]
+    if not curves:
+        return {"proportional": straight[None]}
+    found = jax.vmap(lambda kind: search(curves, kind, data.x, loss, halvings))(jnp.arange(len(curves)))
+    ends = zip(curves, found.shape, found.scale, strict=True)
+    read = [jnp.stack(curve.read(data.x, shape, scale)) for curve, shape, scale in ends]
+    return dict(zip(models, [straight[None], *read], strict=True))
+
+
+def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
+    """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
+
+    Where all slopes point to an end of the bracket, that end is the answer.
+    """
+    row = shapes(curves, kind, x, loss)
+    last = SHAPES + halvings
+
+    def step(number: Index, search: Search) -> Search:
+        in_row = number < SHAPES
+        middle = (search.low + search.high) / 2
+        end = jnp.where(search.low == row[0], row[0], jnp.where(search.high == row[-1], row[-1], middle))
+        shape = jnp.where(number < last, jnp.where(in_row, row[number + 1], middle), end)
+        best, slope = look(curves, kind, x, loss, shape)
+        lowest = in_row & (best.loss < search.loss)
+        below = jnp.max(row, initial=-jnp.inf, where=row < shape)
+        above = jnp.min(row, initial=jnp.inf, where=row > shape)
+        return Search(
+            jnp.where(lowest, jnp.maximum(below, row[0]), jnp.where(in_row | (slope > 0), search.low, shape)),
+            jnp.where(
+                lowest, jnp.minimum(above, row[-1]), jnp.where(in_row | (slope < 0), search.high, shape)
+            ),
+            jnp.where(lowest, best.loss, search.loss),
+            shape,
+            best.scale,
+        )
+
+    begin = Search(row[0], row[-1], jnp.full_like(row[0], jnp.inf), row[0], row[0])
+    return lax.fori_loop(0, last + 1, step, begin)
+
+
+def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " row"]:
+    """Quantiles of the shapes of the curves through two minimisers, their extremes included; 0 if there are none.
+
+    Quantiles, for two near magnitudes tell little of a shape and scatter a thousand times as far as others.
+    """
+    two = (loss.weights > 0)[:, None] & (loss.weights > 0)[None, :] & ~jnp.eye(len(x), dtype=bool)
+    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)
+    ascending = jnp.sort(jnp.where(two, through, jnp.inf).ravel())
+    rank = (jnp.sum(two) - 1) * jnp.arange(SHAPES + 2) // (SHAPES + 1)
+    return jnp.where(two.any(), ascending[jnp.maximum(rank, 0)], 0.0)
+
+
+def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
+    """The best scale for a shape, and the slope of its loss with the shape."""
+
+    def bent(shape: Number) -> tuple[Values, Values]:
+        return lax.switch(kind, [curve.bent for curve in curves], x, shape)
+
+    (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
+    best = loss.best(offset, growth)
+    return best, jnp.sum(best.pull * (offset_bends + best.scale * growth_bends))
+
+
+@functools.partial(jax.jit, static_argnames="models")
+def least_squares(
+    data: Data, samples: Float[Array, "n s"], halvings: Index | int, models: tuple[str, ...]
+) -> dict[str, Float[Array, "n parameters"]]:
+    """Parameters of some models, the proportional one first, for each row of weights of the samples."""
+    return jax.vmap(lambda samples: fitted(data, squares(data, samples), halvings, models))(samples)
+
+
+@functools.partial(jax.jit, static_argnames="models")
+def quantile_regression(
+    data: Data,
+    samples: Float[Array, "n s"],
+    quantile: Float[Array, " n"],
+    halvings: Index | int,
+    models: tuple[str, ...],
+) -> dict[str, Float[Array, "n parameters"]]:
+    """As `least_squares`, at quantiles up to 1."""
+
+    def one(samples: Float[Array, " s"], quantile: Number) -> dict[str, Float[Array, " parameters"]]:
+        return fitted(data, pinball(data, samples, quantile, halvings), halvings, models)
+
+    return jax.vmap(one)(samples, quantile)
