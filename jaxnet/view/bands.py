@@ -1,6 +1,7 @@
 """ẽ(t) over the lanes: median, 5 to 95 % and maximum."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
     """A panel per group of cells that differ in ā alone, the first MOST."""
     groups = scenes(cells)[:MOST]
     drawn, panels = multiples.panels([group.labels for group in groups], "t [s]", r"$\tilde{e}$ [m]")
-    looks: dict[str, dict] = {}
+    looks: dict[str, Any] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in few(group.cells):
             look = looks.setdefault(size_of_lie(cell), style.SERIES[len(looks) % len(style.SERIES)])
@@ -40,7 +41,7 @@ def few(cells: Sequence[Cell]) -> list[Cell]:
     return [cells[number] for number in chosen]
 
 
-def draw(panel: Axes, band: Band, look: dict) -> None:
+def draw(panel: Axes, band: Band, look: Any) -> None:
     """One cell's lanes; below FLOOR a log axis shows rounding."""
     low, median, high, greatest = (np.maximum(FLOOR, values) for values in band[1:])
     panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)

@@ -1,13 +1,14 @@
-"""The numbers that figures and page both show: δ̂(ā), its bounds and fits, shares unrecovered, ẽ(t) over lanes.
+"""What figures and page both show: δ̂(ā), its bounds and fits, the share unrecovered, ẽ(t) over lanes.
 
 What another command has not written yet is left out: `bounds.csv` and `fit.csv` come from `jaxnet fit`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.study.api import Results
@@ -38,8 +39,13 @@ class Curve(NamedTuple):
 
     group: Group
     cells: pd.DataFrame
-    bounds: pd.DataFrame  # `bound`, `vehicle` (text), `slope`
-    fits: pd.DataFrame  # proportional ones: `metric`, `quantile`, `estimate`, `low`, `high`
+    bounds: Mapping[tuple[str, str], float]  # slope by bound and vehicle (1 to m, worst, fleet)
+    fits: Mapping[tuple[str, float | None], tuple[float, float, float]]  # s, low, high by metric and quantile
+
+    @property
+    def sizes(self) -> Float[np.ndarray, " cells"]:
+        """ā, ascending [m]."""
+        return self.cells.index.to_numpy(dtype=float)
 
     def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
         """Statistics of a metric over lanes, by ascending ā [m]."""
@@ -51,30 +57,27 @@ class Curve(NamedTuple):
 
     def slope(self, bound: str, vehicle: str) -> float:
         """A bound per ā; not-a-number where it says nothing."""
-        rows: Any = self.bounds[(self.bounds["bound"] == bound) & (self.bounds["vehicle"] == vehicle)]
-        return float(rows["slope"].iloc[0]) if len(rows) else np.nan
+        return self.bounds.get((bound, vehicle), np.nan)
 
     def limits(self, metric: str) -> dict[str, float]:
         """Finite slopes to hold a metric against; of `tail_mean`, the vehicles' mean where each has one."""
-        each: Any = self.bounds[self.bounds["vehicle"].str.isdigit()]
-        means = each.groupby("bound")["slope"].agg(lambda slopes: slopes.mean(skipna=False))
         slopes = {}
         for bound, form in BOUNDS.items():
+            each = [
+                slope
+                for (name, vehicle), slope in self.bounds.items()
+                if (name, vehicle.isdigit()) == (bound, True)
+            ]
             slopes[bound] = self.slope(bound, form)
             if np.isnan(slopes[bound]):
                 slopes[bound] = self.slope(bound, "worst")
             if metric == "tail_mean" and form == "worst":
-                slopes[bound] = float(means.get(bound, np.nan))
+                slopes[bound] = float(np.mean(each)) if each else np.nan
         return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
 
     def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
         """Slope s of the proportional model with its interval: of least squares, or of a quantile."""
-        wanted = self.fits["quantile"].isna() if quantile is None else self.fits["quantile"] == quantile
-        rows: Any = self.fits[wanted & (self.fits["metric"] == metric)]
-        if not len(rows):
-            return None
-        estimate, low, high = rows[["estimate", "low", "high"]].iloc[0].tolist()
-        return estimate, low, high
+        return self.fits.get((metric, quantile))
 
 
 def curves(results: Results) -> list[Curve]:
@@ -87,10 +90,29 @@ def curves(results: Results) -> list[Curve]:
         if not members:
             continue
         rows = cells.iloc[[cell.number for cell in members]].set_axis([magnitude(cell) for cell in members])
-        lines = of_group(fits, group.labels)
-        proportional = (lines["model"] == "proportional") & (lines["parameter"] == "s")
-        found.append(Curve(group, rows, of_group(bounds, group.labels), lines[proportional]))
+        found.append(
+            Curve(
+                group, rows, slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
+            )
+        )
     return found
+
+
+def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
+    """Rows of `bounds.csv` by bound and vehicle."""
+    return {
+        (bound, vehicle): float(slope)
+        for bound, vehicle, slope in zip(rows["bound"], rows["vehicle"], rows["slope"], strict=True)
+    }
+
+
+def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
+    """Slopes s·ā of `fit.csv` with their intervals, by metric and quantile (None: least squares)."""
+    proportional: Any = rows[(rows["model"] == "proportional") & (rows["parameter"] == "s")]
+    return {
+        (row.metric, None if np.isnan(row.quantile) else row.quantile): (row.estimate, row.low, row.high)
+        for row in proportional.itertuples()
+    }
 
 
 COLUMNS = {
@@ -101,7 +123,7 @@ TEXT = {"vehicle": str, "bound": str, "metric": str, "model": str, "parameter": 
 
 
 def table(results: Results, name: str) -> pd.DataFrame:
-    """One of the tables beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
+    """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
     file = results.path / f"{name}.csv"
     if not file.exists():
         empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]], dtype=float)
@@ -125,24 +147,25 @@ def alike(value: Any) -> str:
         return str(value)
 
 
-def span(found: list[Curve], metric: str) -> tuple[float, float]:
+def span(found: Sequence[Curve], metric: str) -> tuple[float, float]:
     """Ends of a log axis for a metric [m], with all that is drawn but what is far too small to see."""
     low, high = [], []
     for curve in found:
-        most = curve.cells.index.max()
+        most = curve.sizes.max()
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
         high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
-    faint = FAINT * min(curve.cells.index.min() for curve in found)
-    return max(faint, 0.7 * min(low, default=faint)), 1.5 * max(filter(np.isfinite, high), default=1.0)
+    faint = FAINT * min(curve.sizes.min() for curve in found)
+    bottom, top = max(faint, 0.7 * min(low, default=faint)), 1.5 * max(filter(np.isfinite, high), default=1.0)
+    return float(bottom), float(max(top, 10 * bottom))
 
 
-def magnitude_is_swept(found: list[Curve]) -> bool:
+def magnitude_is_swept(found: Sequence[Curve]) -> bool:
     """Whether some curve has more than one point."""
     return any(len(curve.cells) > 1 for curve in found)
 
 
 def shares(results: Results) -> pd.DataFrame:
-    """Share unrecovered, its interval's low and high end, of the cells that have one, by number of the cell."""
+    """Share unrecovered and its interval's ends, of the cells that have one, by number."""
     cells: Any = results.cells
     return cells[SHARE].dropna() if set(SHARE) <= set(cells) else pd.DataFrame(columns=SHARE)
 
@@ -157,9 +180,8 @@ class Band(NamedTuple):
     greatest: Float[np.ndarray, " times"]
 
 
-def band(results: Results, cell: Cell) -> Band | None:
+def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
     """5 %, median, 95 % and maximum over samples at MOST_TIMES instants at most; None if no lane is ok."""
-    tracking = results.errors["tracking"]
     times = tracking.sizes["time"]
     chosen = np.unique(np.linspace(0, times - 1, min(times, MOST_TIMES)).round().astype(int))
     values = tracking.isel(cell=cell.number).values[:, chosen]
@@ -172,12 +194,13 @@ def band(results: Results, cell: Cell) -> Band | None:
 def all_bands(results: Results) -> dict[int, Band]:
     """Bands of the cells of the first MOST scenes, by number of the cell."""
     cells = [cell for group in scenes(results.study.cells)[:MOST] for cell in group.cells]
-    found = {cell.number: band(results, cell) for cell in cells}
+    tracking = results.errors["tracking"]
+    found = {cell.number: band(tracking, cell) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:
-    """Cells that differ in ā alone, with those that no attack or a drawn one sets apart, in the study's order."""
+    """Cells that differ in ā alone, whether or not they have a fixed one, in the study's order."""
     members: dict[tuple[Any, ...], list[Cell]] = {}
     for cell in cells:
         members.setdefault(tuple(shared(cell).items()), []).append(cell)

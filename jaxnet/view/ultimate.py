@@ -29,6 +29,7 @@ BOUND_NAMES = {
 }
 FITTED: dict[str, Any] = {"color": "0.45", "linewidth": 0.7, "linestyle": "-"}
 POINT: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}
+LONG: dict[str, Any] = POINT | {"markersize": 6}
 
 
 def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
@@ -49,7 +50,7 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
 
 def draw_bounds(panel: Axes, curve: Curve, metric: str) -> None:
     """Bounds and the least-squares proportion as lines through the origin."""
-    sizes = curve.cells.index.to_numpy(dtype=float)
+    sizes = curve.sizes
     for bound, slope in curve.limits(metric).items():
         panel.plot(sizes, slope * sizes, **BOUND_STYLE[bound])
     fitted = curve.fit(metric)
@@ -59,7 +60,7 @@ def draw_bounds(panel: Axes, curve: Curve, metric: str) -> None:
 
 def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     """Median, 5 to 95 % and maximum; what lies below the axis stands on it as a triangle."""
-    sizes = curve.cells.index.to_numpy(dtype=float)
+    sizes = curve.sizes
     low, median, high, greatest = (
         np.maximum(floor, values) for values in curve.spread(metric, "q05", "median", "q95", "max")
     )
@@ -67,7 +68,7 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     for marker, chosen in (("o", median > floor), ("v", median <= floor)):
         if chosen.any():
             panel.plot(sizes[chosen], median[chosen], marker, **POINT, clip_on=False)
-    panel.plot(sizes, greatest, "_", **POINT | {"markersize": 5})
+    panel.plot(sizes, greatest, "_", **LONG)
 
 
 def legend(shown: Sequence[Curve], metric: str) -> list[Line2D]:
@@ -75,8 +76,8 @@ def legend(shown: Sequence[Curve], metric: str) -> list[Line2D]:
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
         Line2D([], [], marker="o", label="median of lanes", **POINT),
-        Line2D([], [], marker="|", label="5 to 95 %", **POINT | {"markersize": 7}),
-        Line2D([], [], marker="_", label="maximum", **POINT | {"markersize": 6}),
+        Line2D([], [], marker="|", label="5 to 95 %", **LONG),
+        Line2D([], [], marker="_", label="maximum", **LONG),
         Line2D([], [], marker="v", label="median below the axis", **POINT),
     ]
     if any(curve.fit(metric) for curve in shown):

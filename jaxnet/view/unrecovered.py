@@ -38,7 +38,7 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
 def draw(panel: Axes, curve: Curve) -> None:
     """One group's share against ā."""
     share, low, high = curve.shares()
-    sizes = curve.cells.index.to_numpy(dtype=float)
+    sizes = curve.sizes
     panel.errorbar(sizes, share, np.stack([share - low, high - share]), **LOOK)
 
 
