@@ -28,7 +28,7 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
                 draw(panel, bands[cell.number], look)
     panels[0].set_yscale("log")
     panels[0].minorticks_off()
-    handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
     drawn.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)

@@ -119,16 +119,18 @@ COLUMNS = {
     "bounds": ("bound", "vehicle", "slope"),
     "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
 }
-TEXT = {"vehicle": str, "bound": str, "metric": str, "model": str, "parameter": str}
+TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
+    ("slope", "quantile", "estimate", "low", "high"), float
+)
 
 
 def table(results: Results, name: str) -> pd.DataFrame:
     """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
     file = results.path / f"{name}.csv"
     if not file.exists():
-        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]], dtype=float)
-        return empty.astype({key: kind for key, kind in TEXT.items() if key in empty})
-    return pd.read_csv(file, dtype=TEXT, keep_default_na=False, na_values=[""])
+        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
+        return empty.astype({key: TYPES[key] for key in COLUMNS[name]})
+    return pd.read_csv(file, dtype=TYPES, keep_default_na=False, na_values=[""])
 
 
 def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
@@ -136,7 +138,7 @@ def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
     mine = np.ones(len(rows), bool)
     for key, label in labels.items():
         mine &= np.array([alike(value) == alike(label) for value in rows[key]], bool)
-    return rows[mine]
+    return rows.iloc[np.flatnonzero(mine)]
 
 
 def alike(value: Any) -> str:

@@ -26,6 +26,11 @@ def title(labels: dict[str, Any]) -> str:
     return ", ".join(called(key, value) for key, value in labels.items())
 
 
+def as_text(words: str) -> str:
+    """Words in which matplotlib finds no formula."""
+    return words.replace("$", r"\$")
+
+
 def called(key: str, value: Any) -> str:
     """One swept value."""
     if not isinstance(value, str):
@@ -44,7 +49,7 @@ def panels(
     drawn = Figure(figsize=(style.WIDTH, height * rows + 0.7))
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
     for panel, each in zip(grid, labels, strict=False):
-        wrapped = textwrap.fill(title(each), 120 // across)
+        wrapped = textwrap.fill(as_text(title(each)), 120 // across)
         panel.set_title(wrapped, pad=3, fontsize=7.5)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)

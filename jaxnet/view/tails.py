@@ -29,7 +29,7 @@ def figure(results: Results) -> Figure:
     panel.set_xlabel("mean error over the tail and the vehicles, one dot per lane [m]")
     panel.set_yticks(
         [cell.number for cell in cells],
-        [multiples.title(cell.labels) for cell in cells],
+        [multiples.as_text(multiples.title(cell.labels)) for cell in cells],
     )
     panel.set_ylim(len(cells) - 0.4, -0.6)
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from jaxnet.study.api import Results
 from jaxnet.view import multiples, style
 from jaxnet.view.curves import MOST, Curve, magnitude_is_swept, shares
+from jaxnet.view.multiples import as_text, title
 
 LOOK: dict[str, Any] = {
     "color": style.BLUE,
@@ -50,8 +51,8 @@ def rows(results: Results) -> Figure:
     drawn = Figure(figsize=(style.WIDTH, 0.28 * len(found) + 0.7))
     panel = drawn.add_subplot()
     panel.errorbar(share, places, xerr=np.stack([share - low, high - share]), **LOOK)
-    names = [multiples.title(results.study.cells[int(number)].labels) for number in found.index]
-    panel.set_yticks(places, names)
+    names = [title(results.study.cells[int(number)].labels) for number in found.index]
+    panel.set_yticks(places, [as_text(name) for name in names])
     panel.set_ylim(len(found) - 0.4, -0.6)
     panel.set_xlim(left=0)
     panel.set_xlabel("lanes unrecovered, 95 % interval [%]")

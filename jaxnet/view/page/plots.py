@@ -40,8 +40,8 @@ BOUND_LINES = {
     "lyapunov_corrected": {"color": "--red", "dash": "8px,3px,2px,3px"},
     "lyapunov_printed": {"color": "--sky", "dash": "8px,3px,2px,3px,2px,3px"},
 }
-FITTED = {"color": "--muted", "dash": "solid", "width": 1}
-FITTED_95 = {"color": "--muted", "dash": "1px,3px", "width": 1.5}
+FITTED: dict[str, Any] = {"color": "--muted", "dash": "solid", "width": 1.0}
+FITTED_95: dict[str, Any] = {"color": "--muted", "dash": "1px,3px", "width": 1.5}
 MARKERS = {"median": "circle", "below": "triangle-down", "maximum": "line-ew-open", "mean": "diamond-open"}
 
 
@@ -247,8 +247,8 @@ def band(drawn: Band) -> list[dict[str, Any]]:
 
 def lanes(results: Results) -> list[dict[str, Any]]:
     """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
-    errors = results.lanes.set_index(["cell", "sample"])["tail_mean"]
-    found = []
+    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
+    found: list[tuple[Any, ...]] = []
     for path in sorted(results.path.glob("replays/cell-*.zarr")):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
         if named and (int(named[1]), int(named[2])) in errors.index:

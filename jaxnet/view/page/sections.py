@@ -146,7 +146,7 @@ def table(rows: pd.DataFrame) -> str:
 NUMBER = ' class="number"'
 
 
-def number_cell(value: float) -> str:
+def number_cell(value: float | int) -> str:
     """A number; a dash where there is none."""
     if np.isnan(value):
         return f"<td{NUMBER}>–</td>"
@@ -207,7 +207,9 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
     shown = found[:MOST]
     present = {bound for curve in shown for bound in curve.limits("tail_max")}
     entries = MEDIAN_KEY + [
-        (BOUND_NAMES[bound], stroke(**look)) for bound, look in plots.BOUND_LINES.items() if bound in present
+        (BOUND_NAMES[bound], stroke(look["color"], look["dash"]))
+        for bound, look in plots.BOUND_LINES.items()
+        if bound in present
     ]
     if any(curve.fit("tail_max") for curve in shown):
         entries += [
@@ -234,7 +236,7 @@ def slopes(found: Sequence[Curve]) -> str:
     rows = []
     for curve in found:
         (greatest,) = curve.spread("tail_max", "max")
-        row = {**curve.group.labels, "worst found": (greatest / curve.sizes).max()}
+        row = {**curve.group.labels, "worst found": np.fmax.reduce(greatest / curve.sizes)}
         s, low, high = curve.fit("tail_max") or (np.nan,) * 3
         s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
         row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
@@ -259,7 +261,7 @@ def bands(results: Results) -> Section | None:
     shown = groups[:MOST]
     choices = list(dict.fromkeys(size_of_lie(cell) for group in shown for cell in group.cells))
     entries = [
-        ("median of lanes", stroke("--blue", width=2)),
+        ("median of lanes", stroke("--blue", width=2.0)),
         ("5 to 95 %", '<path d="M0 2H34V12H0z" fill="var(--band)"/>'),
         ("maximum", stroke("--red", "5px,3px")),
     ]
@@ -297,7 +299,7 @@ def worst(results: Results) -> Section:
     """The replayed lanes, with a slider over time."""
     name, found = "Worst lanes", plots.lanes(results)
     if not found:
-        errors = results.lanes["tail_mean"]
+        errors: Any = results.lanes["tail_mean"]
         if errors.isna().all():
             return Section("lanes", name, "<p>No lane is ok.</p>")
         row = results.lanes.loc[errors.idxmax()]
