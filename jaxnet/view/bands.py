@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from jaxnet.study.sweep import Cell
 from jaxnet.view import multiples, style
-from jaxnet.view.curves import FLOOR, MOST, Band, scenes, size_of_lie
+from jaxnet.view.curves import FLOOR, MOST, Band, bands_span, scenes, size_of_lie
 
 SIZES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 
@@ -26,8 +26,9 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
             look = looks.setdefault(size_of_lie(cell), style.SERIES[len(looks) % len(style.SERIES)])
             if cell.number in bands:
                 draw(panel, bands[cell.number], look)
-    panels[0].set_yscale("log")
-    panels[0].minorticks_off()
+    if bands:
+        panels[0].set(yscale="log", ylim=bands_span(bands))
+        panels[0].yaxis.minorticks_off()
     handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))

@@ -157,8 +157,13 @@ def span(found: Sequence[Curve], metric: str) -> tuple[float, float]:
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
         high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
     faint = FAINT * min(curve.sizes.min() for curve in found)
-    bottom, top = max(faint, 0.7 * min(low, default=faint)), 1.5 * max(filter(np.isfinite, high), default=1.0)
-    return float(bottom), float(max(top, 10 * bottom))
+    return decades(max(faint, min(low, default=faint)), max(filter(np.isfinite, high), default=faint))
+
+
+def decades(low: float, high: float) -> tuple[float, float]:
+    """The powers of ten around a range."""
+    first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
+    return float(10.0**first), float(10.0 ** max(last, first + 1))
 
 
 def magnitude_is_swept(found: Sequence[Curve]) -> bool:
@@ -199,6 +204,12 @@ def all_bands(results: Results) -> dict[int, Band]:
     tracking = results.errors["tracking"]
     found = {cell.number: band(tracking, cell) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
+
+
+def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
+    """Ends of a log axis for bands [m]."""
+    low = min(float(each.low.min()) for each in found.values())
+    return decades(max(FLOOR, low), max(FLOOR, *(float(each.greatest.max()) for each in found.values())))
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:

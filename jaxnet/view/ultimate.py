@@ -43,7 +43,7 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)
     panels[0].set(xscale="log", yscale="log", ylim=(low, high))
-    panels[0].minorticks_off()
+    panels[0].yaxis.minorticks_off()
     drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
     return drawn
 

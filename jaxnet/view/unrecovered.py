@@ -32,7 +32,6 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
     for panel, curve in zip(panels, shown, strict=True):
         draw(panel, curve)
     panels[0].set(xscale="log", ylim=(-4, 104))
-    panels[0].minorticks_off()
     return drawn
 
 
@@ -54,7 +53,7 @@ def rows(results: Results) -> Figure:
     names = [title(results.study.cells[int(number)].labels) for number in found.index]
     panel.set_yticks(places, [as_text(name) for name in names])
     panel.set_ylim(len(found) - 0.4, -0.6)
-    panel.set_xlim(left=0)
+    panel.set_xlim(-2, 102)
     panel.set_xlabel("lanes unrecovered, 95 % interval [%]")
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
     return drawn

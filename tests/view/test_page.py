@@ -13,6 +13,7 @@ import pytest
 import jaxnet
 from jaxnet.study.replay import replay
 from jaxnet.view import bands, curves, figures, page, style, ultimate, unrecovered
+from jaxnet.view.page import plots
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
@@ -163,6 +164,18 @@ def test_figures_for_paper_show_the_same(folder):
         "ā = 1 m",
         "ā = 10 m",
     ]
+
+
+def test_shares_of_cells_where_no_size_is_swept(folder):
+    """A row a cell that has a share, named by what is swept, its label escaped for plotly."""
+    grid = plots.unrecovered_rows(jaxnet.open(folder), 24)
+    (trace,) = grid["panels"][0][0]
+    assert (trace["x"], trace["y"]) == ([25, 50, 75, 100], [0, 1, 2, 3])
+    np.testing.assert_allclose(trace["error_x"]["arrayminus"], 10)
+    names = grid["layouts"][0]["yaxis"]["ticktext"]
+    joined = unescape(names[2].replace("<br>", "")).replace(" ", "")
+    assert joined == f"{HOSTILE}, attack.magnitude = 1".replace(" ", "")
+    assert "<script" not in names[2]
 
 
 def test_figures_are_written_in_both_formats(folder):

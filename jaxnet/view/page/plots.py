@@ -19,6 +19,7 @@ from jaxnet.view.curves import (
     METRICS,
     Band,
     Curve,
+    bands_span,
     shares,
     size_of,
     size_of_lie,
@@ -56,11 +57,18 @@ def log_range(low: float, high: float) -> list[float]:
     return [float(np.log10(low)), float(np.log10(high))]
 
 
+def log_axis(ends: tuple[float, float], name: str) -> dict[str, Any]:
+    """An axis between powers of ten."""
+    low, high = log_range(*ends)
+    return {"type": "log", "range": [low, high], "dtick": 2 if high - low > 4 else 1, "title": {"text": name}}
+
+
 def sizes_axis(found: Sequence[Curve]) -> dict[str, Any]:
     """The axis of ā."""
     sizes = [size for curve in found for size in curve.sizes.tolist()]
-    ends = log_range(min(sizes) / 1.4, max(sizes) * 1.4)
-    return {"type": "log", "range": ends, "dtick": 1, "title": {"text": "size of the lie ā [m]"}}
+    low, high = log_range(min(sizes) / 1.4, max(sizes) * 1.4)
+    ticks = {"dtick": 1} if high - low > 2 else {"nticks": 5}
+    return {"type": "log", "range": [low, high], **ticks, "title": {"text": "size of the lie ā [m]"}}
 
 
 def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
@@ -68,8 +76,7 @@ def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
     layouts = []
     for metric in METRICS:
         word = "greatest" if metric == "tail_max" else "mean"
-        y = {"type": "log", "range": log_range(*span(found, metric)), "dtick": 2}
-        y["title"] = {"text": f"{word} tail error [m]"}
+        y = log_axis(span(found, metric), f"{word} tail error [m]")
         layouts.append({"xaxis": sizes_axis(found), "yaxis": y})
     floors = {metric: span(found, metric)[0] for metric in METRICS}
     panels = [
@@ -167,7 +174,7 @@ def unrecovered(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
     return {"layouts": [{"xaxis": sizes_axis(found), "yaxis": y}], "panels": panels}
 
 
-def share(x: list[float], middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+def share(x: Sequence[float | int], middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
     """Shares with their intervals [%]."""
     texts = [f"{a:.4g} % ({b:.4g} to {c:.4g})" for a, b, c in zip(middle, low, high, strict=True)]
     return {
@@ -193,23 +200,16 @@ def unrecovered_rows(results: Results, most: int) -> Grid:
         "ticktext": ["<br>".join(map(escape, textwrap.wrap(name, 24))) for name in names],
         "range": [len(rows) - 0.4, -0.6],
     }
-    x = {"rangemode": "tozero", "title": {"text": "unrecovered [%]"}}
+    x = {"range": [-2, 102], "title": {"text": "unrecovered [%]"}}
     return {"layouts": [{"xaxis": x, "yaxis": y}], "panels": [[[trace]]]}
 
 
 def bands(groups: Sequence[Group], found: Mapping[int, Band], choices: Sequence[str]) -> Grid:
     """ẽ(t) of each group, a choice per ā."""
-    lowest = min(float(each.low.min()) for each in found.values())
-    highest = max(float(each.greatest.max()) for each in found.values())
     time = next(iter(found.values())).time
     layout = {
         "xaxis": {"range": [0.0, float(time[-1])], "title": {"text": "t [s]"}},
-        "yaxis": {
-            "type": "log",
-            "range": log_range(max(FLOOR, 0.7 * lowest), max(10 * FLOOR, 1.5 * highest)),
-            "dtick": 2,
-            "title": {"text": "ẽ [m]"},
-        },
+        "yaxis": log_axis(bands_span(found), "ẽ [m]"),
     }
     panels = []
     for group in groups:

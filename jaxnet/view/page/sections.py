@@ -22,7 +22,6 @@ from jaxnet.view.curves import (
     scenes,
     shares,
     size_of_lie,
-    span,
 )
 from jaxnet.view.multiples import columns, title
 from jaxnet.view.page import plots
@@ -219,10 +218,10 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
     note = (
         "<p>Error over the tail against the size of the lie. Bounds of the worst vehicle (of the mean over"
         " vehicles for the mean error); the Lyapunov bounds as printed and corrected are of the whole fleet,"
-        " where they say something. Cells with ā = 0 have no place on a log axis; a median below"
-        f" {span(found, 'tail_max')[0]:.2g} m stands on the axis.</p>"
+        " where they say something. Cells with ā = 0 have no place on a log axis; a median far below ā stands"
+        " on the axis.</p>"
     )
-    if not present:
+    if not any(curve.bounds for curve in found):
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
     choices = ["greatest error of any vehicle (tail_max)", "mean error of the fleet (tail_mean)"]
     assert len(choices) == len(METRICS)
