@@ -35,6 +35,7 @@ OURS = (
     "trajectories.zarr",
     "figures",
     "replays",
+    "report.html",
 )
 FILLED = "jaxnet.filled"  # in a row file's metadata: the stores that its lanes are in
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")

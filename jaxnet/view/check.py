@@ -18,12 +18,16 @@ COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 
 def text(study: Study) -> str:
     """The whole report."""
-    parts = [head(study), cell_list(study.cells)]
-    groups: dict[Any, list[Cell]] = {}
-    for cell in study.cells:
-        groups.setdefault(network_key(cell), []).append(cell)
-    parts += [network_text(cells) for cells in groups.values()]
+    parts = [head(study), cell_list(study.cells), *certificates(study.cells)]
     return "\n\n".join(part for part in parts if part)
+
+
+def certificates(cells: Sequence[Cell]) -> list[str]:
+    """What each network promises, with the cells that share it."""
+    groups: dict[Any, list[Cell]] = {}
+    for cell in cells:
+        groups.setdefault(network_key(cell), []).append(cell)
+    return [network_text(group) for group in groups.values()]
 
 
 def head(study: Study) -> str:

@@ -7,7 +7,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from jaxnet.study.api import Results
-from jaxnet.view import panels, style, tails, topology
+from jaxnet.view import bands, panels, style, tails, topology, ultimate, unrecovered
+from jaxnet.view.curves import all_bands, curves, magnitude_is_swept, shares
 
 
 def draw(results: Results) -> Iterator[Path]:
@@ -18,12 +19,22 @@ def draw(results: Results) -> Iterator[Path]:
         yield from save(results, "tails", tails.figure(results))
         if has["trajectories"] or has["errors"]:
             yield from save(results, "panels", panels.figure(results, **has))
+        if has["errors"]:
+            yield from save(results, "bands", bands.figure(results.study.cells, all_bands(results)))
+        found = curves(results)
+        if magnitude_is_swept(found):
+            yield from save(results, "ultimate", ultimate.figure(found, "tail_max"))
+            yield from save(results, "ultimate_mean", ultimate.figure(found, "tail_mean"))
+        if len(shares(results)):
+            yield from save(results, "unrecovered", unrecovered.figure(results, found))
 
 
 def save(results: Results, name: str, figure: Figure) -> Iterator[Path]:
     """Write one figure in both formats."""
     folder = results.path / "figures"
     folder.mkdir(exist_ok=True)
+    figure.draw_without_rendering()  # the layout, once for both
+    figure.set_layout_engine("none")
     for suffix in ("png", "pdf"):
         path = folder / f"{name}.{suffix}"
         figure.savefig(path)

@@ -1,5 +1,6 @@
 """The paper's figure: a row per attack, trajectories of each topology, and the errors of all of them."""
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from jaxnet.view import style
 
 MOST = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
+ROW_LETTERS = 30  # that a line along a row's height takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 
@@ -94,7 +96,7 @@ def draw_trajectories(
         panel.set_title(f"({letter}) {name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
         if column == 0:
-            panel.set_ylabel(f"{setting(cell)}\ny [m]")
+            panel.set_ylabel(f"{textwrap.fill(setting(cell), ROW_LETTERS)}\ny [m]")
         else:
             panel.tick_params(labelleft=False)
         panel.set_xlim(-reach, reach)

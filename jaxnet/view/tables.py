@@ -1,5 +1,6 @@
 """Results as text for a terminal."""
 
+import shlex
 from typing import Any
 
 import pandas as pd
@@ -20,13 +21,19 @@ SUMMARY = {
 RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "from", "unrecovered_high": "to"}
 
 
-def summary(results: Results) -> str:
-    """The summary table: a line per cell."""
+def summary_rows(results: Results) -> pd.DataFrame:
+    """The summary: a row per cell."""
     cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
     shown = SUMMARY | (RECOVERY if "unrecovered" in cells else {})
     table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
     table.insert(0, "cell", range(len(table)))
+    return table
+
+
+def summary(results: Results) -> str:
+    """The summary table: a line per cell."""
+    table = summary_rows(results)
     text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
     if len(table) > MOST_ROWS:
         text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
@@ -68,12 +75,18 @@ def failures(results: Results) -> str:
     failed: Any = results.lanes[results.lanes["status"] != "ok"]
     lines = [
         f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
-        f" (jaxnet replay {results.path} --cell {row.cell} --sample {row.sample})"
+        f" ({replay_command(results, row.cell, row.sample)})"
         for row in failed.head(MOST_FAILURES).itertuples()
     ]
     if len(failed) > MOST_FAILURES:
         lines.append(f"… {len(failed) - MOST_FAILURES} more; see the column status in lanes/")
     return "\n".join(lines)
+
+
+def replay_command(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
+    """What to type to see one lane again."""
+    words = ["jaxnet", "replay", str(results.path), "--cell", str(cell), "--sample", str(sample)]
+    return shlex.join(words + (["--engine", engine] if engine else []))
 
 
 def lane(results: Results, row: pd.Series) -> str:

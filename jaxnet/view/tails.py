@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxnet.study.api import Results
-from jaxnet.view import style
+from jaxnet.view import multiples, style
 
 MOST = 24  # cells that one figure takes
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
@@ -29,7 +29,7 @@ def figure(results: Results) -> Figure:
     panel.set_xlabel("mean error over the tail and the vehicles, one dot per lane [m]")
     panel.set_yticks(
         [cell.number for cell in cells],
-        [", ".join(f"{key} = {value}" for key, value in cell.labels.items()) for cell in cells],
+        [multiples.as_text(multiples.title(cell.labels)) for cell in cells],
     )
     panel.set_ylim(len(cells) - 0.4, -0.6)
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)

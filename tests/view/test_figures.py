@@ -68,6 +68,6 @@ def test_tails(results):
     assert axes.get_xscale() == "log"
     assert axes.get_xlabel().endswith("[m]")
     named = axes.get_yticklabels()
-    assert named[0].get_text() == "topology = star, attack.magnitude = 0"
+    assert named[0].get_text() == "star, attack.magnitude = 0"
     dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
     np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))

@@ -1,0 +1,54 @@
+"""`report.html`: one file with all about a results folder, which works offline and asks nobody for anything.
+
+`sections` writes its text and tables, `plots` the numbers of its plots, `page.js` draws them with plotly.js,
+which is inlined; `page.css` has the light and the dark look.
+"""
+
+import json
+from html import escape
+from pathlib import Path
+from string import Template
+
+from plotly.offline import get_plotlyjs
+
+from jaxnet.study.api import Results
+from jaxnet.study.folder import Folder
+from jaxnet.view import style
+from jaxnet.view.page import sections
+
+HERE = Path(__file__).parent
+COLOURS = {
+    "blue": style.BLUE,
+    "orange": style.ORANGE,
+    "green": style.GREEN,
+    "red": style.RED,
+    "purple": style.PURPLE,
+    "sky": style.SKY,
+    "black": style.BLACK,
+    "band": "rgba(0, 114, 178, 0.22)",
+}
+
+
+def write(results: Results) -> Path:
+    """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
+    shown = sections.every(results)
+    data = {each.id: each.plots for each in shown if each.plots}
+    text = Template((HERE / "page.html").read_text()).substitute(
+        name=escape(results.study.config.name),
+        lead=sections.lead(results),
+        contents=" ".join(f'<a href="#{each.id}">{each.title}</a>' for each in shown),
+        sections="\n".join(map(str, shown)),
+        palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in COLOURS.items())} }}",
+        css=(HERE / "page.css").read_text(),
+        data=encode(data),
+        plotly=get_plotlyjs(),
+        script=(HERE / "page.js").read_text(),
+    )
+    Folder(results.path).put("report.html", lambda file: file.write_text(text, encoding="utf-8"))
+    return results.path / "report.html"
+
+
+def encode(data: object) -> str:
+    """JSON that can stand in a script element."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")

@@ -1,0 +1,290 @@
+"""Plots as plotly's traces and layouts, plain data for JSON; colours are names of CSS variables."""
+
+import base64
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxnet.study.api import Results
+from jaxnet.study.groups import Group
+from jaxnet.view import tables
+from jaxnet.view.curves import (
+    FLOOR,
+    METRICS,
+    Band,
+    Curve,
+    bands_span,
+    shares,
+    size_of,
+    size_of_lie,
+    span,
+)
+from jaxnet.view.multiples import title
+from jaxnet.view.panels import attacked_vehicles
+from jaxnet.view.ultimate import BOUND_NAMES
+
+Grid = dict[str, Any]  # `layouts` by choice, `panels` by panel and choice
+MOST_FRAMES = 100
+MOST_LANES = 60
+
+BOUND_LINES = {
+    "static": {"color": "--green", "dash": "solid"},
+    "peak_gain": {"color": "--blue", "dash": "8px,3px"},
+    "star_norm": {"color": "--purple", "dash": "2px,2px"},
+    "lyapunov_best": {"color": "--orange", "dash": "4px,2px"},
+    "lyapunov_corrected": {"color": "--red", "dash": "8px,3px,2px,3px"},
+    "lyapunov_printed": {"color": "--sky", "dash": "8px,3px,2px,3px,2px,3px"},
+}
+FITTED: dict[str, Any] = {"color": "--muted", "dash": "solid", "width": 1.0}
+FITTED_95: dict[str, Any] = {"color": "--muted", "dash": "1px,3px", "width": 1.5}
+MARKERS = {"median": "circle", "below": "triangle-down", "maximum": "line-ew-open", "mean": "diamond-open"}
+
+
+def packed(values: Any) -> dict[str, str]:
+    """Numbers as plotly takes them, in single precision."""
+    flat = np.ascontiguousarray(values, dtype="<f4").ravel()
+    return {"dtype": "f4", "bdata": base64.b64encode(flat.tobytes()).decode()}
+
+
+def log_range(low: float, high: float) -> list[float]:
+    """Ends of a log axis as plotly takes them."""
+    return [float(np.log10(low)), float(np.log10(high))]
+
+
+def log_axis(ends: tuple[float, float], name: str) -> dict[str, Any]:
+    """An axis between powers of ten."""
+    low, high = log_range(*ends)
+    return {"type": "log", "range": [low, high], "dtick": 2 if high - low > 4 else 1, "title": {"text": name}}
+
+
+def sizes_axis(found: Sequence[Curve]) -> dict[str, Any]:
+    """The axis of ā."""
+    sizes = [size for curve in found for size in curve.sizes.tolist()]
+    low, high = log_range(min(sizes) / 1.4, max(sizes) * 1.4)
+    ticks = {"dtick": 1} if high - low > 2 else {"nticks": 5}
+    return {"type": "log", "range": [low, high], **ticks, "title": {"text": "size of the lie ā [m]"}}
+
+
+def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
+    """δ̂(ā) of each curve, a choice per metric."""
+    layouts = []
+    for metric in METRICS:
+        word = "greatest" if metric == "tail_max" else "mean"
+        y = log_axis(span(found, metric), f"{word} tail error [m]")
+        layouts.append({"xaxis": sizes_axis(found), "yaxis": y})
+    floors = {metric: span(found, metric)[0] for metric in METRICS}
+    panels = [
+        [[*lines(curve, metric), *points(curve, metric, floors[metric])] for metric in METRICS]
+        for curve in shown
+    ]
+    return {"layouts": layouts, "panels": panels}
+
+
+def lines(curve: Curve, metric: str) -> list[dict[str, Any]]:
+    """Bounds and fitted proportions."""
+    drawn = [(BOUND_NAMES[b], slope, BOUND_LINES[b]) for b, slope in curve.limits(metric).items()]
+    for name, quantile, look in (("least squares", None, FITTED), ("95 % of lanes", 0.95, FITTED_95)):
+        fitted = curve.fit(metric, quantile)
+        if fitted is not None:
+            drawn.append((name, fitted[0], look))
+    sizes = curve.sizes
+    return [
+        {
+            "x": sizes.tolist(),
+            "y": (slope * sizes).tolist(),
+            "mode": "lines",
+            "line": {"width": 1.6, **look},
+            "text": f"{name}: {slope:.4g} ā",
+            "hoverinfo": "text",
+        }
+        for name, slope, look in drawn
+    ]
+
+
+def points(curve: Curve, metric: str, floor: float) -> list[dict[str, Any]]:
+    """Median with 5 to 95 %, maximum, and mean with its interval; what lies below the axis stands on it."""
+    names = ("q05", "median", "q95", "max", "mean", "low", "high")
+    real = np.stack(curve.spread(metric, *names), axis=1)
+    some = ~np.isnan(real[:, 0])
+    sizes, real = curve.sizes[some], real[some]
+    q05, median, q95, greatest, mean, low, high = np.fmax(floor, real).T
+    text = [
+        f"ā = {size:.4g} m<br>median {row[1]:.4g} m<br>5 to 95 %: {row[0]:.4g} to {row[2]:.4g} m<br>"
+        f"maximum {row[3]:.4g} m<br>mean {row[4]:.4g} m ({row[5]:.4g} to {row[6]:.4g})"
+        for size, row in zip(sizes, real, strict=True)
+    ]
+    common = {"mode": "markers", "text": text, "hoverinfo": "text"}
+    symbols = [MARKERS["below" if below else "median"] for below in median <= floor]
+    return [
+        {
+            **common,
+            "x": (sizes * 1.1).tolist(),
+            "y": mean.tolist(),
+            "marker": {"symbol": MARKERS["mean"], "size": 6, "color": "--muted"},
+            "error_y": bars(mean, low, high, "--muted"),
+        },
+        {
+            **common,
+            "x": sizes.tolist(),
+            "y": median.tolist(),
+            "marker": {"symbol": symbols, "size": 6, "color": "--black"},
+            "error_y": bars(median, q05, q95, "--black"),
+            "cliponaxis": False,
+        },
+        {
+            **common,
+            "x": sizes.tolist(),
+            "y": greatest.tolist(),
+            "marker": {
+                "symbol": MARKERS["maximum"],
+                "size": 8,
+                "color": "--black",
+                "line": {"width": 1.6, "color": "--black"},
+            },
+        },
+    ]
+
+
+def bars(middle: np.ndarray, low: np.ndarray, high: np.ndarray, colour: str) -> dict[str, Any]:
+    """Error bars from low to high."""
+    above, below = (np.nan_to_num(values).tolist() for values in (high - middle, middle - low))
+    return {
+        "symmetric": False,
+        "array": above,
+        "arrayminus": below,
+        "color": colour,
+        "thickness": 1.3,
+        "width": 0,
+    }
+
+
+def unrecovered(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
+    """The share against ā."""
+    y = {"range": [-4, 104], "title": {"text": "unrecovered [%]"}}
+    panels = []
+    for curve in shown:
+        sizes = curve.sizes
+        panels.append([[share(sizes.tolist(), *curve.shares())]])
+    return {"layouts": [{"xaxis": sizes_axis(found), "yaxis": y}], "panels": panels}
+
+
+def share(x: Sequence[float | int], middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+    """Shares with their intervals [%]."""
+    texts = [f"{a:.4g} % ({b:.4g} to {c:.4g})" for a, b, c in zip(middle, low, high, strict=True)]
+    return {
+        "x": x,
+        "y": [None if np.isnan(value) else value for value in middle.tolist()],
+        "mode": "markers",
+        "marker": {"color": "--blue", "size": 6},
+        "error_y": bars(middle, low, high, "--blue") | {"width": 3},
+        "text": texts,
+        "hoverinfo": "text",
+    }
+
+
+def unrecovered_rows(results: Results, most: int) -> Grid:
+    """The share of each cell, a row each."""
+    rows = shares(results).head(most)
+    middle, low, high = (100 * rows[name].to_numpy(dtype=float) for name in rows)
+    trace = share(list(range(len(rows))), middle, low, high)
+    trace |= {"x": trace["y"], "y": trace["x"], "error_x": trace.pop("error_y")}
+    names = [title(results.study.cells[int(number)].labels) or "all lanes" for number in rows.index]
+    y = {
+        "tickvals": list(range(len(rows))),
+        "ticktext": ["<br>".join(map(escape, textwrap.wrap(name, 24))) for name in names],
+        "range": [len(rows) - 0.4, -0.6],
+    }
+    x = {"range": [-2, 102], "title": {"text": "unrecovered [%]"}}
+    return {"layouts": [{"xaxis": x, "yaxis": y}], "panels": [[[trace]]]}
+
+
+def bands(groups: Sequence[Group], found: Mapping[int, Band], choices: Sequence[str]) -> Grid:
+    """ẽ(t) of each group, a choice per ā."""
+    time = next(iter(found.values())).time
+    layout = {
+        "xaxis": {"range": [0.0, float(time[-1])], "title": {"text": "t [s]"}},
+        "yaxis": log_axis(bands_span(found), "ẽ [m]"),
+    }
+    panels = []
+    for group in groups:
+        cells = {size_of_lie(cell): found.get(cell.number) for cell in group.cells}
+        drawn = [cells.get(choice) for choice in choices]
+        panels.append([None if each is None else band(each) for each in drawn])
+    return {"layouts": [layout] * len(choices), "panels": panels}
+
+
+def band(drawn: Band) -> list[dict[str, Any]]:
+    """5 to 95 % filled, median and maximum as lines."""
+    low, median, high, greatest = (packed(np.maximum(FLOOR, values)) for values in drawn[1:])
+    edge = {"mode": "lines", "line": {"width": 0, "color": "--blue"}, "hoverinfo": "skip"}
+    x = packed(drawn.time)
+    hover = "%{y:.3g} m at %{x:.3g} s<extra></extra>"
+    return [
+        {**edge, "x": x, "y": low},
+        {**edge, "x": x, "y": high, "fill": "tonexty", "fillcolor": "--band"},
+        {
+            "x": x,
+            "y": greatest,
+            "mode": "lines",
+            "line": {"color": "--red", "dash": "5px,3px", "width": 1.4},
+            "hovertemplate": "maximum " + hover,
+        },
+        {
+            "x": x,
+            "y": median,
+            "mode": "lines",
+            "line": {"color": "--blue", "width": 2},
+            "hovertemplate": "median " + hover,
+        },
+    ]
+
+
+def lanes(results: Results) -> list[dict[str, Any]]:
+    """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
+    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
+    found: list[tuple[Any, ...]] = []
+    for path in sorted(results.path.glob("replays/cell-*.zarr")):
+        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
+        if named and (int(named[1]), int(named[2])) in errors.index:
+            cell, sample = int(named[1]), int(named[2])
+            error = float(errors[cell, sample])
+            found.append((relative(results, cell, error), cell, sample, named[3], error, path))
+    found.sort(key=lambda each: (-each[0], *each[1:3]))
+    return [lane(results, *each[1:]) for each in found[:MOST_LANES]]
+
+
+def relative(results: Results, cell: int, error: float) -> float:
+    """An error per ā, so that lanes of all ā compare; 0 where nobody lies or the lane failed."""
+    amount = size_of(results.study.cells[cell])
+    return error / amount if isinstance(amount, int | float) and amount and np.isfinite(error) else 0.0
+
+
+def lane(
+    results: Results, number: int, sample: int, engine: str | None, error: float, path: Path
+) -> dict[str, Any]:
+    """One lane's trajectory."""
+    cell, data = results.study.cells[number], xr.open_zarr(path)
+    times = data.sizes["time"]
+    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
+    states = data["state"].isel(cell=0, sample=0).values[frames, :, :2]
+    navigator = data["navigator"].isel(cell=0).values[frames]
+    where = f"{title(cell.labels)}, " if cell.labels else ""
+    by = f", {engine} engine" if engine else ""
+    return {
+        "label": f"{where}sample {sample}: tail mean {error:.4g} m (cell {number}{by})",
+        "command": tables.replay_command(results, number, sample, engine),
+        "vehicles": states.shape[1],
+        "attacked": attacked_vehicles(cell),
+        "time": packed(data["time"].values[frames]),
+        "x": packed(states[..., 0]),
+        "y": packed(states[..., 1]),
+        "navigator_x": packed(navigator[:, 0]),
+        "navigator_y": packed(navigator[:, 1]),
+        "reach": 1.05 * float(max(np.nanmax(np.abs(states), initial=1.0), np.abs(navigator).max())),
+    }

@@ -1,0 +1,367 @@
+"""The page's sections: what was run, tables, and the places where plots are drawn."""
+
+import shlex
+from collections.abc import Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.study.api import Results
+from jaxnet.view import check, tables
+from jaxnet.view.curves import (
+    FLOOR,
+    METRICS,
+    MOST,
+    SHARE,
+    Curve,
+    all_bands,
+    curves,
+    magnitude_is_swept,
+    scenes,
+    shares,
+    size_of_lie,
+)
+from jaxnet.view.multiples import columns, title
+from jaxnet.view.page import plots
+from jaxnet.view.ultimate import BOUND_NAMES
+
+MOST_ROWS = 10_000
+MOST_LISTED = 200
+
+
+class Section(NamedTuple):
+    """One heading with what stands under it; `plots` is what the script draws there."""
+
+    id: str
+    title: str
+    body: str
+    plots: Any = None
+
+    def __str__(self) -> str:
+        """As HTML."""
+        return f'<section id="{self.id}"><h2>{self.title}</h2>\n{self.body}</section>'
+
+
+def every(results: Results) -> list[Section]:
+    """All that the folder has something for."""
+    found = curves(results)
+    each = [
+        run(results),
+        summary(results),
+        ultimate(results, found),
+        bands(results),
+        unrecovered(results, found),
+        worst(results),
+        violations(results),
+        failed(results),
+    ]
+    return [section for section in each if section is not None]
+
+
+def lead(results: Results) -> str:
+    """The study in a sentence."""
+    count = results.manifest["lanes"]
+    return (
+        f"{check.count(len(results.study.cells), 'cell')}, {check.count(count['total'], 'lane')}:"
+        f" {count['ok']:,} ok, {count['failed']:,} failed."
+    )
+
+
+def run(results: Results) -> Section:
+    """What was run, with which versions, on which networks."""
+    study, manifest = results.study, results.manifest
+    swept = study.cells[0].labels
+    values = {
+        "engine": study.config.engine.kind,
+        "horizon": f"{study.config.horizon:g} s",
+        "tick": f"{study.config.tick:g} s",
+        "tail": f"the last {study.config.tail:g} s",
+    }
+    values = {key: "swept" if key in swept else value for key, value in values.items()}
+    versions = ", ".join(f"{package} {version}" for package, version in manifest["versions"].items())
+    values |= {
+        "swept": ", ".join(swept) or "nothing",
+        "seed": str(manifest["seed"]),
+        "versions": versions,
+        "device": manifest["device"],
+        "wall time": f"{manifest['wall_seconds']:.4g} s",
+    }
+    rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
+    certificates = check.certificates(study.cells)
+    networks = check.count(len(certificates), "network")
+    body = (
+        f"<dl>{rows}</dl>"
+        + folded("The study, every default written out", (results.path / "study.yaml").read_text())
+        + folded(f"Certificates of {networks}", "\n\n".join(certificates))
+    )
+    return Section("run", "What was run", body)
+
+
+def folded(name: str, text: str) -> str:
+    """Text that opens on a click."""
+    return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
+
+
+def summary(results: Results) -> Section:
+    """The table of all cells."""
+    rows = tables.summary_rows(results)
+    if len(shares(results)):
+        percent: Any = 100 * results.cells[SHARE]
+        percent.columns = ["unrecovered [%]", "share low", "share high"]
+        rows = pd.concat([rows, percent], axis=1)
+    note = (
+        "<p>Mean over lanes of the tail's mean error, with its 95 % t interval, its median and 95 % quantile;"
+        " worst is the greatest error of any vehicle in any lane. A click on a header sorts.</p>"
+    )
+    if len(rows) > MOST_ROWS:
+        note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
+    return Section("summary", "Summary", note + table(rows.head(MOST_ROWS)))
+
+
+def table(rows: pd.DataFrame) -> str:
+    """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
+    numeric = [pd.api.types.is_numeric_dtype(kind) for kind in rows.dtypes]
+    heads = "".join(
+        f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
+        f'<button type="button">{escape(str(name))}</button></th>'
+        for name, number in zip(rows.columns, numeric, strict=True)
+    )
+    by_column = [
+        [
+            number_cell(value) if number else f"<td>{escape(str(value))}</td>"
+            for value in rows.iloc[:, n].tolist()
+        ]
+        for n, number in enumerate(numeric)
+    ]
+    lines = "\n".join(f"<tr>{''.join(line)}</tr>" for line in zip(*by_column, strict=True))
+    return (
+        f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'
+        f"<tbody>{lines}</tbody></table></div>"
+    )
+
+
+NUMBER = ' class="number"'
+
+
+def number_cell(value: float | int) -> str:
+    """A number; a dash where there is none."""
+    if np.isnan(value):
+        return f"<td{NUMBER}>–</td>"
+    if np.isinf(value):
+        return f'<td{NUMBER} data-value="Infinity">∞</td>'
+    text = str(value) if isinstance(value, int) else tables.number(value)
+    return f'<td{NUMBER} data-value="{value!r}">{text}</td>'
+
+
+def grid(labels: Sequence[dict[str, Any]], choose: str = "", choices: Sequence[str] = ()) -> str:
+    """Places for small multiples, and a choice of what they show if there is one."""
+    select = ""
+    if len(choices) > 1:
+        options = "".join(f"<option>{escape(choice)}</option>" for choice in choices)
+        select = f'<div class="controls"><label>{choose} <select>{options}</select></label></div>'
+    panels = "".join(
+        f'<div class="panel"><h3>{escape(title(each))}</h3>'
+        f'<div class="plot" role="img" aria-label="{escape(title(each)) or "all cells"}"></div></div>'
+        for each in labels
+    )
+    return f'{select}<div class="grid" style="--columns: {columns(labels)}">{panels}</div>'
+
+
+def key(entries: Sequence[tuple[str, str]]) -> str:
+    """What is what: a drawing and a name each."""
+    return (
+        '<ul class="key">'
+        + "".join(
+            f'<li><svg viewBox="0 0 34 14" aria-hidden="true">{drawing}</svg>{name}</li>'
+            for name, drawing in entries
+        )
+        + "</ul>"
+    )
+
+
+def stroke(color: str, dash: str = "solid", width: float = 1.6) -> str:
+    """A line in a key."""
+    dashes = "" if dash == "solid" else f' stroke-dasharray="{dash.replace("px", "")}"'
+    return f'<path d="M0 7H34" fill="none" stroke="var({color})" stroke-width="{width}"{dashes}/>'
+
+
+MEDIAN_KEY = [
+    (
+        "median, 5 to 95 %",
+        '<path d="M17 0V14" stroke="var(--black)"/><circle cx="17" cy="7" r="3" fill="var(--black)"/>',
+    ),
+    ("maximum", '<path d="M12 7H22" stroke="var(--black)" stroke-width="2"/>'),
+    ("mean, 95 % interval", '<path d="M17 3l4 4-4 4-4-4z" fill="none" stroke="var(--muted)"/>'),
+    ("median below the axis", '<path d="M13 4H21L17 11z" fill="var(--black)"/>'),
+]
+
+
+def ultimate(results: Results, found: list[Curve]) -> Section:
+    """δ̂(ā), and its slopes as a table."""
+    name = "Ultimate error δ̂(ā)"
+    if not magnitude_is_swept(found):
+        return Section("ultimate", name, "<p>attack.magnitude is not swept: there is no δ̂(ā) to draw.</p>")
+    shown = found[:MOST]
+    present = {bound for curve in shown for bound in curve.limits("tail_max")}
+    entries = MEDIAN_KEY + [
+        (BOUND_NAMES[bound], stroke(look["color"], look["dash"]))
+        for bound, look in plots.BOUND_LINES.items()
+        if bound in present
+    ]
+    if any(curve.fit("tail_max") for curve in shown):
+        entries += [
+            ("least squares s·ā", stroke(**plots.FITTED)),
+            ("95 % of lanes s·ā", stroke(**plots.FITTED_95)),
+        ]
+    note = (
+        "<p>Error over the tail against the size of the lie. Bounds of the worst vehicle (of the mean over"
+        " vehicles for the mean error); the Lyapunov bounds as printed and corrected are of the whole fleet,"
+        " where they say something. Cells with ā = 0 have no place on a log axis; a median far below ā stands"
+        " on the axis.</p>"
+    )
+    if not any(curve.bounds for curve in found):
+        note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
+    choices = ["greatest error of any vehicle (tail_max)", "mean error of the fleet (tail_mean)"]
+    assert len(choices) == len(METRICS)
+    body = note + key(entries) + grid([curve.group.labels for curve in shown], "Show the", choices)
+    body += more(len(found), "groups") + slopes(found)
+    return Section("ultimate", name, body, plots.ultimate(found, shown))
+
+
+def slopes(found: Sequence[Curve]) -> str:
+    """Error per ā: the worst found, fitted, and bounded, by group."""
+    rows = []
+    for curve in found:
+        (greatest,) = curve.spread("tail_max", "max")
+        row = {**curve.group.labels, "worst found": np.fmax.reduce(greatest / curve.sizes)}
+        s, low, high = curve.fit("tail_max") or (np.nan,) * 3
+        s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
+        row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
+        for bound, name in BOUND_NAMES.items():
+            vehicle, fleet = curve.slope(bound, "worst"), curve.slope(bound, "fleet")
+            row |= {name: vehicle} | ({} if fleet == vehicle else {f"{name}, fleet": fleet})
+        rows.append(row)
+    return (
+        "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
+        " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
+        + table(pd.DataFrame(rows).dropna(axis=1, how="all"))
+    )
+
+
+def bands(results: Results) -> Section | None:
+    """ẽ(t)."""
+    if not (results.path / "errors.zarr").exists():
+        return None
+    found, groups = all_bands(results), scenes(results.study.cells)
+    if not found:
+        return None
+    shown = groups[:MOST]
+    choices = list(dict.fromkeys(size_of_lie(cell) for group in shown for cell in group.cells))
+    entries = [
+        ("median of lanes", stroke("--blue", width=2.0)),
+        ("5 to 95 %", '<path d="M0 2H34V12H0z" fill="var(--band)"/>'),
+        ("maximum", stroke("--red", "5px,3px")),
+    ]
+    note = f"<p>Mean error of the fleet over time; what is below {FLOOR:g} m is rounding and drawn there.</p>"
+    body = note + key(entries) + grid([group.labels for group in shown], "Size of the lie", choices)
+    return Section(
+        "bands",
+        "Error over time ẽ(t)",
+        body + more(len(groups), "groups"),
+        plots.bands(shown, found, choices),
+    )
+
+
+def unrecovered(results: Results, found: Sequence[Curve]) -> Section | None:
+    """The share that does not recover."""
+    if not len(shares(results)):
+        return None
+    note = "<p>Share of lanes whose tail mean error exceeds τ·ā, with its exact 95 % interval.</p>"
+    if magnitude_is_swept(found):
+        shown = found[:MOST]
+        body = grid([curve.group.labels for curve in shown]) + more(len(found), "groups")
+        drawn = plots.unrecovered(found, shown)
+    else:
+        body = grid([{}]) + more(len(shares(results)), "cells")
+        drawn = plots.unrecovered_rows(results, MOST)
+    return Section("unrecovered", "Lanes that do not recover", note + body, drawn)
+
+
+def more(count: int, noun: str) -> str:
+    """What is left out of a figure."""
+    return f"<p>The first {MOST} of {count:,} {noun}; all are in the tables.</p>" if count > MOST else ""
+
+
+def worst(results: Results) -> Section:
+    """The replayed lanes, with a slider over time."""
+    name, found = "Worst lanes", plots.lanes(results)
+    if not found:
+        errors: Any = results.lanes["tail_mean"]
+        if errors.isna().all():
+            return Section("lanes", name, "<p>No lane is ok.</p>")
+        row = results.lanes.loc[errors.idxmax()]
+        command = escape(tables.replay_command(results, int(row["cell"]), int(row["sample"])))
+        return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
+    options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
+    body = (
+        "<p>Replayed lanes, the greatest tail error per ā first.</p>"
+        f'<div class="controls"><label>Lane <select>{options}</select></label></div>{LANE_KEY}'
+        '<div class="controls"><button type="button">Play</button>'
+        '<input type="range" min="0" value="0" step="1" aria-label="time"><output></output></div>'
+        '<div class="plot plane" role="img" aria-label="trajectories in the plane"></div>'
+        "<p>Again, with everything stored: <code></code></p>"
+    )
+    return Section("lanes", name, body, found)
+
+
+LANE_KEY = key(
+    [
+        (
+            "navigator",
+            stroke("--black", "2 3") + '<path d="M12 2H22V12H12z" fill="none" stroke="var(--black)"/>',
+        ),
+        ("vehicle", stroke("--sky", width=1.2) + '<circle cx="17" cy="7" r="4" fill="var(--blue)"/>'),
+        (
+            "attacked vehicle",
+            stroke("--red", "6 2", 1.4) + '<path d="M17 2l5 5-5 5-5-5z" fill="var(--red)"/>',
+        ),
+    ]
+)
+
+
+def violations(results: Results) -> Section:
+    """Lanes above a bound that claims to hold for them."""
+    name, file = "Violations of bounds", results.path / "violations.csv"
+    if not file.exists():
+        return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
+    rows = pd.read_csv(file)
+    if not len(rows):
+        return Section(
+            "violations", name, "<p>None: no lane is above a bound that claims to hold for it.</p>"
+        )
+    return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
+
+
+def failed(results: Results) -> Section:
+    """Lanes that did not come to their end."""
+    name = "Failed lanes"
+    rows: Any = results.lanes[results.lanes["status"] != "ok"]
+    if not len(rows):
+        return Section("failed", name, "<p>None.</p>")
+    shown = rows[["cell", "sample", "status"]].head(MOST_LISTED)
+    places = zip(shown["cell"], shown["sample"], strict=True)
+    commands = [tables.replay_command(results, cell, sample) for cell, sample in places]
+    return Section("failed", name, listed(shown.assign(command=commands), len(rows)))
+
+
+def listed(rows: pd.DataFrame, count: int) -> str:
+    """Lanes as a table, and how many there are in all."""
+    note = f"; the first {len(rows)}:" if len(rows) < count else ":"
+    return f"<p>{check.count(count, 'lane')}{note}</p>" + table(rows)
+
+
+def fit_command(results: Results) -> str:
+    """What writes fits, bounds and violations, as HTML."""
+    return escape(shlex.join(["jaxnet", "fit", str(results.path)]))
