@@ -24,7 +24,7 @@ from jaxnet.study.groups import attacked_groups, shared
 from jaxnet.study.lanes import Drawn, clock_of
 from jaxnet.study.network import navigator_of, network_of, weights_are_drawn
 from jaxnet.study.sweep import Cell
-from jaxnet.theory import bounds, exact, spread
+from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
 
 ROUNDING = 1e-9  # relative
@@ -53,11 +53,10 @@ def table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Bounds of a scenario by name, blank where they differ from lane to lane."""
+    if not shared_by_lanes(scenario):
+        return dict.fromkeys(bounds.NAMES, Bound(np.full(scenario.vehicles, np.nan), np.nan))
     network = network_of(scenario)
     links = network.weights, network.attacked, network.trusted, network.theta
-    if not shared_by_lanes(scenario):
-        nothing = Bound(np.full(scenario.vehicles, np.nan), np.nan)
-        return dict.fromkeys(bounds.NAMES, nothing)
     return bounds.bounds(*links, np.array(scenario.gain))
 
 
@@ -107,7 +106,7 @@ def limits_of(
     """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
     network, gain = network_of(scenario), np.array(scenario.gain)
     links = network.weights, network.attacked, network.trusted, network.theta
-    lies, kept = bounds.spread_of(*links), spread.settled(network.weights, network.trusted, network.theta)
+    lies = bounds.spread_of(*links)
     attack, drawn = cast(config.Attacked, scenario.attack), Drawn(scenario, seed, samples)
     magnitude = drawn.one(attack.magnitude, "attack.magnitude")
     path = np.stack(navigator_of(scenario).jets(np.zeros(1))[:3])
@@ -123,9 +122,9 @@ def limits_of(
         return limit * (1 + ROUNDING) + ACCURACY[scenario.engine.kind]
 
     found = {"peak_gain": limits(bounds.peak_gain(lies, gain), error)}
-    if kept is not None and not graph.unreachable(kept):
-        told = np.where(network.attacked, kept, 0.0)
-        mixing = np.linalg.solve(graph.laplacian(kept), told[:, 1:] + np.diag(told[:, 0]))
+    if lies.kept is not None and np.isfinite(lies.norms):
+        told = np.where(network.attacked, lies.kept, 0.0)
+        mixing = np.linalg.solve(graph.laplacian(lies.kept), told[:, 1:] + np.diag(told[:, 0]))
         forced = np.einsum("ij,kxjn->kxin", mixing, signal)
         found["static"] = limits(bounds.static(lies), error - forced)
     return found

@@ -45,29 +45,24 @@ NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapu
 
 
 class Spread(NamedTuple):
-    """How far lies spread: γ_i, and `‖L⁻¹‖₂ ‖W_a 1‖₂` where kept sets cannot switch, else not-a-number."""
+    """How far lies spread through a network."""
 
-    gains: Gains
-    norms: float
-
-    @property
-    def settled(self) -> bool:
-        """Whether kept sets cannot switch."""
-        return not np.isnan(self.norms)
+    gains: Gains  # γ
+    kept: Weights | None  # in force for good; None where kept sets may switch
+    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else not-a-number
 
 
 def spread_of(weights: Weights, attacked: Links, trusted: Links, theta: Counts) -> Spread:
     """How far lies on the attacked links spread (ϑ_i = 0: nobody trims)."""
-    gains, kept = (
-        spread.worst_gains(weights, attacked, trusted, theta),
-        spread.settled(weights, trusted, theta),
-    )
+    gains = spread.worst_gains(weights, attacked, trusted, theta)
+    kept = spread.settled(weights, trusted, theta)
     if kept is None:
-        return Spread(gains, np.nan)
+        return Spread(gains, None, np.nan)
     if graph.unreachable(kept):
-        return Spread(gains, np.inf)
+        return Spread(gains, kept, np.inf)
     inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(kept)), 2)
-    return Spread(gains, float(inverse * np.linalg.norm(np.where(attacked, kept, 0.0).sum(axis=1))))
+    told = np.where(attacked, kept, 0.0).sum(axis=1)
+    return Spread(gains, kept, float(inverse * np.linalg.norm(told)))
 
 
 def bounds(weights: Weights, attacked: Links, trusted: Links, theta: Counts, gain: Gain) -> dict[str, Bound]:
@@ -89,7 +84,7 @@ def static(lies: Spread) -> Bound:
     Holds, by the exact solution (O2), for every smooth attack whose derivatives are consistent, of any
     frequency, while the kept set is fixed; constant lies in phase attain it. Blank where it may switch.
     """
-    gains = lies.gains if lies.settled else np.full(lies.gains.shape, np.nan)
+    gains = np.full(lies.gains.shape, np.nan) if lies.kept is None else lies.gains
     return Bound(gains, float(np.linalg.norm(gains)))
 
 
@@ -136,6 +131,6 @@ def per_vehicle(constant: float, lies: Spread, gain: Gain) -> Bound:
 def stacked(constant: float, lies: Spread, gain: Gain, switching: float) -> Bound:
     """`c β γ_i`, of a fleet that is settled `c β ‖L⁻¹‖₂ ‖W_a 1‖₂`; times `switching` where it is not."""
     one = per_vehicle(constant, lies, gain)
-    if lies.settled:
-        return one._replace(fleet=float(constant * (1 + gain.sum()) * lies.norms))
-    return Bound(one.vehicles * switching, one.fleet * switching)
+    if lies.kept is None:
+        return Bound(one.vehicles * switching, one.fleet * switching)
+    return one._replace(fleet=float(constant * (1 + gain.sum()) * lies.norms))

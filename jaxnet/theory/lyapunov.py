@@ -26,19 +26,19 @@ RATE = 0.1
 BELOW = np.tril_indices(3)
 
 
-def certificate(gain: Gain, Q: Weight = IDENTITY) -> Weight:
+def solution(gain: Gain, Q: Weight = IDENTITY) -> Weight:
     """`P`, for which `A_c'P + P A_c = -Q`."""
     return solve_continuous_lyapunov(exact.companion(gain).T, -Q)
 
 
 def printed(gain: Gain, Q: Weight = IDENTITY) -> float:
     """`2‖PB‖ / λ_min(Q)`, the paper's constant, which its proof does not carry."""
-    return float(2 * np.linalg.norm(certificate(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
+    return float(2 * np.linalg.norm(solution(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
 
 
 def corrected(gain: Gain, Q: Weight = IDENTITY) -> float:
     """`√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
-    return printed(gain, Q) * float(np.sqrt(np.linalg.cond(certificate(gain, Q))))
+    return printed(gain, Q) * float(np.sqrt(np.linalg.cond(solution(gain, Q))))
 
 
 def best(gain: Gain) -> float:

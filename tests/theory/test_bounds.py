@@ -27,7 +27,7 @@ def gain_of(*poles):
 def test_lyapunov_constants_of_the_default_gain():
     """SCIENCE O5."""
     P = [[2.3125, 1.9375, 0.5], [1.9375, 3.25, 0.8125], [0.5, 0.8125, 0.4375]]
-    np.testing.assert_allclose(lyapunov.certificate(GAIN), P, rtol=1e-12)
+    np.testing.assert_allclose(lyapunov.solution(GAIN), P, rtol=1e-12)
     assert lyapunov.printed(GAIN) == pytest.approx(2.0991, abs=5e-5)
     assert lyapunov.corrected(GAIN) / lyapunov.printed(GAIN) == pytest.approx(4.7626, abs=5e-5)
     assert lyapunov.corrected(GAIN) == pytest.approx(9.997, abs=5e-4)
