@@ -153,13 +153,35 @@ def show(results: Path) -> None:
 
 @main.command()
 @results_argument
-def report(results: Path) -> None:
-    """Draw the figures as PNG and PDF."""
+def fit(results: Path) -> None:
+    """Fit the ultimate error against the size of the lie, beside the bounds of theory.
+
+    Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
+    """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.view import figures
+        from jaxnet.study.ultimate import analyse
+        from jaxnet.view import figures, slopes
 
-        for path in figures.draw(opened):
+        start_jax()
+        for path in (*analyse(opened), *figures.draw_ultimate(opened)):
+            click.echo(f"wrote {path}", err=True)
+        click.echo(slopes.text(opened))
+
+
+@main.command()
+@results_argument
+def report(results: Path) -> None:
+    """Write report.html, a page that works offline, and its figures as PNG and PDF.
+
+    Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.view import report
+
+        start_jax()
+        for path in report.write(opened):
             click.echo(f"wrote {path}", err=True)
 
 

@@ -64,6 +64,29 @@ class Results:
             raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
         return pd.read_csv(self.path / "cells.csv")
 
+    @cached_property
+    def fits(self) -> "pd.DataFrame":
+        """Fits of the ultimate error against ā."""
+        return self.table("fit.csv")
+
+    @cached_property
+    def bounds(self) -> "pd.DataFrame":
+        """Bounds on the ultimate error."""
+        return self.table("bounds.csv")
+
+    @cached_property
+    def violations(self) -> "pd.DataFrame":
+        """Lanes above a bound that claims to hold for them."""
+        return self.table("violations.csv")
+
+    def table(self, name: str) -> "pd.DataFrame":
+        """One of the tables of `jaxnet fit`; raises FolderError if it is not there."""
+        import pandas as pd
+
+        if not (self.path / name).exists():
+            raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it")
+        return pd.read_csv(self.path / name)
+
     @property
     def errors(self) -> "xr.Dataset":
         """`ẽ` and `ε̃` over time."""

@@ -11,7 +11,7 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from jaxnet.study.document import Document, Loader
 from jaxnet.study.sweep import plain
 
 UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
+DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
 OURS = (
     "study.yaml",
     "manifest.json",
@@ -33,9 +34,8 @@ OURS = (
     "lanes",
     "errors.zarr",
     "trajectories.zarr",
-    "figures",
     "replays",
-    "report.html",
+    *DERIVED,
 )
 FILLED = "jaxnet.filled"  # in a row file's metadata: the stores that its lanes are in
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
@@ -121,13 +121,14 @@ class Folder:
 
     def remove_torn(self) -> None:
         """Remove what a writer that was killed had not yet given its name."""
-        for name in (".study.yaml.*", ".manifest.json.*", ".cells.csv.*", "lanes/.*.parquet.*"):
+        files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
+        for name in (*(f".{name}.*" for name in files), "lanes/.*.parquet.*"):
             for torn in self.path.glob(name):
                 torn.unlink()
 
-    def clear(self) -> None:
+    def clear(self, names: Sequence[str] = OURS) -> None:
         """Remove results, and nothing else."""
-        for name in OURS:
+        for name in names:
             target = self.path / name
             if target.is_dir():
                 shutil.rmtree(target)

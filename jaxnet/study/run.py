@@ -23,7 +23,7 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.study import arrays, config, layout, recovery, summary
 from jaxnet.study.config import Config
-from jaxnet.study.folder import Folder, digest, versions
+from jaxnet.study.folder import DERIVED, Folder, digest, versions
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard
 from jaxnet.study.sweep import Cell, plain
@@ -57,6 +57,7 @@ def execute(
                 break
     rows: Any = read_rows(folder)
     if simulated or not folder.manifest["finished"]:
+        folder.clear(DERIVED)
         store_chosen(study, cells, rows, folder, machine, samples)
     table = summary.summarise(rows, cells, study, samples // size)
     folder.put("cells.csv", lambda file: table.to_csv(file, index=False))

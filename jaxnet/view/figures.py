@@ -21,12 +21,18 @@ def draw(results: Results) -> Iterator[Path]:
             yield from save(results, "panels", panels.figure(results, **has))
         if has["errors"]:
             yield from save(results, "bands", bands.figure(results.study.cells, all_bands(results)))
-        found = curves(results)
+        if len(shares(results)):
+            yield from save(results, "unrecovered", unrecovered.figure(results, curves(results)))
+    yield from draw_ultimate(results)
+
+
+def draw_ultimate(results: Results) -> Iterator[Path]:
+    """Draw δ̂(ā) under its bounds, if ā is swept."""
+    found = curves(results)
+    with mpl.rc_context(style.RC):
         if magnitude_is_swept(found):
             yield from save(results, "ultimate", ultimate.figure(found, "tail_max"))
             yield from save(results, "ultimate_mean", ultimate.figure(found, "tail_mean"))
-        if len(shares(results)):
-            yield from save(results, "unrecovered", unrecovered.figure(results, found))
 
 
 def save(results: Results, name: str, figure: Figure) -> Iterator[Path]:
