@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import special
 
 from jaxnet.study import config
-from jaxnet.study.groups import magnitude
+from jaxnet.study.groups import magnitude, shared
 from jaxnet.study.sweep import Cell
 
 CONFIDENCE = 0.95
@@ -99,9 +99,22 @@ def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataF
 
 
 def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
-    """Cell and sample of the lanes that ended with the greatest mean error for their ā."""
+    """Cell and sample of the lanes that ended with the greatest mean error for their ā.
+
+    First the worst lane of each group of cells that differ in ā alone, then the second of each, and so on:
+    otherwise one group would often fill the list with lanes that are all alike.
+    """
     scale = np.array([threshold(cell, 1.0) for cell in cells])
     ok: Any = rows[rows["status"] == "ok"]
-    ratio = ok["tail_mean"] / scale[ok["cell"]]
-    chosen = ok.loc[ratio.dropna().nlargest(number).index]
+    lanes = pd.DataFrame(
+        {
+            "cell": ok["cell"],
+            "sample": ok["sample"],
+            "ratio": ok["tail_mean"] / scale[ok["cell"]],
+            "group": [str(shared(cells[number])) for number in ok["cell"]],
+        }
+    ).dropna()
+    lanes = lanes.sort_values("ratio", ascending=False, kind="stable")
+    lanes["place"] = lanes.groupby("group").cumcount()
+    chosen: Any = lanes.sort_values(["place", "ratio"], ascending=[True, False], kind="stable").head(number)
     return list(zip(chosen["cell"].tolist(), chosen["sample"].tolist(), strict=True))

@@ -79,6 +79,21 @@ def test_the_table_has_the_shares(tmp_path):
     assert cells.filter(like="unrecovered").loc[0].isna().all()
 
 
+def test_the_worst_lanes_are_of_all_groups():
+    """The worst for its ā of each group first, the greater ratio before; then the second of each."""
+    cells = jaxnet.load({"sweep": {"topology": ["star", "path"], "attack.magnitude": [1, 10]}}).cells
+    rows = pd.DataFrame(
+        {
+            "cell": [0, 0, 1, 1, 2, 3],
+            "sample": [0, 1, 0, 1, 0, 0],
+            "status": "ok",
+            "tail_mean": [0.7, 0.8, 9.0, 1.0, 0.1, 2.0],
+        }
+    )
+    assert recovery.worst(rows, cells, 3) == [(1, 0), (3, 0), (0, 1)]
+    assert recovery.worst(rows, cells, 9) == [(1, 0), (3, 0), (0, 1), (2, 0), (0, 0), (1, 1)]
+
+
 @pytest.fixture
 def small_shards(monkeypatch):
     """Shards of 50 lanes, so that there are several looks."""
