@@ -99,7 +99,7 @@ def test_report_draws_the_figures(finished):
     done = jaxnet_does("report", out)
     assert done.exit_code == 0, done.stderr
     written = sorted(path.name for path in (out / "figures").iterdir())
-    names = ("panels", "tails", "topologies")
+    names = ("bands", "panels", "tails", "topologies")
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))
 
 

@@ -21,7 +21,7 @@ MOST_TIMES = 300  # of a band
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
 SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
-METRICS = ("tail_max", "tail_mean")
+METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 
 # The paper's own constant bounds the whole fleet's stacked error; the others have a form for each vehicle.
 BOUNDS = {
@@ -63,17 +63,19 @@ class Curve(NamedTuple):
         """Finite slopes to hold a metric against; of `tail_mean`, the vehicles' mean where each has one."""
         slopes = {}
         for bound, form in BOUNDS.items():
-            each = [
-                slope
-                for (name, vehicle), slope in self.bounds.items()
-                if (name, vehicle.isdigit()) == (bound, True)
-            ]
             slopes[bound] = self.slope(bound, form)
             if np.isnan(slopes[bound]):
                 slopes[bound] = self.slope(bound, "worst")
             if metric == "tail_mean" and form == "worst":
-                slopes[bound] = float(np.mean(each)) if each else np.nan
+                slopes[bound] = self.mean_slope(bound)
         return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
+
+    def mean_slope(self, bound: str) -> float:
+        """A bound per ā of the mean over vehicles; not-a-number where it has none for each of them."""
+        each = [
+            slope for (name, vehicle), slope in self.bounds.items() if name == bound and vehicle.isdigit()
+        ]
+        return float(np.mean(each)) if each else np.nan
 
     def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
         """Slope s of the proportional model with its interval: of least squares, or of a quantile."""
@@ -90,11 +92,8 @@ def curves(results: Results) -> list[Curve]:
         if not members:
             continue
         rows = cells.iloc[[cell.number for cell in members]].set_axis([magnitude(cell) for cell in members])
-        found.append(
-            Curve(
-                group, rows, slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
-            )
-        )
+        lines = slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
+        found.append(Curve(group, rows, *lines))
     return found
 
 
@@ -108,7 +107,8 @@ def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
 
 def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
     """Slopes s·ā of `fit.csv` with their intervals, by metric and quantile (None: least squares)."""
-    proportional: Any = rows[(rows["model"] == "proportional") & (rows["parameter"] == "s")]
+    wanted = (rows["model"] == "proportional") & (rows["parameter"] == "s") & rows["estimate"].notna()
+    proportional: Any = rows[wanted]
     return {
         (row.metric, None if np.isnan(row.quantile) else row.quantile): (row.estimate, row.low, row.high)
         for row in proportional.itertuples()

@@ -39,8 +39,10 @@ def save(results: Results, name: str, figure: Figure) -> Iterator[Path]:
     """Write one figure in both formats."""
     folder = results.path / "figures"
     folder.mkdir(exist_ok=True)
-    figure.draw_without_rendering()  # the layout, once for both
-    figure.set_layout_engine("none")
+    layout = figure.get_layout_engine()
+    if layout is not None:  # once for both, for it takes longer than drawing
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     for suffix in ("png", "pdf"):
         path = folder / f"{name}.{suffix}"
         figure.savefig(path)

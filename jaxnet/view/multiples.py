@@ -26,6 +26,13 @@ def title(labels: dict[str, Any]) -> str:
     return ", ".join(called(key, value) for key, value in labels.items())
 
 
+def sizes_axis(panel: Axes, sizes: Sequence[float]) -> None:
+    """Have a log axis of ā, with ticks between the powers of ten only where there are few of them."""
+    panel.set_xscale("log")
+    if max(sizes) > 100 * min(sizes):
+        panel.xaxis.minorticks_off()
+
+
 def as_text(words: str) -> str:
     """Words in which matplotlib finds no formula."""
     return words.replace("$", r"\$")

@@ -42,7 +42,8 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)
-    panels[0].set(xscale="log", yscale="log", ylim=(low, high))
+    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set(yscale="log", ylim=(low, high))
     panels[0].yaxis.minorticks_off()
     drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
     return drawn

@@ -31,7 +31,8 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
     drawn, panels = multiples.panels(labels, "size of the lie ā [m]", "unrecovered [%]", height=1.15)
     for panel, curve in zip(panels, shown, strict=True):
         draw(panel, curve)
-    panels[0].set(xscale="log", ylim=(-4, 104))
+    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set_ylim(-4, 104)
     return drawn
 
 

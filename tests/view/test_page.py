@@ -13,7 +13,7 @@ import pytest
 import jaxnet
 from jaxnet.study.replay import replay
 from jaxnet.view import bands, curves, figures, page, style, ultimate, unrecovered
-from jaxnet.view.page import plots
+from jaxnet.view.page import plots, sections
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
@@ -108,6 +108,11 @@ def test_violations_and_failures_have_their_commands(folder, html):
     """What is listed, and that there is nothing to list."""
     assert "jaxnet replay out --cell 4 --sample 1" in section(html, "violations")
     assert "None." in section(html, "failed")
+    results = jaxnet.open(folder)
+    results.lanes.loc[(results.lanes["cell"] == 3) & (results.lanes["sample"] == 2), "status"] = "singular"
+    listed = unescape(sections.failed(results).body)
+    assert "1 lane:" in listed
+    assert f"<td>singular</td><td>jaxnet replay {folder} --cell 3 --sample 2</td>" in listed
 
 
 def test_curves_have_the_groups_own_bounds_and_fits(folder):

@@ -1,7 +1,7 @@
 """`report.html`: one file with all about a results folder, which works offline and asks nobody for anything.
 
-`sections` writes its text and tables, `plots` the numbers of its plots, `page.js` draws them with plotly.js,
-which is inlined; `page.css` has the light and the dark look.
+`sections` writes its text and tables out of `elements`, `plots` and `trajectories` give the numbers of its
+plots, `page.js` draws them with plotly.js, which is inlined; `page.css` has the light and the dark look.
 """
 
 import json
@@ -33,16 +33,16 @@ def write(results: Results) -> Path:
     """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
     shown = sections.every(results)
     data = {each.id: each.plots for each in shown if each.plots}
-    text = Template((HERE / "page.html").read_text()).substitute(
+    text = Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
         name=escape(results.study.config.name),
         lead=sections.lead(results),
         contents=" ".join(f'<a href="#{each.id}">{each.title}</a>' for each in shown),
         sections="\n".join(map(str, shown)),
         palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in COLOURS.items())} }}",
-        css=(HERE / "page.css").read_text(),
+        css=(HERE / "page.css").read_text(encoding="utf-8"),
         data=encode(data),
         plotly=get_plotlyjs(),
-        script=(HERE / "page.js").read_text(),
+        script=(HERE / "page.js").read_text(encoding="utf-8"),
     )
     Folder(results.path).put("report.html", lambda file: file.write_text(text, encoding="utf-8"))
     return results.path / "report.html"

@@ -1,19 +1,15 @@
 """Plots as plotly's traces and layouts, plain data for JSON; colours are names of CSS variables."""
 
 import base64
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxnet.study.api import Results
 from jaxnet.study.groups import Group
-from jaxnet.view import tables
 from jaxnet.view.curves import (
     FLOOR,
     METRICS,
@@ -21,17 +17,13 @@ from jaxnet.view.curves import (
     Curve,
     bands_span,
     shares,
-    size_of,
     size_of_lie,
     span,
 )
 from jaxnet.view.multiples import title
-from jaxnet.view.panels import attacked_vehicles
 from jaxnet.view.ultimate import BOUND_NAMES
 
 Grid = dict[str, Any]  # `layouts` by choice, `panels` by panel and choice
-MOST_FRAMES = 100
-MOST_LANES = 60
 
 BOUND_LINES = {
     "static": {"color": "--green", "dash": "solid"},
@@ -73,14 +65,13 @@ def sizes_axis(found: Sequence[Curve]) -> dict[str, Any]:
 
 def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
     """δ̂(ā) of each curve, a choice per metric."""
-    layouts = []
-    for metric in METRICS:
-        word = "greatest" if metric == "tail_max" else "mean"
-        y = log_axis(span(found, metric), f"{word} tail error [m]")
-        layouts.append({"xaxis": sizes_axis(found), "yaxis": y})
-    floors = {metric: span(found, metric)[0] for metric in METRICS}
+    ends = {metric: span(found, metric) for metric in METRICS}
+    names = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
+    layouts = [
+        {"xaxis": sizes_axis(found), "yaxis": log_axis(ends[metric], names[metric])} for metric in METRICS
+    ]
     panels = [
-        [[*lines(curve, metric), *points(curve, metric, floors[metric])] for metric in METRICS]
+        [[*lines(curve, metric), *points(curve, metric, ends[metric][0])] for metric in METRICS]
         for curve in shown
     ]
     return {"layouts": layouts, "panels": panels}
@@ -243,48 +234,3 @@ def band(drawn: Band) -> list[dict[str, Any]]:
             "hovertemplate": "median " + hover,
         },
     ]
-
-
-def lanes(results: Results) -> list[dict[str, Any]]:
-    """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
-    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
-    found: list[tuple[Any, ...]] = []
-    for path in sorted(results.path.glob("replays/cell-*.zarr")):
-        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        if named and (int(named[1]), int(named[2])) in errors.index:
-            cell, sample = int(named[1]), int(named[2])
-            error = float(errors[cell, sample])
-            found.append((relative(results, cell, error), cell, sample, named[3], error, path))
-    found.sort(key=lambda each: (-each[0], *each[1:3]))
-    return [lane(results, *each[1:]) for each in found[:MOST_LANES]]
-
-
-def relative(results: Results, cell: int, error: float) -> float:
-    """An error per ā, so that lanes of all ā compare; 0 where nobody lies or the lane failed."""
-    amount = size_of(results.study.cells[cell])
-    return error / amount if isinstance(amount, int | float) and amount and np.isfinite(error) else 0.0
-
-
-def lane(
-    results: Results, number: int, sample: int, engine: str | None, error: float, path: Path
-) -> dict[str, Any]:
-    """One lane's trajectory."""
-    cell, data = results.study.cells[number], xr.open_zarr(path)
-    times = data.sizes["time"]
-    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
-    states = data["state"].isel(cell=0, sample=0).values[frames, :, :2]
-    navigator = data["navigator"].isel(cell=0).values[frames]
-    where = f"{title(cell.labels)}, " if cell.labels else ""
-    by = f", {engine} engine" if engine else ""
-    return {
-        "label": f"{where}sample {sample}: tail mean {error:.4g} m (cell {number}{by})",
-        "command": tables.replay_command(results, number, sample, engine),
-        "vehicles": states.shape[1],
-        "attacked": attacked_vehicles(cell),
-        "time": packed(data["time"].values[frames]),
-        "x": packed(states[..., 0]),
-        "y": packed(states[..., 1]),
-        "navigator_x": packed(navigator[:, 0]),
-        "navigator_y": packed(navigator[:, 1]),
-        "reach": 1.05 * float(max(np.nanmax(np.abs(states), initial=1.0), np.abs(navigator).max())),
-    }

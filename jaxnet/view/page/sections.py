@@ -23,8 +23,8 @@ from jaxnet.view.curves import (
     shares,
     size_of_lie,
 )
-from jaxnet.view.multiples import columns, title
-from jaxnet.view.page import plots
+from jaxnet.view.page import plots, trajectories
+from jaxnet.view.page.elements import folded, grid, key, stroke, table
 from jaxnet.view.ultimate import BOUND_NAMES
 
 MOST_ROWS = 10_000
@@ -99,11 +99,6 @@ def run(results: Results) -> Section:
     return Section("run", "What was run", body)
 
 
-def folded(name: str, text: str) -> str:
-    """Text that opens on a click."""
-    return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
-
-
 def summary(results: Results) -> Section:
     """The table of all cells."""
     rows = tables.summary_rows(results)
@@ -118,73 +113,6 @@ def summary(results: Results) -> Section:
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     return Section("summary", "Summary", note + table(rows.head(MOST_ROWS)))
-
-
-def table(rows: pd.DataFrame) -> str:
-    """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
-    numeric = [pd.api.types.is_numeric_dtype(kind) for kind in rows.dtypes]
-    heads = "".join(
-        f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
-        f'<button type="button">{escape(str(name))}</button></th>'
-        for name, number in zip(rows.columns, numeric, strict=True)
-    )
-    by_column = [
-        [
-            number_cell(value) if number else f"<td>{escape(str(value))}</td>"
-            for value in rows.iloc[:, n].tolist()
-        ]
-        for n, number in enumerate(numeric)
-    ]
-    lines = "\n".join(f"<tr>{''.join(line)}</tr>" for line in zip(*by_column, strict=True))
-    return (
-        f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'
-        f"<tbody>{lines}</tbody></table></div>"
-    )
-
-
-NUMBER = ' class="number"'
-
-
-def number_cell(value: float | int) -> str:
-    """A number; a dash where there is none."""
-    if np.isnan(value):
-        return f"<td{NUMBER}>–</td>"
-    if np.isinf(value):
-        return f'<td{NUMBER} data-value="Infinity">∞</td>'
-    text = str(value) if isinstance(value, int) else tables.number(value)
-    return f'<td{NUMBER} data-value="{value!r}">{text}</td>'
-
-
-def grid(labels: Sequence[dict[str, Any]], choose: str = "", choices: Sequence[str] = ()) -> str:
-    """Places for small multiples, and a choice of what they show if there is one."""
-    select = ""
-    if len(choices) > 1:
-        options = "".join(f"<option>{escape(choice)}</option>" for choice in choices)
-        select = f'<div class="controls"><label>{choose} <select>{options}</select></label></div>'
-    panels = "".join(
-        f'<div class="panel"><h3>{escape(title(each))}</h3>'
-        f'<div class="plot" role="img" aria-label="{escape(title(each)) or "all cells"}"></div></div>'
-        for each in labels
-    )
-    return f'{select}<div class="grid" style="--columns: {columns(labels)}">{panels}</div>'
-
-
-def key(entries: Sequence[tuple[str, str]]) -> str:
-    """What is what: a drawing and a name each."""
-    return (
-        '<ul class="key">'
-        + "".join(
-            f'<li><svg viewBox="0 0 34 14" aria-hidden="true">{drawing}</svg>{name}</li>'
-            for name, drawing in entries
-        )
-        + "</ul>"
-    )
-
-
-def stroke(color: str, dash: str = "solid", width: float = 1.6) -> str:
-    """A line in a key."""
-    dashes = "" if dash == "solid" else f' stroke-dasharray="{dash.replace("px", "")}"'
-    return f'<path d="M0 7H34" fill="none" stroke="var({color})" stroke-width="{width}"{dashes}/>'
 
 
 MEDIAN_KEY = [
@@ -223,8 +151,7 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
     )
     if not any(curve.bounds for curve in found):
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
-    choices = ["greatest error of any vehicle (tail_max)", "mean error of the fleet (tail_mean)"]
-    assert len(choices) == len(METRICS)
+    choices = [f"{words} ({metric})" for metric, words in METRICS.items()]
     body = note + key(entries) + grid([curve.group.labels for curve in shown], "Show the", choices)
     body += more(len(found), "groups") + slopes(found)
     return Section("ultimate", name, body, plots.ultimate(found, shown))
@@ -240,13 +167,14 @@ def slopes(found: Sequence[Curve]) -> str:
         s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
         row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
         for bound, name in BOUND_NAMES.items():
-            vehicle, fleet = curve.slope(bound, "worst"), curve.slope(bound, "fleet")
-            row |= {name: vehicle} | ({} if fleet == vehicle else {f"{name}, fleet": fleet})
+            row |= {name: curve.slope(bound, "worst"), f"{name}, fleet": curve.slope(bound, "fleet")}
         rows.append(row)
+    shown: Any = pd.DataFrame(rows)
+    same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + table(pd.DataFrame(rows).dropna(axis=1, how="all"))
+        + table(shown.drop(columns=same).dropna(axis=1, how="all"))
     )
 
 
@@ -278,7 +206,7 @@ def unrecovered(results: Results, found: Sequence[Curve]) -> Section | None:
     """The share that does not recover."""
     if not len(shares(results)):
         return None
-    note = "<p>Share of lanes whose tail mean error exceeds τ·ā, with its exact 95 % interval.</p>"
+    note = "<p>Share of lanes whose tail mean error exceeds τ·ā, with its 95 % interval.</p>"
     if magnitude_is_swept(found):
         shown = found[:MOST]
         body = grid([curve.group.labels for curve in shown]) + more(len(found), "groups")
@@ -296,7 +224,7 @@ def more(count: int, noun: str) -> str:
 
 def worst(results: Results) -> Section:
     """The replayed lanes, with a slider over time."""
-    name, found = "Worst lanes", plots.lanes(results)
+    name, found = "Worst lanes", trajectories.lanes(results)
     if not found:
         errors: Any = results.lanes["tail_mean"]
         if errors.isna().all():

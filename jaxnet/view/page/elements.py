@@ -1,0 +1,83 @@
+"""What the page's sections are made of: tables that sort, places for plots, keys to what is drawn in them."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.view import tables
+from jaxnet.view.multiples import columns, title
+
+
+def folded(name: str, text: str) -> str:
+    """Text that opens on a click."""
+    return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
+
+
+def table(rows: pd.DataFrame) -> str:
+    """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
+    numeric = [kind.kind in "iuf" for kind in rows.dtypes]
+    heads = "".join(
+        f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
+        f'<button type="button">{escape(str(name))}</button></th>'
+        for name, number in zip(rows.columns, numeric, strict=True)
+    )
+    by_column = [
+        [
+            number_cell(value) if number else f"<td>{escape(str(value))}</td>"
+            for value in rows.iloc[:, n].tolist()
+        ]
+        for n, number in enumerate(numeric)
+    ]
+    lines = "\n".join(f"<tr>{''.join(line)}</tr>" for line in zip(*by_column, strict=True))
+    return (
+        f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'
+        f"<tbody>{lines}</tbody></table></div>"
+    )
+
+
+NUMBER = ' class="number"'
+
+
+def number_cell(value: float | int) -> str:
+    """A number; a dash where there is none."""
+    if np.isnan(value):
+        return f"<td{NUMBER}>–</td>"
+    if np.isinf(value):
+        return f'<td{NUMBER} data-value="Infinity">∞</td>'
+    text = str(value) if isinstance(value, int) else tables.number(value)
+    return f'<td{NUMBER} data-value="{value!r}">{text}</td>'
+
+
+def grid(labels: Sequence[dict[str, Any]], choose: str = "", choices: Sequence[str] = ()) -> str:
+    """Places for small multiples, and a choice of what they show if there is one."""
+    select = ""
+    if len(choices) > 1:
+        options = "".join(f"<option>{escape(choice)}</option>" for choice in choices)
+        select = f'<div class="controls"><label>{choose} <select>{options}</select></label></div>'
+    panels = "".join(
+        f'<div class="panel"><h3>{escape(title(each))}</h3>'
+        f'<div class="plot" role="img" aria-label="{escape(title(each)) or "all cells"}"></div></div>'
+        for each in labels
+    )
+    return f'{select}<div class="grid" style="--columns: {columns(labels)}">{panels}</div>'
+
+
+def key(entries: Sequence[tuple[str, str]]) -> str:
+    """What is what: a drawing and a name each."""
+    return (
+        '<ul class="key">'
+        + "".join(
+            f'<li><svg viewBox="0 0 34 14" aria-hidden="true">{drawing}</svg>{name}</li>'
+            for name, drawing in entries
+        )
+        + "</ul>"
+    )
+
+
+def stroke(color: str, dash: str = "solid", width: float = 1.6) -> str:
+    """A line in a key."""
+    dashes = "" if dash == "solid" else f' stroke-dasharray="{dash.replace("px", "")}"'
+    return f'<path d="M0 7H34" fill="none" stroke="var({color})" stroke-width="{width}"{dashes}/>'

@@ -1,0 +1,63 @@
+"""The replayed lanes' trajectories, packed for the page's slider."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxnet.study.api import Results
+from jaxnet.view import tables
+from jaxnet.view.curves import size_of
+from jaxnet.view.multiples import title
+from jaxnet.view.page.plots import packed
+from jaxnet.view.panels import attacked_vehicles
+
+MOST_FRAMES = 100
+MOST_LANES = 60
+
+
+def lanes(results: Results) -> list[dict[str, Any]]:
+    """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
+    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
+    found: list[tuple[Any, ...]] = []
+    for path in sorted(results.path.glob("replays/cell-*.zarr")):
+        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
+        if named and (int(named[1]), int(named[2])) in errors.index:
+            cell, sample = int(named[1]), int(named[2])
+            error = float(errors[cell, sample])
+            found.append((relative(results, cell, error), cell, sample, named[3], error, path))
+    found.sort(key=lambda each: (-each[0], *each[1:3]))
+    return [lane(results, *each[1:]) for each in found[:MOST_LANES]]
+
+
+def relative(results: Results, cell: int, error: float) -> float:
+    """An error per ā, so that lanes of all ā compare; 0 where nobody lies or the lane failed."""
+    amount = size_of(results.study.cells[cell])
+    return error / amount if isinstance(amount, int | float) and amount and np.isfinite(error) else 0.0
+
+
+def lane(
+    results: Results, number: int, sample: int, engine: str | None, error: float, path: Path
+) -> dict[str, Any]:
+    """One lane's trajectory."""
+    cell, data = results.study.cells[number], xr.open_zarr(path)
+    times = data.sizes["time"]
+    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
+    states = data["state"].isel(cell=0, sample=0).values[frames, :, :2]
+    navigator = data["navigator"].isel(cell=0).values[frames]
+    where = f"{title(cell.labels)}, " if cell.labels else ""
+    by = f", {engine} engine" if engine else ""
+    return {
+        "label": f"{where}sample {sample}: tail mean {error:.4g} m (cell {number}{by})",
+        "command": tables.replay_command(results, number, sample, engine),
+        "vehicles": states.shape[1],
+        "attacked": attacked_vehicles(cell),
+        "time": packed(data["time"].values[frames]),
+        "x": packed(states[..., 0]),
+        "y": packed(states[..., 1]),
+        "navigator_x": packed(navigator[:, 0]),
+        "navigator_y": packed(navigator[:, 1]),
+        "reach": 1.05 * float(max(np.nanmax(np.abs(states), initial=1.0), np.abs(navigator).max())),
+    }
