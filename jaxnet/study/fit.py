@@ -29,8 +29,8 @@ QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
-EXACT = Effort(stride=1, halvings=48)  # to rounding
-RESAMPLED = Effort(stride=4, halvings=15)  # to a hundredth of an interval where a model is wrong, less else
+EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
+RESAMPLED = Effort(stride=4, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # numbers in a table of theirs
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by

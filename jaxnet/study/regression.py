@@ -33,7 +33,8 @@ class Effort(NamedTuple):
     """How closely a minimum is sought."""
 
     stride: Index | int  # a shape is looked at every so many STRIDES first, for there may be several minima
-    halvings: Index | int  # of the bracket of a shape then, and of a scale
+    shapes: Index | int  # halvings of the bracket of the best shape then
+    scales: Index | int  # halvings of the bracket of the best scale for a shape
 
 
 class Data(NamedTuple):
@@ -49,7 +50,7 @@ class Best(NamedTuple):
 
     scale: Number
     loss: Number
-    pull: Values  # G_j' of the subgradient with Σ_j G_j'·growth_j = 0
+    pull: Values  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
 
 
 class Loss(NamedTuple):
@@ -83,9 +84,9 @@ def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings:
     """
     # Weights and weighted ratios up to a rank: [:, k] is the sum of the k least.
     weight, ratio = (jnp.pad(jnp.cumsum(w, axis=1), ((0, 0), (1, 0))) for w in weighted(data, samples))
-    weights, last = weight[:, -1], data.ratios.shape[1] - 1
+    weights = weight[:, -1]
     first = jnp.sum(weight[:, 1:] < quantile * weights[:, None], axis=1)
-    least = at(data.ratios, jnp.minimum(first, last))
+    least = at(data.ratios, jnp.minimum(first, data.ratios.shape[1] - 1))
 
     def best(offset: Values, growth: Values) -> Best:
         own = (least - offset) / growth
@@ -100,14 +101,15 @@ def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings:
             return jnp.where(short, scale, low), jnp.where(short, high, scale)
 
         low, high = lax.fori_loop(0, halvings, halve, extremes(own, weights > 0))
-        rank = ranks(data.ratios, offset + low * growth)
-        kinks = jnp.where(rank > last, jnp.inf, (at(data.ratios, jnp.minimum(rank, last)) - offset) / growth)
-        touched = jnp.argmin(kinks)
-        scale = jnp.minimum(kinks[touched], high)
-        u, below = offset + scale * growth, at(weight, rank)
-        pull = jnp.where(quantile < 1, below - quantile * weights, weights)
-        loss = jnp.sum(u * pull - jnp.where(quantile < 1, at(ratio, rank), 0.0))
-        return Best(scale, loss, balanced(pull, growth, touched))
+        under, over = (ranks(data.ratios, offset + scale * growth) for scale in (low, high))
+        falling, rising = (at(weight, rank) - quantile * weights for rank in (under, over))
+        rising = jnp.where(quantile < 1, rising, weights)
+        short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
+        share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
+        scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
+        u = offset + scale * growth
+        loss = jnp.where(quantile < 1, u * falling - at(ratio, under), u * weights)
+        return Best(scale, jnp.sum(loss), rising + share * falling)
 
     return Loss(weights, least, best)
 
@@ -133,12 +135,6 @@ def ranks(ratios: Float[Array, "j s"], u: Values) -> Int[Array, " j"]:
 def at(table: Float[Array, "j n"], column: Int[Array, " j"]) -> Values:
     """One column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
-
-
-def balanced(pull: Values, growth: Values, touched: Index) -> Values:
-    """The subgradient in which the magnitude whose datum the curve touches holds the others in balance."""
-    others = jnp.where(jnp.arange(len(pull)) == touched, 0.0, pull)
-    return others.at[touched].set(-jnp.sum(others * growth) / growth[touched])
 
 
 def extremes(values: Float[Array, "..."], there: Array) -> tuple[Number, Number]:
@@ -178,7 +174,7 @@ def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effo
     every = shapes(curves, kind, x, loss)
     looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
     first = STRIDES // effort.stride - 1
-    last = first + effort.halvings
+    last = first + effort.shapes
 
     def step(number: Index, search: Search) -> Search:
         in_row = number < first
@@ -220,7 +216,7 @@ def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Arr
 
 
 def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
-    """The best scale for a shape, and the slope of its loss with the shape."""
+    """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
 
     def bent(shape: Number) -> tuple[Values, Values]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
@@ -249,6 +245,6 @@ def quantile_regression(
     """As `least_squares`, at quantiles up to 1."""
 
     def one(samples: Float[Array, " s"], quantile: Number) -> dict[str, Float[Array, " parameters"]]:
-        return fitted(data, pinball(data, samples, quantile, effort.halvings), effort, models)
+        return fitted(data, pinball(data, samples, quantile, effort.scales), effort, models)
 
     return jax.vmap(one)(samples, quantile)
