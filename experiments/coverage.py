@@ -1,9 +1,10 @@
 """Do the fits' 95 % intervals cover 95 %?
 
-Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the sample's own
-at all magnitudes, as its draw is in every cell, and e lognormal from lane to lane. The logarithm of y/x is normal
-with the variance of both, which gives the slopes that least squares and quantile regression look for: the
-mean, the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's interval holds the slope.
+Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, with w lognormal and the sample's
+own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The logarithm of y/x is
+normal with the variance of both, which gives the slopes that least squares and quantile regression look for:
+the mean, the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's
+interval holds the slope.
 
 Run it with `python experiments/coverage.py`, or with `--repeats 200`; a thousand take some minutes.
 """

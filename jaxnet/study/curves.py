@@ -1,8 +1,8 @@
 """What δ̂(ā) may look like: proportional, affine, power, saturating.
 
-All is said of u(x) = f(x)/x, the error per ā, because that is what the fits compare with the data. Every curve
-is `u = offset + scale·growth`; a number called shape bends offset and growth, and what is best for a given
-shape is a matter of the scale alone. The shape of affine is b; that of power and saturating is
+All is said of u(x) = f(x)/x, the error per ā, because that is what the fits compare with the data. Every
+curve is `u = offset + scale·growth`; a number called shape bends offset and growth, and what is best for a
+given shape is a matter of the scale alone. The shape of affine is b; that of power and saturating is
 log(u at the smallest x / u at the greatest).
 """
 
@@ -35,7 +35,7 @@ def straight(x: Values, shape: Number) -> tuple[Values, Values]:
 
 
 def intercepts(x: Values, u: Values) -> Pairs:
-    """b of the lines through pairs of points."""
+    """The b of lines through pairs of points."""
     return differences(u) / differences(1 / x)
 
 
@@ -51,7 +51,7 @@ def exponents(x: Values, u: Values) -> Pairs:
 
 
 def read_power(x: Values, shape: Number, scale: Number) -> tuple[Number, Number]:
-    """C and p."""
+    """The c and p of a shape and scale."""
     rise = -shape / span(x)
     return scale * jnp.exp(-rise * middle(x)), 1 + rise
 

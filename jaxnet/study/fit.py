@@ -21,14 +21,16 @@ from jaxnet.study.api import Results
 from jaxnet.study.curves import MODELS, value
 from jaxnet.study.folder import FolderError
 from jaxnet.study.groups import Group, attacked_groups, magnitude
-from jaxnet.study.regression import Data, least_squares, quantile_regression
+from jaxnet.study.regression import Data, Effort, least_squares, quantile_regression
 from jaxnet.study.summary import CONFIDENCE, SUMMARISED
 
+COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
-EXACT, RESAMPLED = 48, 15  # halvings: to rounding; to what is far below an interval
+EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
+RESAMPLED = Effort(stride=4, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # numbers in a table of theirs
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
@@ -65,7 +67,7 @@ def table(results: Results) -> pd.DataFrame:
     groups = [(group, cells) for group, cells in groups if cells]
     if not groups:
         raise FolderError(f"{results.path}: no cell has an attack with ā > 0, so there is nothing to fit")
-    counts = resamples(results.lanes["sample"].nunique())
+    counts = resamples(len(results.lanes["sample"].unique()))
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
 
     def rows(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
@@ -75,18 +77,7 @@ def table(results: Results) -> pd.DataFrame:
 
     with ThreadPoolExecutor(cores()) as pool:
         found = [row for rows_of_one in pool.map(rows, asked) for row in rows_of_one]
-    keys = [
-        *groups[0][0].labels,
-        "metric",
-        "model",
-        "quantile",
-        "parameter",
-        "estimate",
-        "low",
-        "high",
-        "aicc",
-    ]
-    return pd.DataFrame(found, columns=pd.Index(keys))
+    return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *COLUMNS]))
 
 
 def attacked(group: Group) -> dict[int, float]:
@@ -97,10 +88,8 @@ def attacked(group: Group) -> dict[int, float]:
 def observed(lanes: pd.DataFrame, cells: dict[int, float], metric: str) -> Errors:
     """Errors of some cells' lanes."""
     kept = lanes["cell"].isin(list(cells)) & (lanes["status"] == "ok")
-    errors = lanes.assign(error=lanes[metric].where(kept)).pivot(
-        index="cell", columns="sample", values="error"
-    )
-    return Errors(np.array(list(cells.values())), errors.loc[list(cells)].to_numpy())
+    by_sample = lanes.assign(error=lanes[metric].where(kept)).set_index(["cell", "sample"])["error"].unstack()
+    return Errors(np.array(list(cells.values())), by_sample.loc[list(cells)].to_numpy())
 
 
 def resamples(samples: int) -> np.ndarray:
@@ -119,25 +108,16 @@ def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
     drawn = estimates(errors, counts, QUANTILES, models, RESAMPLED)
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
-            names = MODELS[model]
-            low, high = interval(
-                drawn[quantile][model] if quantile in drawn else np.full((1, len(names)), np.nan)
-            )
+            blank = np.full_like(estimate, np.nan)
+            low, high = interval(drawn[quantile][model]) if quantile in drawn else (blank, blank)
             score = aicc(errors, model, estimate) if quantile is None else np.nan
-            for number, name in enumerate(names):
-                yield {
-                    "model": model,
-                    "quantile": quantile,
-                    "parameter": name,
-                    "estimate": estimate[number],
-                    "low": low[number],
-                    "high": high[number],
-                    "aicc": score,
-                }
+            for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
+                row = (model, quantile, name, *numbers, score)
+                yield dict(zip(COLUMNS[1:], row, strict=True))
 
 
 def estimates(
-    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], halvings: int
+    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], effort: Effort
 ) -> dict[float | None, dict[str, np.ndarray]]:
     """Parameters of some models by row of counts, by least squares (None) and at quantiles.
 
@@ -156,9 +136,9 @@ def estimates(
 
     with jax.enable_x64(True):
         data = jax.device_put(errors.ranked())
-        means = in_parts(lambda row: least_squares(data, weights(row), halvings, models), each)
+        means = in_parts(lambda row: least_squares(data, weights(row), effort, models), each)
         rest = in_parts(
-            lambda row: quantile_regression(data, weights(row), levels[row], halvings, models), len(levels)
+            lambda row: quantile_regression(data, weights(row), levels[row], effort, models), len(levels)
         )
     split = {model: np.split(found, len(quantiles)) for model, found in rest.items()}
     at = {quantile: {model: split[model][n] for model in models} for n, quantile in enumerate(quantiles)}
@@ -173,7 +153,7 @@ def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
-    """Akaike's criterion with its correction for few rows, of the residuals (y − f)/x; nan where they are none.
+    """Akaike's criterion with its correction for few rows, of (y − f)/x; nan where that is rounding.
 
     `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, k counting the variance too (Hurvich and Tsai 1989).
     """
@@ -187,11 +167,11 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
 
 
 def envelope_share(samples: int, parameters: int) -> float:
-    """Share p such that with 95 % confidence at least p of all draws stay below the envelope at every ā simulated.
+    """Share of draws that, with 95 % confidence, stay below the envelope at every ā simulated.
 
     Samples are the independent units, for cells share their draws. Every model's envelope is a convex
-    program in suitable parameters (`regression.pinball`), so with ε = 1 − p, d parameters and n samples
-    `Σ_{i<d} C(n, i) εⁱ (1 − ε)ⁿ⁻ⁱ = 0.05` (Campi and Garatti 2008); d = 1 gives p = 0.05^(1/n).
+    program in suitable parameters (`regression.pinball`), so for a share p = 1 − ε, d parameters and n
+    samples `Σ_{i<d} C(n, i) εⁱ (1 − ε)ⁿ⁻ⁱ = 0.05` (Campi and Garatti 2008); d = 1 gives p = 0.05^(1/n).
     """
     if samples < parameters:
         return 0.0

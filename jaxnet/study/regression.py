@@ -3,9 +3,9 @@
 All of it minimises Σ_j G_j(u_j) over the curves u of `curves`, where G_j collects the errors per ā,
 r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
 
-    least squares  G_j(u) = Σ_s n_s (r_js − u)²/2              of y with weights 1/x²
-    pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)              of y with weights 1/x, ρ_q(r) = r (q − 1[r < 0])
-    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js     what pinball comes to as q → 1, its "quantile 1"
+    least squares  G_j(u) = Σ_s n_s (r_js − u)²/2            of y with weights 1/x²
+    pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
+    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   what pinball comes to as q → 1: its "quantile 1"
 
 A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
 no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
@@ -15,7 +15,7 @@ when it is bent less, about the place where it crosses them.
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,15 +26,23 @@ from jaxnet.study.curves import BENT, Curve, Number, Values
 
 Index = Int[Array, ""]
 
-SHAPES = 7  # looked at before a bracket of shapes is halved, for the loss may have several minima
+STRIDES = 32  # from the least shape that may be best to the greatest
+
+
+class Effort(NamedTuple):
+    """How closely a minimum is sought."""
+
+    stride: Index | int  # a shape is looked at every so many STRIDES first, for there may be several minima
+    shapes: Index | int  # halvings of the bracket of the best shape then
+    scales: Index | int  # halvings of the bracket of the best scale for a shape
 
 
 class Data(NamedTuple):
     """Errors per ā by magnitude, ascending, and whose they are; inf where a lane failed."""
 
-    x: Values
-    ratios: Float[Array, "j s"]
-    sample: Int[Array, "j s"]
+    x: Float[Any, " j"]
+    ratios: Float[Any, "j s"]
+    sample: Int[Any, "j s"]
 
 
 class Best(NamedTuple):
@@ -42,7 +50,7 @@ class Best(NamedTuple):
 
     scale: Number
     loss: Number
-    pull: Values  # G_j' of the subgradient with Σ_j G_j'·growth_j = 0
+    pull: Values  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
 
 
 class Loss(NamedTuple):
@@ -70,14 +78,15 @@ def squares(data: Data, samples: Float[Array, " s"]) -> Loss:
 def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings: Index | int) -> Loss:
     """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
 
-    `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`, whose first
-    term is left out: beside a few great errors it would drown what many small ones differ by. The envelope is convex in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
+    first term is left out: beside a few great errors it would drown what many small ones differ by. The
+    envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
     """
     # Weights and weighted ratios up to a rank: [:, k] is the sum of the k least.
     weight, ratio = (jnp.pad(jnp.cumsum(w, axis=1), ((0, 0), (1, 0))) for w in weighted(data, samples))
-    weights, last = weight[:, -1], data.ratios.shape[1] - 1
+    weights = weight[:, -1]
     first = jnp.sum(weight[:, 1:] < quantile * weights[:, None], axis=1)
-    least = at(data.ratios, jnp.minimum(first, last))
+    least = at(data.ratios, jnp.minimum(first, data.ratios.shape[1] - 1))
 
     def best(offset: Values, growth: Values) -> Best:
         own = (least - offset) / growth
@@ -92,14 +101,15 @@ def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings:
             return jnp.where(short, scale, low), jnp.where(short, high, scale)
 
         low, high = lax.fori_loop(0, halvings, halve, extremes(own, weights > 0))
-        rank = ranks(data.ratios, offset + low * growth)
-        kinks = jnp.where(rank > last, jnp.inf, (at(data.ratios, jnp.minimum(rank, last)) - offset) / growth)
-        touched = jnp.argmin(kinks)
-        scale = jnp.minimum(kinks[touched], high)
-        u, below = offset + scale * growth, at(weight, rank)
-        pull = jnp.where(quantile < 1, below - quantile * weights, weights)
-        loss = jnp.sum(u * pull - jnp.where(quantile < 1, at(ratio, rank), 0.0))
-        return Best(scale, loss, balanced(pull, growth, touched))
+        under, over = (ranks(data.ratios, offset + scale * growth) for scale in (low, high))
+        falling, rising = (at(weight, rank) - quantile * weights for rank in (under, over))
+        rising = jnp.where(quantile < 1, rising, weights)
+        short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
+        share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
+        scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
+        u = offset + scale * growth
+        loss = jnp.where(quantile < 1, u * falling - at(ratio, under), u * weights)
+        return Best(scale, jnp.sum(loss), rising + share * falling)
 
     return Loss(weights, least, best)
 
@@ -127,12 +137,6 @@ def at(table: Float[Array, "j n"], column: Int[Array, " j"]) -> Values:
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
 
 
-def balanced(pull: Values, growth: Values, touched: Index) -> Values:
-    """The subgradient in which the magnitude whose datum the curve touches holds the others in balance."""
-    others = jnp.where(jnp.arange(len(pull)) == touched, 0.0, pull)
-    return others.at[touched].set(-jnp.sum(others * growth) / growth[touched])
-
-
 def extremes(values: Float[Array, "..."], there: Array) -> tuple[Number, Number]:
     """The least and the greatest of those that are there."""
     return jnp.min(values, initial=jnp.inf, where=there), jnp.max(values, initial=-jnp.inf, where=there)
@@ -149,64 +153,70 @@ class Search(NamedTuple):
 
 
 def fitted(
-    data: Data, loss: Loss, halvings: Index | int, models: tuple[str, ...]
+    data: Data, loss: Loss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
     """Parameters of the best curve of some models."""
     straight = loss.best(jnp.zeros_like(data.x), jnp.ones_like(data.x)).scale
     curves = [BENT[model] for model in models if model in BENT]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: search(curves, kind, data.x, loss, halvings))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: search(curves, kind, data.x, loss, effort))(jnp.arange(len(curves)))
     ends = zip(curves, found.shape, found.scale, strict=True)
     read = [jnp.stack(curve.read(data.x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
 
 
-def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, halvings: Index | int) -> Search:
+def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
     """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
 
     Where all slopes point to an end of the bracket, that end is the answer.
     """
-    row = shapes(curves, kind, x, loss)
-    last = SHAPES + halvings
+    every = shapes(curves, kind, x, loss)
+    looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
+    first = STRIDES // effort.stride - 1
+    last = first + effort.shapes
 
     def step(number: Index, search: Search) -> Search:
-        in_row = number < SHAPES
+        in_row = number < first
         middle = (search.low + search.high) / 2
-        end = jnp.where(search.low == row[0], row[0], jnp.where(search.high == row[-1], row[-1], middle))
-        shape = jnp.where(number < last, jnp.where(in_row, row[number + 1], middle), end)
+        end = jnp.where(search.low == every[0], every[0], middle)
+        end = jnp.where(search.high == every[-1], every[-1], end)
+        in_turn = every[jnp.minimum((number + 1) * effort.stride, STRIDES)]
+        shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
         best, slope = look(curves, kind, x, loss, shape)
         lowest = in_row & (best.loss < search.loss)
-        below = jnp.max(row, initial=-jnp.inf, where=row < shape)
-        above = jnp.min(row, initial=jnp.inf, where=row > shape)
+        below = jnp.max(every, initial=every[0], where=looked_at & (every < shape))
+        above = jnp.min(every, initial=every[-1], where=looked_at & (every > shape))
         return Search(
-            jnp.where(lowest, jnp.maximum(below, row[0]), jnp.where(in_row | (slope > 0), search.low, shape)),
-            jnp.where(
-                lowest, jnp.minimum(above, row[-1]), jnp.where(in_row | (slope < 0), search.high, shape)
-            ),
+            jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
+            jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
             jnp.where(lowest, best.loss, search.loss),
             shape,
             best.scale,
         )
 
-    begin = Search(row[0], row[-1], jnp.full_like(row[0], jnp.inf), row[0], row[0])
+    begin = Search(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
     return lax.fori_loop(0, last + 1, step, begin)
 
 
-def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " row"]:
-    """Quantiles of the shapes of the curves through two minimisers, their extremes included; 0 if there are none.
+def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " shapes"]:
+    """Shapes of the curves through two minimisers: STRIDES quantiles, from the least; 0 if there are none.
 
-    Quantiles, for two near magnitudes tell little of a shape and scatter a thousand times as far as others.
+    Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
     """
-    two = (loss.weights > 0)[:, None] & (loss.weights > 0)[None, :] & ~jnp.eye(len(x), dtype=bool)
+    there = loss.weights > 0
+    pairs = jnp.triu(there[:, None] & there[None, :], 1)
     through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)
-    ascending = jnp.sort(jnp.where(two, through, jnp.inf).ravel())
-    rank = (jnp.sum(two) - 1) * jnp.arange(SHAPES + 2) // (SHAPES + 1)
-    return jnp.where(two.any(), ascending[jnp.maximum(rank, 0)], 0.0)
+    greatest = jnp.max(through, initial=-jnp.inf, where=pairs)
+    ascending = jnp.sort(jnp.where(pairs, through, greatest).ravel())
+    last = jnp.maximum(jnp.sum(pairs) - 1, 0).astype(float)
+    rank = last * jnp.linspace(0, 1, STRIDES + 1)
+    quantiles = jnp.interp(rank, jnp.arange(ascending.size, dtype=float), ascending)
+    return jnp.where(pairs.any(), quantiles, 0.0)
 
 
 def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
-    """The best scale for a shape, and the slope of its loss with the shape."""
+    """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
 
     def bent(shape: Number) -> tuple[Values, Values]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
@@ -218,10 +228,10 @@ def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number)
 
 @functools.partial(jax.jit, static_argnames="models")
 def least_squares(
-    data: Data, samples: Float[Array, "n s"], halvings: Index | int, models: tuple[str, ...]
+    data: Data, samples: Float[Array, "n s"], effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, "n parameters"]]:
     """Parameters of some models, the proportional one first, for each row of weights of the samples."""
-    return jax.vmap(lambda samples: fitted(data, squares(data, samples), halvings, models))(samples)
+    return jax.vmap(lambda samples: fitted(data, squares(data, samples), effort, models))(samples)
 
 
 @functools.partial(jax.jit, static_argnames="models")
@@ -229,12 +239,12 @@ def quantile_regression(
     data: Data,
     samples: Float[Array, "n s"],
     quantile: Float[Array, " n"],
-    halvings: Index | int,
+    effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
     """As `least_squares`, at quantiles up to 1."""
 
     def one(samples: Float[Array, " s"], quantile: Number) -> dict[str, Float[Array, " parameters"]]:
-        return fitted(data, pinball(data, samples, quantile, halvings), halvings, models)
+        return fitted(data, pinball(data, samples, quantile, effort.scales), effort, models)
 
     return jax.vmap(one)(samples, quantile)
