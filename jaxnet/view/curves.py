@@ -55,6 +55,11 @@ class Curve(NamedTuple):
         """Share unrecovered with its interval's ends, by ascending ā [%]."""
         return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE]
 
+    @property
+    def worst(self) -> float:
+        """The greatest error of any vehicle in any lane, per ā."""
+        return float(np.fmax.reduce(self.spread("tail_max", "max")[0] / self.sizes))
+
     def slope(self, bound: str, vehicle: str) -> float:
         """A bound per ā; not-a-number where it says nothing."""
         return self.bounds.get((bound, vehicle), np.nan)

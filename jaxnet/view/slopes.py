@@ -70,9 +70,10 @@ def ratios(results: Results) -> pd.DataFrame:
 
 def ratio_row(curve: Curve) -> dict[str, float]:
     """Of one group."""
-    found = float(np.nanmax(curve.spread("tail_max", "max")[0] / curve.sizes))
-    over = found if found > RECOVERED else np.nan
-    return {"worst error / ā": found} | {name: curve.slope(*bound) / over for name, bound in BOUNDS.items()}
+    over = curve.worst if curve.worst > RECOVERED else np.nan
+    return {"worst error / ā": curve.worst} | {
+        name: curve.slope(*bound) / over for name, bound in BOUNDS.items()
+    }
 
 
 def conservatism(results: Results) -> str:

@@ -18,7 +18,7 @@ SUMMARY = {
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
 }
-RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "from", "unrecovered_high": "to"}
+RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "share low", "unrecovered_high": "share high"}
 
 
 def summary_rows(results: Results) -> pd.DataFrame:

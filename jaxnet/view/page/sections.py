@@ -14,7 +14,6 @@ from jaxnet.view.curves import (
     FLOOR,
     METRICS,
     MOST,
-    SHARE,
     Curve,
     all_bands,
     curves,
@@ -83,6 +82,7 @@ def run(results: Results) -> Section:
     versions = ", ".join(f"{package} {version}" for package, version in manifest["versions"].items())
     values |= {
         "swept": ", ".join(swept) or "nothing",
+        "samples": f"{manifest['samples']:,} of each cell",
         "seed": str(manifest["seed"]),
         "versions": versions,
         "device": manifest["device"],
@@ -102,10 +102,6 @@ def run(results: Results) -> Section:
 def summary(results: Results) -> Section:
     """The table of all cells."""
     rows = tables.summary_rows(results)
-    if len(shares(results)):
-        percent: Any = 100 * results.cells[SHARE]
-        percent.columns = ["unrecovered [%]", "share low", "share high"]
-        rows = pd.concat([rows, percent], axis=1)
     note = (
         "<p>Mean over lanes of the tail's mean error, with its 95 % t interval, its median and 95 % quantile;"
         " worst is the greatest error of any vehicle in any lane. A click on a header sorts.</p>"
@@ -161,8 +157,7 @@ def slopes(found: Sequence[Curve]) -> str:
     """Error per ā: the worst found, fitted, and bounded, by group."""
     rows = []
     for curve in found:
-        (greatest,) = curve.spread("tail_max", "max")
-        row = {**curve.group.labels, "worst found": np.fmax.reduce(greatest / curve.sizes)}
+        row = {**curve.group.labels, "worst found": curve.worst}
         s, low, high = curve.fit("tail_max") or (np.nan,) * 3
         s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
         row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
