@@ -30,7 +30,7 @@ ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
 EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
-RESAMPLED = Effort(stride=4, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
+RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # numbers in a table of theirs
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
@@ -26,7 +27,7 @@ from jaxnet.study.curves import BENT, Curve, Number, Values
 
 Index = Int[Array, ""]
 
-STRIDES = 32  # from the least shape that may be best to the greatest
+STRIDES = 64  # from the least shape that may be best to the greatest
 
 
 class Effort(NamedTuple):
@@ -204,15 +205,16 @@ def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Arr
 
     Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
     """
-    there = loss.weights > 0
-    pairs = jnp.triu(there[:, None] & there[None, :], 1)
-    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)
-    greatest = jnp.max(through, initial=-jnp.inf, where=pairs)
-    ascending = jnp.sort(jnp.where(pairs, through, greatest).ravel())
-    last = jnp.maximum(jnp.sum(pairs) - 1, 0).astype(float)
-    rank = last * jnp.linspace(0, 1, STRIDES + 1)
-    quantiles = jnp.interp(rank, jnp.arange(ascending.size, dtype=float), ascending)
-    return jnp.where(pairs.any(), quantiles, 0.0)
+    pairs = np.triu_indices(len(x), 1)
+    there = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
+    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)[pairs]
+    greatest = jnp.max(through, initial=-jnp.inf, where=there)
+    ascending = jnp.sort(jnp.where(there, through, greatest))
+    last = jnp.maximum(jnp.sum(there) - 1, 0).astype(float)
+    quantiles = jnp.interp(
+        last * jnp.linspace(0, 1, STRIDES + 1), jnp.arange(len(ascending), dtype=float), ascending
+    )
+    return jnp.where(there.any(), quantiles, 0.0)
 
 
 def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:

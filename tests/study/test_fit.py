@@ -82,23 +82,34 @@ def test_quantile_regression_solves_the_linear_program(model, quantile, seed):
     assert ours == pytest.approx(program.fun, rel=1e-9)
 
 
+def erratic(seed):
+    """Errors about no curve at all: their losses have several minima."""
+    random = np.random.default_rng(seed)
+    slopes = np.exp(2 * random.normal(size=(len(X), 1)))
+    return fit.Errors(X, X[:, None] * slopes * random.lognormal(sigma=0.5, size=(len(X), S)))
+
+
 @pytest.mark.parametrize("quantile", fit.QUANTILES)
 @pytest.mark.parametrize(
-    ("model", "data"), [("power", "affine"), ("saturating", "power"), ("power", "power")]
+    ("model", "errors"),
+    [
+        ("power", noisy(5, "affine")),
+        ("saturating", noisy(5, "power")),
+        ("saturating", erratic(1)),
+        ("power", erratic(2)),
+    ],
+    ids=["power", "saturating", "saturating, erratic", "power, erratic"],
 )
-def test_no_curve_of_a_fine_grid_is_better(model, data, quantile):
-    """Every shape of the grid with its best scale, found by trying them all."""
-    errors = noisy(5, data)
-    seconds = np.linspace(-1, 3, 801) if model == "power" else np.geomspace(1e-3, 1e6, 801)
+def test_no_curve_of_a_fine_grid_is_better(model, errors, quantile):
+    """Every shape of the grid with its best scale, found by trying what may be it."""
+    seconds = np.linspace(-2, 5, 701) if model == "power" else np.geomspace(1e-4, 1e6, 701)
     lowest = min(
-        min(
-            pinball(errors, model, (scale, second), quantile)
-            for scale in near(errors, model, second, quantile)
-        )
+        pinball(errors, model, (scale, second), quantile)
         for second in seconds
+        for scale in near(errors, model, second, quantile)
     )
     ours = pinball(errors, model, best(errors)[quantile][model], quantile)
-    assert lowest * (1 - 1e-3) < ours <= lowest * (1 + 1e-12)
+    assert lowest * (1 - 1e-2) < ours <= lowest * (1 + 1e-12)
 
 
 def near(errors, model, second, quantile):
