@@ -4,9 +4,9 @@ Errors of a known slope: y = x·w·e at twelve magnitudes x from 0.1 to 100, wit
 own at all magnitudes, as its draw is in each cell, and e lognormal from lane to lane. The logarithm of y/x is
 normal with the variance of both, which gives the slopes that least squares and quantile regression look for:
 the mean, the median and the 0.95 quantile of y/x. Counts over many such studies how often the bootstrap's
-interval holds the slope.
+interval holds the slope. A thousand studies tell a share of 94 % to ± 1.5 % alone.
 
-Run it with `python experiments/coverage.py`, or with `--repeats 200`; a thousand take some minutes.
+Run it with `python experiments/coverage.py`, or with `--repeats 200`; two thousand take some ten minutes.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -23,7 +23,7 @@ SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "
 
 
 @click.command()
-@click.option("--repeats", default=1000, show_default=True)
+@click.option("--repeats", default=2000, show_default=True)
 def main(repeats: int) -> None:
     """A line per kind of scatter."""
     enable()

@@ -101,7 +101,9 @@ def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings:
             short = jnp.sum(growth * (below - quantile * weights)) < 0
             return jnp.where(short, scale, low), jnp.where(short, high, scale)
 
-        low, high = lax.fori_loop(0, halvings, halve, extremes(own, weights > 0))
+        there = weights > 0
+        ends = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
+        low, high = lax.fori_loop(0, halvings, halve, ends)
         under, over = (ranks(data.ratios, offset + scale * growth) for scale in (low, high))
         falling, rising = (at(weight, rank) - quantile * weights for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
@@ -136,11 +138,6 @@ def ranks(ratios: Float[Array, "j s"], u: Values) -> Int[Array, " j"]:
 def at(table: Float[Array, "j n"], column: Int[Array, " j"]) -> Values:
     """One column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
-
-
-def extremes(values: Float[Array, "..."], there: Array) -> tuple[Number, Number]:
-    """The least and the greatest of those that are there."""
-    return jnp.min(values, initial=jnp.inf, where=there), jnp.max(values, initial=-jnp.inf, where=there)
 
 
 class Search(NamedTuple):
