@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import itertools
 import os
 import sys
 from collections.abc import Iterator
@@ -164,7 +165,7 @@ def fit(results: Path) -> None:
         from jaxnet.view import figures, slopes
 
         start_jax()
-        for path in (*analyse(opened), *figures.draw_ultimate(opened)):
+        for path in itertools.chain(analyse(opened), figures.draw_ultimate(opened)):
             click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 

@@ -1,5 +1,6 @@
 """The ultimate error against the size of the lie: what the lanes say of it, and what theory does."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -10,17 +11,19 @@ from jaxnet.study.config import Attacked, is_drawn
 from jaxnet.study.folder import Folder
 
 
-def analyse(results: Results) -> list[Path]:
-    """Write `fit.csv`, `bounds.csv` and `violations.csv`; raises FolderError where no ā is fixed or swept."""
-    folder = Folder(results.path)
-    tables = {
-        "fit.csv": fit.table(results),
-        "bounds.csv": bounds.table(results.study.cells),
-        "violations.csv": bounds.violations(results),
+def analyse(results: Results) -> Iterator[Path]:
+    """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
+
+    Raises FolderError where no ā is fixed or swept.
+    """
+    tables: dict[str, Callable[[], pd.DataFrame]] = {
+        "bounds.csv": lambda: bounds.table(results.study.cells),
+        "violations.csv": lambda: bounds.violations(results),
+        "fit.csv": lambda: fit.table(results),
     }
     for name, table in tables.items():
-        store(folder, name, table)
-    return [folder.path / name for name in tables]
+        store(Folder(results.path), name, table())
+        yield results.path / name
 
 
 def asked(results: Results) -> bool:
