@@ -123,14 +123,8 @@ def _trim(row, received, trusted, theta, dropped_before, tolerance):
 
 def _displacement(weights, attack):
     """G and its first two derivatives, (3, m, 2), for weights (m, m+1) and one time's attack."""
-    m = weights.shape[0]
-    d = np.zeros((3, m, 2))
-    for k in range(3):
-        for i in range(m):
-            for j in range(m + 1):
-                d[k, i] += weights[i, j] * attack[k][i][j]
-    laplacian = np.eye(m) - weights[:, 1:]
-    return np.stack([np.linalg.solve(laplacian, d[k]) for k in range(3)])
+    d = np.einsum("ij,kijx->kix", weights, attack[:3])
+    return np.linalg.solve(np.eye(len(weights)) - weights[:, 1:], d)
 
 
 def _companion(gain):
@@ -141,20 +135,15 @@ def _companion(gain):
 
 def _apply(flow, jets):
     """A (3, 3) flow applied to the jets (3, m, 2) of every vehicle and axis alike."""
-    moved = np.empty_like(jets)
-    for i in range(jets.shape[1]):
-        for axis in range(2):
-            moved[:, i, axis] = flow @ jets[:, i, axis]
-    return moved
+    return np.einsum("kl,lmx->kmx", flow, jets)
 
 
 def nominal(navigator, gain, initial, times):
     """O1: positions (len(times), m, 2) without attack, by expm; `initial` is at t = 0."""
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
-    positions = np.empty((len(times), *error.shape[1:]))
-    for n, t in enumerate(times):
-        positions[n] = navigator(t)[0] + _apply(expm(_companion(gain) * t), error)[0]
-    return positions
+    flows = expm(_companion(gain) * np.asarray(times)[:, None, None])
+    paths = np.stack([navigator(t)[0] for t in times])
+    return paths[:, None] + np.einsum("tl,lmx->tmx", flows[:, 0], error)
 
 
 def flat_jets(state):
