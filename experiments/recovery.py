@@ -18,7 +18,6 @@ import click
 import jaxnet
 from jaxnet.study.api import Results
 from jaxnet.study.cache import enable
-from jaxnet.study.document import Document
 from jaxnet.study.replay import replay, worst
 from jaxnet.view import progress
 
@@ -48,9 +47,8 @@ def main(samples: int) -> None:
     enable()
     results = simulate(jaxnet.load(CONFIG, {"samples": samples}), "recovery")
     show("90 s", results)
-    base = {key: value for key, value in Document.read(CONFIG).data.items() if key != "name"}
     for question, varied in QUESTIONS.items():
-        study = jaxnet.load({**base, "samples": samples // 5, "sweep": varied})
+        study = jaxnet.load(CONFIG, {"samples": samples // 5, "sweep": varied})
         show(question, simulate(study, f"recovery-{question}"))
     print("\nthe worst lanes by the chassis engine: tail mean [m] there, and by the flat engine")
     for cell, sample in worst(results):

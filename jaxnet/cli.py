@@ -161,12 +161,14 @@ def fit(results: Path) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
+        from jaxnet.study.folder import Folder
         from jaxnet.study.ultimate import analyse
         from jaxnet.view import figures, slopes
 
         start_jax()
-        for path in itertools.chain(analyse(opened), figures.draw_ultimate(opened)):
-            click.echo(f"wrote {path}", err=True)
+        with Folder(results).writing():
+            for path in itertools.chain(analyse(opened), figures.draw_ultimate(opened)):
+                click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 
 
@@ -179,11 +181,13 @@ def report(results: Path) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
+        from jaxnet.study.folder import Folder
         from jaxnet.view import report
 
         start_jax()
-        for path in report.write(opened):
-            click.echo(f"wrote {path}", err=True)
+        with Folder(results).writing():
+            for path in report.write(opened):
+                click.echo(f"wrote {path}", err=True)
 
 
 def start_jax() -> None:

@@ -1,5 +1,6 @@
 """What a script calls: `load` a study, `run` it, `open` its results."""
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,11 +59,9 @@ class Results:
     @cached_property
     def cells(self) -> "pd.DataFrame":
         """One row per cell."""
-        import pandas as pd
-
-        if not (self.path / "cells.csv").exists():
+        if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
-        return pd.read_csv(self.path / "cells.csv")
+        return read_table(self.path / "cells.csv")
 
     @cached_property
     def fits(self) -> "pd.DataFrame":
@@ -81,11 +80,14 @@ class Results:
 
     def table(self, name: str) -> "pd.DataFrame":
         """One of the tables of `jaxnet fit`; raises FolderError if it is not there."""
-        import pandas as pd
-
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it")
-        return pd.read_csv(self.path / name)
+        return read_table(self.path / name)
+
+    def replay_command(self, cell: int, sample: int, engine: str | None = None) -> str:
+        """What to type to see one lane again."""
+        words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
+        return shlex.join(words + (["--engine", engine] if engine else []))
 
     @property
     def errors(self) -> "xr.Dataset":
@@ -104,6 +106,13 @@ class Results:
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
         return xr.open_zarr(self.path / name)
+
+
+def read_table(path: Path) -> "pd.DataFrame":
+    """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
+    import pandas as pd
+
+    return pd.read_csv(path, keep_default_na=False, na_values=[""])
 
 
 def load(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:

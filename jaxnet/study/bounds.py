@@ -65,6 +65,12 @@ def shared_by_lanes(scenario: Scenario) -> bool:
     return not weights_are_drawn(scenario) and not any(map(config.is_drawn, scenario.gain))
 
 
+def unchecked(cells: Sequence[Cell]) -> list[int]:
+    """Numbers of the attacked cells that `violations` leaves out."""
+    attacked = [cell for cell in cells if isinstance(cell.scenario.attack, config.Attacked)]
+    return [cell.number for cell in attacked if not shared_by_lanes(cell.scenario)]
+
+
 def violations(results: Results) -> pd.DataFrame:
     """The ok lanes whose tail_max is over a bound that holds for them, each with the command that replays it.
 
@@ -89,7 +95,7 @@ def excesses(results: Results, cell: Cell, rows: Any) -> Iterator[tuple[Any, ...
     for bound, limits in limits_of(scenario, results.study.config.seed, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
         for n in np.flatnonzero(errors > limit):
-            command = f"jaxnet replay {results.path} --cell {cell.number} --sample {samples[n]}"
+            command = results.replay_command(cell.number, samples[n])
             yield cell.number, samples[n], bound, errors[n], limit[n], command
 
 

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import pandas as pd
-from scipy import special
 
 from jaxnet.engine.batch import cores
 from jaxnet.study.api import Results
@@ -33,6 +32,7 @@ EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
 RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # numbers in a table of theirs
+FEWEST, FEWEST_BEYOND = 30, 10  # draws for an interval of a mean; draws beyond a quantile for one of it
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
 ROUNDING = 1e-12
 
@@ -60,13 +60,10 @@ class Errors(NamedTuple):
 def table(results: Results) -> pd.DataFrame:
     """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
 
-    Models with more parameters than a group has magnitudes are left out. Raises FolderError where no cell
-    has an attack with ā > 0.
+    Models with more parameters than a group has magnitudes are left out, and so are intervals of too few
+    draws. Raises FolderError where no cell has an attack with ā > 0 that is fixed or swept.
     """
-    groups = [(group, attacked(group)) for group in attacked_groups(results.study.cells)]
-    groups = [(group, cells) for group, cells in groups if cells]
-    if not groups:
-        raise FolderError(f"{results.path}: no cell has an attack with ā > 0, so there is nothing to fit")
+    groups = [(group, attacked(group)) for group in fitted_groups(results)]
     counts = resamples(len(results.lanes["sample"].unique()))
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
 
@@ -78,6 +75,16 @@ def table(results: Results) -> pd.DataFrame:
     with ThreadPoolExecutor(cores()) as pool:
         found = [row for rows_of_one in pool.map(rows, asked) for row in rows_of_one]
     return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *COLUMNS]))
+
+
+def fitted_groups(results: Results) -> list[Group]:
+    """Groups with an ā > 0; raises FolderError if there is none."""
+    groups = [group for group in attacked_groups(results.study.cells) if attacked(group)]
+    if not groups:
+        raise FolderError(
+            f"{results.path}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
+        )
+    return groups
 
 
 def attacked(group: Group) -> dict[int, float]:
@@ -109,7 +116,12 @@ def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             blank = np.full_like(estimate, np.nan)
-            low, high = interval(drawn[quantile][model]) if quantile in drawn else (blank, blank)
+            known = quantile in drawn and enough(errors, quantile)
+            low, high = interval(drawn[quantile][model]) if known else (blank, blank)
+            low, high = (
+                np.minimum(low, estimate),
+                np.maximum(high, estimate),
+            )  # resamples are searched coarser
             score = aicc(errors, model, estimate) if quantile is None else np.nan
             for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
                 row = (model, quantile, name, *numbers, score)
@@ -145,6 +157,12 @@ def estimates(
     return {None: means, **at}
 
 
+def enough(errors: Errors, quantile: float | None) -> bool:
+    """Whether the draws suffice for an interval that holds what it says: with fewer it covers too little."""
+    draws = np.isfinite(errors.y).any(axis=0).sum()
+    return bool(draws >= FEWEST if quantile is None else draws * min(quantile, 1 - quantile) >= FEWEST_BEYOND)
+
+
 def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The percentile interval of each parameter; a resample of none but failed lanes counts for nothing."""
     ordered, counted = np.sort(drawn, axis=0), np.isfinite(drawn[:, 0]).sum()
@@ -166,13 +184,16 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     return float(2 * n * np.log(spread) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
 
 
-def envelope_share(samples: int, parameters: int) -> float:
-    """Share of draws that, with 95 % confidence, stay below the envelope at every ā simulated.
+def envelope_share(draws: int) -> float:
+    """Share of draws that, with 95 % confidence, stay below the envelope s·ā at every ā: 0.05^(1/n).
 
-    Samples are the independent units, for cells share their draws. Every model's envelope is a convex
-    program in suitable parameters (`regression.pinball`), so for a share p = 1 − ε, d parameters and n
-    samples `Σ_{i<d} C(n, i) εⁱ (1 − ε)ⁿ⁻ⁱ = 0.05` (Campi and Garatti 2008); d = 1 gives p = 0.05^(1/n).
+    Samples are the independent units, for cells share their draws: the envelope is the greatest of their n
+    independent maxima (an order statistic; Wilks, 1941).
     """
-    if samples < parameters:
-        return 0.0
-    return float(special.betaincinv(samples - parameters + 1, parameters, 1 - CONFIDENCE))
+    return float((1 - CONFIDENCE) ** (1 / draws))
+
+
+def whole_draws(results: Results, group: Group) -> int:
+    """Samples whose lanes ended at every ā of a group."""
+    errors = observed(results.lanes, attacked(group), SUMMARISED[0])
+    return int(np.isfinite(errors.y).all(axis=0).sum())

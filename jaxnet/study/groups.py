@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from jaxnet.study import config
-from jaxnet.study.folder import FolderError
 from jaxnet.study.sweep import Cell
 
 MAGNITUDE = "attack.magnitude"
@@ -22,10 +21,11 @@ class Group(NamedTuple):
 
 
 def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
-    """Groups of the cells with an attack; raises FolderError where ā is drawn, for then no cell has one."""
+    """Groups of the cells with an attack whose ā is not drawn."""
     members: dict[tuple[Any, ...], list[Cell]] = {}
     for cell in cells:
-        if isinstance(cell.scenario.attack, config.Attacked):
+        attack = cell.scenario.attack
+        if isinstance(attack, config.Attacked) and not config.is_drawn(attack.magnitude):
             members.setdefault(tuple(shared(cell).items()), []).append(cell)
     return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
 
@@ -36,11 +36,6 @@ def shared(cell: Cell) -> dict[str, Any]:
 
 
 def magnitude(cell: Cell) -> float:
-    """ā of an attacked cell."""
+    """ā of an attacked cell, if it is not drawn."""
     attack: Any = cell.scenario.attack
-    number = attack.magnitude
-    if config.is_drawn(number):
-        raise FolderError(
-            f"{cell}: attack.magnitude is drawn; an error against ā asks for a fixed or swept one"
-        )
-    return number
+    return attack.magnitude

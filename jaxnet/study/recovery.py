@@ -78,10 +78,19 @@ def confidence_of(samples: int | config.Sequential, look: int) -> float:
     return confidence_at(look, samples.until.confidence)
 
 
+def confidence_told(samples: int | config.Sequential) -> float:
+    """Confidence that the intervals of `cells.csv` have, however often was looked."""
+    return samples.until.confidence if isinstance(samples, config.Sequential) else CONFIDENCE
+
+
 def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: config.Criterion) -> bool:
-    """Whether, at this look, the widest interval of the attacked cells is narrow enough."""
+    """Whether, at this look, the widest interval of the attacked cells is narrow enough.
+
+    A cell none of whose lanes ended is not waited for.
+    """
     low, high = clopper_pearson(*counts, confidence_at(look, criterion.confidence))
-    return bool((high - low)[attacked(cells)].max() <= 2 * criterion.half_width)
+    asked = attacked(cells) & (counts.ended > 0)
+    return bool((high - low)[asked].max(initial=0.0) <= 2 * criterion.half_width)
 
 
 def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:

@@ -23,7 +23,7 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.study import arrays, config, layout, recovery, summary
 from jaxnet.study.config import Config
-from jaxnet.study.folder import DERIVED, Folder, digest, versions
+from jaxnet.study.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard
 from jaxnet.study.sweep import Cell, plain
@@ -57,7 +57,6 @@ def execute(
                 break
     rows: Any = read_rows(folder)
     if simulated or not folder.manifest["finished"]:
-        folder.clear(DERIVED)
         store_chosen(study, cells, rows, folder, machine, samples)
     table = summary.summarise(rows, cells, study, samples // size)
     folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
@@ -78,6 +77,11 @@ def looks_of(study: Config, there: int, size: int) -> list[int]:
     if not isinstance(study.samples, config.Sequential):
         return [study.samples]
     least, most = max(1, -(-there // size)), study.samples.until.at_most // size
+    if least * size > max(study.samples.until.at_most, there):
+        raise FolderError(
+            f"the folder's shards hold {size} samples, so at least {least * size} are simulated: allow them"
+            " by samples.until.at_most, give another folder with --out, or replace its results with --fresh"
+        )
     return [shards * size for shards in range(least, max(least, most) + 1)]
 
 
@@ -113,6 +117,8 @@ def simulate_shards(
     todo = [shard for shard in shards if not folder.done(shard.number, len(shard.samples), filled_by(stores))]
     folder.need(layout.disk_bytes(study, cells, sum(len(shard.samples) for shard in todo)))
     tally.expect(shards, todo)
+    if todo:
+        folder.clear((*DERIVED, "cells.csv"))
     for shard, outcome in outcomes(study, cells, todo, machine, tally.load_done):
         store_shard(study, shard, outcome, folder, stores)
         tally.shard_done(outcome)

@@ -7,15 +7,17 @@ import pandas as pd
 
 from jaxnet.study import bounds, fit
 from jaxnet.study.api import Results
-from jaxnet.study.config import Attacked, is_drawn
 from jaxnet.study.folder import Folder
+from jaxnet.study.groups import attacked_groups
 
 
 def analyse(results: Results) -> Iterator[Path]:
     """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
 
-    Raises FolderError where no ā is fixed or swept.
+    Raises FolderError for an unfinished run, and where no ā is fixed or swept.
     """
+    fit.fitted_groups(results)
+    _ = results.cells
     tables: dict[str, Callable[[], pd.DataFrame]] = {
         "bounds.csv": lambda: bounds.table(results.study.cells),
         "violations.csv": lambda: bounds.violations(results),
@@ -28,9 +30,7 @@ def analyse(results: Results) -> Iterator[Path]:
 
 def asked(results: Results) -> bool:
     """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
-    attacks = [cell.scenario.attack for cell in results.study.cells]
-    magnitudes = [attack.magnitude for attack in attacks if isinstance(attack, Attacked)]
-    return not any(map(is_drawn, magnitudes)) and any(magnitudes)
+    return any(map(fit.attacked, attacked_groups(results.study.cells)))
 
 
 def store(folder: Folder, name: str, table: pd.DataFrame) -> None:

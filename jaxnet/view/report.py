@@ -11,6 +11,7 @@ from jaxnet.view import figures, page
 
 def write(results: Results) -> Iterator[Path]:
     """Fit, simulate the worst lanes again, draw, and write the page; the files, one after the other."""
+    _ = results.cells  # refuses an unfinished run
     if ultimate.asked(results) and not (results.path / "fit.csv").exists():
         yield from ultimate.analyse(results)
     yield from replay_worst(results)

@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.study.api import Results
-from jaxnet.study.fit import envelope_share
+from jaxnet.study.bounds import unchecked
+from jaxnet.study.fit import envelope_share, whole_draws
+from jaxnet.view.check import ranges
 from jaxnet.view.curves import Curve, curves, of_group, table
 
 MOST_VIOLATIONS = 20
@@ -40,13 +42,17 @@ def slopes(results: Results) -> str:
         for curve in curves(results)
         for metric in ("tail_mean", "tail_max")
     ]
-    samples = results.manifest["samples"]
-    return (
+    text = (
         "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p\n"
-        f"{pd.DataFrame(rows).to_string(index=False)}\n"
-        f"envelope: with 95 % confidence at least {envelope_share(samples, 1):.2%} of all draws stay below it"
-        f" at every ā simulated ({samples} draws)"
+        f"{pd.DataFrame(rows).to_string(index=False)}"
     )
+    draws = min(whole_draws(results, curve.group) for curve in curves(results))
+    if draws:
+        text += (
+            f"\nenvelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
+            f" below it at every ā simulated ({draws} draws)"
+        )
+    return text
 
 
 def exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
@@ -92,4 +98,8 @@ def violations(results: Results) -> str:
     ]
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.path / 'violations.csv'}")
-    return "\n".join(lines) or "no lane is above a bound that claims to hold for it"
+    lines = lines or ["no lane is above a bound that claims to hold for it"]
+    skipped = unchecked(results.study.cells)
+    if skipped:
+        lines.append(f"not held to any bound, for weights or gains are drawn: cells {ranges(skipped)}")
+    return "\n".join(lines)

@@ -1,8 +1,8 @@
 """Results as text for a terminal."""
 
-import shlex
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from jaxnet.study.api import Results
@@ -63,6 +63,10 @@ def stopped(results: Results) -> str:
         return ""
     cells: Any = results.cells
     half = (cells["unrecovered_high"] - cells["unrecovered_low"]).max() / 2
+    if np.isnan(half):
+        return (
+            f"\nstopped after {results.manifest['samples']} samples a cell: no attacked lane came to its end"
+        )
     why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
     return (
         f"\nstopped after {results.manifest['samples']} samples a cell: the widest interval of the share"
@@ -75,18 +79,12 @@ def failures(results: Results) -> str:
     failed: Any = results.lanes[results.lanes["status"] != "ok"]
     lines = [
         f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
-        f" ({replay_command(results, row.cell, row.sample)})"
+        f" ({results.replay_command(row.cell, row.sample)})"
         for row in failed.head(MOST_FAILURES).itertuples()
     ]
     if len(failed) > MOST_FAILURES:
         lines.append(f"… {len(failed) - MOST_FAILURES} more; see the column status in lanes/")
     return "\n".join(lines)
-
-
-def replay_command(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
-    """What to type to see one lane again."""
-    words = ["jaxnet", "replay", str(results.path), "--cell", str(cell), "--sample", str(sample)]
-    return shlex.join(words + (["--engine", engine] if engine else []))
 
 
 def lane(results: Results, row: pd.Series) -> str:

@@ -55,6 +55,6 @@ def rows(results: Results) -> Figure:
     panel.set_yticks(places, [as_text(name) for name in names])
     panel.set_ylim(len(found) - 0.4, -0.6)
     panel.set_xlim(-2, 102)
-    panel.set_xlabel("lanes unrecovered, 95 % interval [%]")
+    panel.set_xlabel("lanes unrecovered, with interval [%]")
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
     return drawn

@@ -1,6 +1,5 @@
 """Fits of δ̂(ā): against parameters that are known, linear programs and brute force."""
 
-import math
 from pathlib import Path
 
 import jax
@@ -217,18 +216,22 @@ def test_the_affine_envelope_solves_its_linear_program():
     np.testing.assert_allclose(best(errors)[fit.ENVELOPE]["affine"], program.x, rtol=1e-8)
 
 
-@pytest.mark.parametrize(("samples", "parameters"), [(256, 1), (256, 2), (10, 2)])
-def test_the_share_below_an_envelope(samples, parameters):
-    """Campi and Garatti's sum is 5 % there; with one parameter it is the order statistic's."""
-    share = fit.envelope_share(samples, parameters)
-    terms = (math.comb(samples, i) * (1 - share) ** i * share ** (samples - i) for i in range(parameters))
-    assert sum(terms) == pytest.approx(0.05)
-    assert parameters > 1 or share == pytest.approx(0.05 ** (1 / samples))
-    assert fit.envelope_share(1, 2) == 0
+def test_the_share_below_an_envelope():
+    """Were less than that share of draws below it, all n would be with a probability of 5 % at most."""
+    for draws in (1, 10, 256):
+        assert fit.envelope_share(draws) ** draws == pytest.approx(0.05)
 
 
-def test_aicc_finds_the_model_and_is_blank_without_residuals():
+def test_no_interval_of_too_few_draws():
+    """Blank with 29 draws for a mean, with 19 for a median, with 199 for the 0.95 quantile."""
+    for quantile, fewest in ((None, 30), (0.5, 20), (0.95, 200)):
+        for draws, told in ((fewest - 1, False), (fewest, True)):
+            assert fit.enough(fit.Errors(np.ones(1), np.ones((1, draws))), quantile) is told
+
+
+def test_aicc_finds_the_model_and_is_blank_without_residuals(monkeypatch):
     """Least squares alone have it."""
+    monkeypatch.setattr(fit, "FEWEST_BEYOND", 1)
     for model in ("affine", "power", "saturating"):
         rows = pd.DataFrame(fit.fits(noisy(9, model, spread=0.03), fit.resamples(S)))
         assert rows["quantile"].isna().sum() == rows["aicc"].notna().sum() == 7
@@ -248,8 +251,9 @@ def test_the_fewer_rows_the_dearer_a_parameter():
     assert np.isnan(fit.aicc(few, "affine", np.array([0.0, 2.0])))
 
 
-def test_extreme_errors_are_fitted_without_complaint():
+def test_extreme_errors_are_fitted_without_complaint(monkeypatch):
     """Recovered fleets at 1e-28 beside lost ones, errors of exactly 0, a magnitude without a lane."""
+    monkeypatch.setattr(fit, "FEWEST_BEYOND", 1)
     random = np.random.default_rng(0)
     y = X[:, None] * np.where(random.random((len(X), S)) < 0.8, 1e-28, 2.0) * random.random((len(X), S))
     y[2], y[3] = 0.0, np.nan

@@ -1,10 +1,7 @@
 """Cells that differ in ā alone belong together."""
 
-import pytest
-
 import jaxnet
 from jaxnet.study import groups
-from jaxnet.study.folder import FolderError
 
 
 def test_cells_are_grouped_by_everything_but_the_magnitude():
@@ -22,8 +19,8 @@ def test_cells_are_grouped_by_everything_but_the_magnitude():
     assert (str(star), star.labels) == ("topology=star", {"topology": "star"})
 
 
-def test_a_drawn_magnitude_is_refused():
-    """There is no ā that a cell's errors could stand against."""
-    study = jaxnet.load({"attack": {"magnitude": {"uniform": [1, 2]}}})
-    with pytest.raises(FolderError, match=r"cell 0: attack.magnitude is drawn"):
-        groups.attacked_groups(study.cells)
+def test_a_drawn_magnitude_has_no_group():
+    """There is no ā that such a cell's errors could stand against."""
+    study = jaxnet.load({"sweep": {"attack.magnitude": [1, {"uniform": [1, 2]}]}})
+    (group,) = groups.attacked_groups(study.cells)
+    assert [cell.number for cell in group.cells] == [0]

@@ -8,6 +8,7 @@ from scipy import stats
 import jaxnet
 from experiments import stopping
 from jaxnet.study import config, layout, recovery
+from jaxnet.study.folder import Folder, FolderError
 from tests import systems
 
 
@@ -127,6 +128,11 @@ def test_a_run_stops_when_the_widest_interval_is_narrow_enough(tmp_path, small_s
     assert told.max() / 2 == pytest.approx(widest(samples, looks))
 
 
+def made_by_fixed(tmp_path):
+    """A folder of shards of 50 samples, with three in it."""
+    return jaxnet.run(systems.study(samples=3, **{**keys(), "seed": 1}), tmp_path / "fixed").path
+
+
 def test_it_goes_on_where_it_was_and_ends_at_the_most_allowed(tmp_path, small_shards):
     """A narrower interval extends the run; one that is too narrow ends at the last whole shard allowed."""
     first = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
@@ -138,6 +144,10 @@ def test_it_goes_on_where_it_was_and_ends_at_the_most_allowed(tmp_path, small_sh
     rows = more.lanes
     kept = rows[rows["sample"] < few].reset_index(drop=True)
     pd.testing.assert_frame_equal(kept, before, check_exact=True)
+    with pytest.raises(FolderError, match="shards hold 50 samples, so at least 50"):
+        jaxnet.run(
+            systems.study(samples=until(0.2, at_most=40), **{**keys(), "seed": 1}), made_by_fixed(tmp_path)
+        )
     wider = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
     assert (wider.manifest["samples"], len(wider.lanes)) == (300, 900)
 
@@ -147,6 +157,10 @@ def test_a_run_cut_off_in_the_midst_of_a_look_ends_like_any_other(tmp_path, smal
     whole = jaxnet.run(systems.study(samples=until(0.1), **keys()), tmp_path / "out")
     rows, samples = whole.lanes, whole.manifest["samples"]
     sorted((whole.path / "lanes").glob("*.parquet"))[-1].unlink()
+    Folder(whole.path).write_manifest(finished=False)
+    (whole.path / "cells.csv").unlink()
+    with pytest.raises(FolderError, match="unfinished run"):
+        _ = jaxnet.open(whole.path).cells
     again = jaxnet.run(systems.study(samples=until(0.1), **keys()), tmp_path / "out")
     assert again.manifest["samples"] == samples
     pd.testing.assert_frame_equal(again.lanes, rows, check_exact=True)

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.study import recovery
 from jaxnet.study.api import Results
+from jaxnet.study.bounds import unchecked
 from jaxnet.view import check, tables
 from jaxnet.view.curves import (
     FLOOR,
@@ -141,9 +143,8 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
         ]
     note = (
         "<p>Error over the tail against the size of the lie. Bounds of the worst vehicle (of the mean over"
-        " vehicles for the mean error); the Lyapunov bounds as printed and corrected are of the whole fleet,"
-        " where they say something. Cells with ā = 0 have no place on a log axis; a median far below ā stands"
-        " on the axis.</p>"
+        " vehicles for the mean error), where they say something. Cells with ā = 0 have no place on a log"
+        " axis; a median far below ā stands on the axis.</p>"
     )
     if not any(curve.bounds for curve in found):
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
@@ -201,7 +202,10 @@ def unrecovered(results: Results, found: Sequence[Curve]) -> Section | None:
     """The share that does not recover."""
     if not len(shares(results)):
         return None
-    note = "<p>Share of lanes whose tail mean error exceeds τ·ā, with its 95 % interval.</p>"
+    confidence = recovery.confidence_told(results.study.config.samples)
+    note = (
+        f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
+    )
     if magnitude_is_swept(found):
         shown = found[:MOST]
         body = grid([curve.group.labels for curve in shown]) + more(len(found), "groups")
@@ -225,7 +229,7 @@ def worst(results: Results) -> Section:
         if errors.isna().all():
             return Section("lanes", name, "<p>No lane is ok.</p>")
         row = results.lanes.loc[errors.idxmax()]
-        command = escape(tables.replay_command(results, int(row["cell"]), int(row["sample"])))
+        command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
     options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
     body = (
@@ -261,9 +265,11 @@ def violations(results: Results) -> Section:
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
     rows = pd.read_csv(file)
     if not len(rows):
-        return Section(
-            "violations", name, "<p>None: no lane is above a bound that claims to hold for it.</p>"
-        )
+        skipped = unchecked(results.study.cells)
+        words = "None: no lane is above a bound that claims to hold for it."
+        if skipped:
+            words += f" Not held to any, for weights or gains are drawn: cells {check.ranges(skipped)}."
+        return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
 
 
@@ -275,7 +281,7 @@ def failed(results: Results) -> Section:
         return Section("failed", name, "<p>None.</p>")
     shown = rows[["cell", "sample", "status"]].head(MOST_LISTED)
     places = zip(shown["cell"], shown["sample"], strict=True)
-    commands = [tables.replay_command(results, cell, sample) for cell, sample in places]
+    commands = [results.replay_command(cell, sample) for cell, sample in places]
     return Section("failed", name, listed(shown.assign(command=commands), len(rows)))
 
 

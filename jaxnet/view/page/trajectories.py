@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 
 from jaxnet.study.api import Results
-from jaxnet.view import tables
 from jaxnet.view.curves import size_of
 from jaxnet.view.multiples import title
 from jaxnet.view.page.plots import packed
@@ -51,7 +50,7 @@ def lane(
     by = f", {engine} engine" if engine else ""
     return {
         "label": f"{where}sample {sample}: tail mean {error:.4g} m (cell {number}{by})",
-        "command": tables.replay_command(results, number, sample, engine),
+        "command": results.replay_command(number, sample, engine),
         "vehicles": states.shape[1],
         "attacked": attacked_vehicles(cell),
         "time": packed(data["time"].values[frames]),
