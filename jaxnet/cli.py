@@ -4,6 +4,7 @@ import contextlib
 import errno
 import itertools
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import click
 import jaxnet
 
 INTERRUPTED = 130
+AGAIN = 0.5  # [s]
 FAILED_LANES = 3
 
 config_arguments = [
@@ -30,13 +32,31 @@ def takes_config(command):
 
 
 @contextlib.contextmanager
+def interrupts() -> Iterator[None]:
+    """Have Ctrl-C raise KeyboardInterrupt, and again where that is ignored, as in a callback of gc."""
+
+    def interrupt(*_: object) -> None:
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
 def user_errors() -> Iterator[None]:
     """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
     from jaxnet.study.document import ConfigError
     from jaxnet.study.folder import FolderError
 
     try:
-        yield
+        with interrupts():
+            yield
     except (ConfigError, FolderError) as error:
         click.echo(str(error), err=True)
         if isinstance(error, ConfigError) and len(error.problems) > 1:

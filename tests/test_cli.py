@@ -1,7 +1,11 @@
 """The command line: what it says, where, and with which exit status."""
 
+import contextlib
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 import xarray as xr
@@ -9,10 +13,11 @@ import yaml
 from click.testing import CliRunner
 
 import jaxnet
+from jaxnet import cli
 from jaxnet.cli import main
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "report"]
+COMMANDS = ["run", "check", "schema", "replay", "show", "fit", "report"]
 
 
 @pytest.fixture(scope="module")
@@ -122,3 +127,16 @@ def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):
     assert "Traceback" not in other.stderr
     assert jaxnet_does("show", tmp_path).exit_code == 2
     assert jaxnet_does("run", config, "--outt", "x").exit_code == 2
+
+
+def test_an_interrupt_that_is_ignored_comes_again(monkeypatch):
+    """As one is that falls into a callback of the garbage collector; the handlers are put back."""
+    statuses, before = [], signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(os, "_exit", statuses.append)
+    with cli.user_errors():
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        time.sleep(20 * cli.AGAIN)
+    assert statuses == [cli.INTERRUPTED]
+    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
