@@ -19,7 +19,7 @@ from jaxnet.engine.batch import cores
 from jaxnet.study.api import Results
 from jaxnet.study.curves import MODELS, value
 from jaxnet.study.folder import FolderError
-from jaxnet.study.groups import Group, attacked_groups, magnitude
+from jaxnet.study.groups import Group, attacked_groups
 from jaxnet.study.regression import Data, Effort, least_squares, quantile_regression
 from jaxnet.study.summary import CONFIDENCE, SUMMARISED
 
@@ -63,7 +63,7 @@ def table(results: Results) -> pd.DataFrame:
     Models with more parameters than a group has magnitudes are left out, and so are intervals of too few
     draws. Raises FolderError where no cell has an attack with ā > 0 that is fixed or swept.
     """
-    groups = [(group, attacked(group)) for group in fitted_groups(results)]
+    groups = [(group, group.attacked) for group in fitted_groups(results)]
     counts = resamples(len(results.lanes["sample"].unique()))
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
 
@@ -79,17 +79,12 @@ def table(results: Results) -> pd.DataFrame:
 
 def fitted_groups(results: Results) -> list[Group]:
     """Groups with an ā > 0; raises FolderError if there is none."""
-    groups = [group for group in attacked_groups(results.study.cells) if attacked(group)]
+    groups = [group for group in attacked_groups(results.study.cells) if group.attacked]
     if not groups:
         raise FolderError(
             f"{results.path}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
         )
     return groups
-
-
-def attacked(group: Group) -> dict[int, float]:
-    """ā of the cells that have one, by their number."""
-    return {cell.number: magnitude(cell) for cell in group.cells if magnitude(cell) > 0}
 
 
 def observed(lanes: pd.DataFrame, cells: dict[int, float], metric: str) -> Errors:
@@ -195,5 +190,5 @@ def envelope_share(draws: int) -> float:
 
 def whole_draws(results: Results, group: Group) -> int:
     """Samples whose lanes ended at every ā of a group."""
-    errors = observed(results.lanes, attacked(group), SUMMARISED[0])
+    errors = observed(results.lanes, group.attacked, SUMMARISED[0])
     return int(np.isfinite(errors.y).all(axis=0).sum())

@@ -15,6 +15,11 @@ class Group(NamedTuple):
     labels: dict[str, Any]
     cells: tuple[Cell, ...]
 
+    @property
+    def attacked(self) -> dict[int, float]:
+        """ā of the cells in which it is positive, by their number."""
+        return {cell.number: magnitude(cell) for cell in self.cells if magnitude(cell) > 0}
+
     def __str__(self) -> str:
         """How tables and messages name it."""
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"

@@ -114,13 +114,14 @@ def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[
     otherwise one group would often fill the list with lanes that are all alike.
     """
     scale = np.array([threshold(cell, 1.0) for cell in cells])
+    groups = np.array([str(shared(cell)) for cell in cells])
     ok: Any = rows[rows["status"] == "ok"]
     lanes = pd.DataFrame(
         {
             "cell": ok["cell"],
             "sample": ok["sample"],
             "ratio": ok["tail_mean"] / scale[ok["cell"]],
-            "group": [str(shared(cells[number])) for number in ok["cell"]],
+            "group": groups[ok["cell"]],
         }
     ).dropna()
     lanes = lanes.sort_values("ratio", ascending=False, kind="stable")

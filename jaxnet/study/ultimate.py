@@ -30,7 +30,7 @@ def analyse(results: Results) -> Iterator[Path]:
 
 def asked(results: Results) -> bool:
     """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
-    return any(map(fit.attacked, attacked_groups(results.study.cells)))
+    return any(group.attacked for group in attacked_groups(results.study.cells))
 
 
 def store(folder: Folder, name: str, table: pd.DataFrame) -> None:

@@ -13,24 +13,25 @@ from jaxtyping import Float
 
 from jaxnet.study.api import Results
 from jaxnet.study.config import is_drawn
-from jaxnet.study.groups import Group, attacked_groups, magnitude, shared
+from jaxnet.study.groups import Group, attacked_groups, shared
 from jaxnet.study.sweep import Cell
+from jaxnet.view.tables import RECOVERY
 
 MOST = 24  # panels that one figure takes
 MOST_TIMES = 300  # of a band
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
-SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
+SHARE = list(RECOVERY)
 METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 
-BOUNDS = (
-    "static",
-    "peak_gain",
-    "star_norm",
-    "lyapunov_best",
-    "lyapunov_corrected",
-    "lyapunov_printed",
-)
+BOUND_NAMES = {
+    "static": "static",
+    "peak_gain": "peak gain",
+    "star_norm": "star norm",
+    "lyapunov_best": "Lyapunov, best Q",
+    "lyapunov_corrected": "Lyapunov, corrected",
+    "lyapunov_printed": "Lyapunov, as printed",
+}
 
 
 class Curve(NamedTuple):
@@ -67,7 +68,7 @@ class Curve(NamedTuple):
         """Finite slopes to hold a metric against: of the worst vehicle, of `tail_mean` the vehicles' mean."""
         slopes = {
             bound: self.mean_slope(bound) if metric == "tail_mean" else self.slope(bound, "worst")
-            for bound in BOUNDS
+            for bound in BOUND_NAMES
         }
         return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
 
@@ -86,13 +87,11 @@ class Curve(NamedTuple):
 def curves(results: Results) -> list[Curve]:
     """A curve per group of attacked cells whose ā is not drawn; raises FolderError for an unfinished run."""
     cells, bounds, fits = results.cells, table(results, "bounds"), table(results, "fit")
-    fixed = [cell for cell in results.study.cells if not is_drawn(size_of(cell))]
     found = []
-    for group in attacked_groups(fixed):
-        members = [cell for cell in group.cells if magnitude(cell) > 0]
-        if not members:
+    for group in attacked_groups(results.study.cells):
+        if not group.attacked:
             continue
-        rows = cells.iloc[[cell.number for cell in members]].set_axis([magnitude(cell) for cell in members])
+        rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
         lines = slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
         found.append(Curve(group, rows, *lines))
     return found

@@ -15,12 +15,12 @@ from jaxnet.study import config
 from jaxnet.study.api import Results
 from jaxnet.study.sweep import Cell
 from jaxnet.view import style
+from jaxnet.view.curves import FLOOR
 
 MOST = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 ROW_LETTERS = 30  # that a line along a row's height takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
-FLOOR = 1e-9  # [m] below it a log axis shows rounding
 
 
 def figure(results: Results, trajectories: bool, errors: bool) -> Figure:

@@ -5,9 +5,9 @@ from matplotlib.figure import Figure
 
 from jaxnet.study.api import Results
 from jaxnet.view import multiples, style
+from jaxnet.view.curves import FLOOR
 
 MOST = 24  # cells that one figure takes
-FLOOR = 1e-9  # [m] below it a log axis shows rounding
 
 
 def figure(results: Results) -> Figure:

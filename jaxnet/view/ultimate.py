@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxnet.view import multiples, style
-from jaxnet.view.curves import MOST, Curve, span
+from jaxnet.view.curves import BOUND_NAMES, MOST, Curve, span
 
 BOUND_STYLE: dict[str, Any] = {
     "static": {"color": style.GREEN, "linestyle": "-"},
@@ -18,14 +18,6 @@ BOUND_STYLE: dict[str, Any] = {
     "lyapunov_best": {"color": style.ORANGE, "linestyle": (0, (3, 1.2))},
     "lyapunov_corrected": {"color": style.RED, "linestyle": (0, (6, 1.5, 1, 1.5))},
     "lyapunov_printed": {"color": style.SKY, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
-}
-BOUND_NAMES = {
-    "static": "static",
-    "peak_gain": "peak gain",
-    "star_norm": "star norm",
-    "lyapunov_best": "Lyapunov, best Q",
-    "lyapunov_corrected": "Lyapunov, corrected",
-    "lyapunov_printed": "Lyapunov, as printed",
 }
 FITTED: dict[str, Any] = {"color": "0.45", "linewidth": 0.7, "linestyle": "-"}
 POINT: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}

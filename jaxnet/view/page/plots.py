@@ -11,6 +11,7 @@ import numpy as np
 from jaxnet.study.api import Results
 from jaxnet.study.groups import Group
 from jaxnet.view.curves import (
+    BOUND_NAMES,
     FLOOR,
     METRICS,
     Band,
@@ -21,7 +22,6 @@ from jaxnet.view.curves import (
     span,
 )
 from jaxnet.view.multiples import title
-from jaxnet.view.ultimate import BOUND_NAMES
 
 Grid = dict[str, Any]  # `layouts` by choice, `panels` by panel and choice
 

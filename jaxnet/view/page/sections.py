@@ -13,6 +13,7 @@ from jaxnet.study.api import Results
 from jaxnet.study.bounds import unchecked
 from jaxnet.view import check, tables
 from jaxnet.view.curves import (
+    BOUND_NAMES,
     FLOOR,
     METRICS,
     MOST,
@@ -26,7 +27,6 @@ from jaxnet.view.curves import (
 )
 from jaxnet.view.page import plots, trajectories
 from jaxnet.view.page.elements import folded, grid, key, stroke, table
-from jaxnet.view.ultimate import BOUND_NAMES
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200
