@@ -21,7 +21,7 @@ config_arguments = [
     click.argument("config", type=click.Path(path_type=Path)),
     click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
 ]
-results_argument = click.argument("results", type=click.Path(path_type=Path))
+results_argument = click.argument("results")
 
 
 def takes_config(command):
@@ -85,7 +85,9 @@ def main() -> None:
 
 @main.command()
 @takes_config
-@click.option("--out", type=click.Path(path_type=Path), help="Results folder.  [default: results/NAME]")
+@click.option(
+    "--out", metavar="DIR", help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]"
+)
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
 @click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
@@ -97,7 +99,7 @@ def main() -> None:
 def run(
     config: Path,
     overrides: tuple[str, ...],
-    out: Path | None,
+    out: str | None,
     fresh: bool,
     strict: bool,
     devices: int | None,
@@ -148,7 +150,7 @@ def schema() -> None:
 @click.option("--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0.")
 @click.option("--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0.")
 @click.option("--engine", type=click.Choice(["chassis", "flat"]), help="[default: the study's own]")
-def replay(results: Path, cell: int, sample: int, engine: str | None) -> None:
+def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
         opened = jaxnet.open(results)
@@ -163,7 +165,7 @@ def replay(results: Path, cell: int, sample: int, engine: str | None) -> None:
 
 @main.command()
 @results_argument
-def show(results: Path) -> None:
+def show(results: str) -> None:
     """Print the summary table again."""
     with user_errors():
         opened = jaxnet.open(results)
@@ -174,7 +176,7 @@ def show(results: Path) -> None:
 
 @main.command()
 @results_argument
-def fit(results: Path) -> None:
+def fit(results: str) -> None:
     """Fit the ultimate error against the size of the lie, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
@@ -194,7 +196,7 @@ def fit(results: Path) -> None:
 
 @main.command()
 @results_argument
-def report(results: Path) -> None:
+def report(results: str) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.

@@ -1,13 +1,14 @@
 """What a script calls: `load` a study, `run` it, `open` its results."""
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import yaml
+from upath import UPath
 
 from jaxnet.study import sweep
 from jaxnet.study.config import Config
@@ -18,6 +19,8 @@ from jaxnet.study.sweep import Cell
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from jaxnet.study.layout import Shard
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Study:
 class Results:
     """A results folder, read when asked."""
 
-    path: Path
+    path: UPath
 
     @cached_property
     def study(self) -> Study:
@@ -51,10 +54,50 @@ class Results:
 
     @cached_property
     def lanes(self) -> "pd.DataFrame":
-        """One row per lane."""
-        from jaxnet.study.run import read_rows
+        """One row per lane, all in memory; see `by_cell`."""
+        from jaxnet.study import rows
 
-        return read_rows(Folder(self.path))
+        return rows.read_all(Folder(self.path), self.shards)
+
+    def by_cell(self, *columns: str, where: Any = None) -> "Iterator[tuple[int, pd.DataFrame]]":
+        """Cell by cell, these columns of its lanes by sample; one cell's are in memory at a time.
+
+        `where` is a condition of pyarrow's datasets on the rows; cells without any are passed over.
+        """
+        from jaxnet.study import rows
+
+        return rows.scan(Folder(self.path), self.shards, columns, where)
+
+    def failed(self, most: int) -> "tuple[int, pd.DataFrame]":
+        """How many lanes failed, and cell, sample and status of the first of them."""
+        import pandas as pd
+
+        from jaxnet.study import rows
+
+        empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
+        if not self.manifest["lanes"]["failed"]:
+            return 0, empty
+        found = [lanes for _, lanes in self.by_cell("sample", "status", where=~rows.OK)]
+        return sum(map(len, found)), pd.concat(found, ignore_index=True).head(most)
+
+    def row(self, cell: int, sample: int) -> Any:
+        """One lane's row, a pandas Series; None if it is not there."""
+        from jaxnet.study import rows
+
+        mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
+        for _, lanes in rows.scan(Folder(self.path), mine):
+            return lanes[lanes["sample"] == sample].iloc[0]
+        return None
+
+    @cached_property
+    def shards(self) -> "list[Shard]":
+        """Shards whose rows are there."""
+        from jaxnet.study import layout, rows
+
+        there = {path.name for path in self.path.glob("lanes/*.parquet")}
+        samples, size = self.manifest["samples"], self.manifest["shard_size"]
+        shards = layout.shards_of(self.study.cells, samples, size)
+        return [shard for shard in shards if PurePath(rows.name_of(shard.number)).name in there]
 
     @cached_property
     def cells(self) -> "pd.DataFrame":
@@ -103,19 +146,24 @@ class Results:
         """One of the stores; raises FolderError if the study did not save it."""
         import xarray as xr
 
+        from jaxnet.study.arrays import store_at
+
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
-        return xr.open_zarr(self.path / name)
+        return xr.open_zarr(store_at(self.path / name))
 
 
-def read_table(path: Path) -> "pd.DataFrame":
+def read_table(path: UPath) -> "pd.DataFrame":
     """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
     import pandas as pd
 
-    return pd.read_csv(path, keep_default_na=False, na_values=[""])
+    with path.open("rb") as file:
+        return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def load(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
+def load(
+    source: str | Path | UPath | Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+) -> Study:
     """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
     Overrides are a mapping by dotted key, or KEY=VALUE words. Raises ConfigError with everything that is
@@ -154,19 +202,20 @@ def run(
     side by side (default what suits the engine; another one changes rows by rounding).
     """
     from jaxnet.engine.batch import Machine
-    from jaxnet.study.run import execute
+    from jaxnet.study.run import Run
 
     folder = Folder(out or Path("results") / study.config.name)
     with folder.writing():
         folder.admit(study.config, fresh)
-        execute(study.config, study.cells, folder, progress, Machine(devices, chunk))
+        Run(study.config, study.cells, folder, progress, Machine(devices, chunk)).whole()
     return Results(folder.path)
 
 
 def open(path: str | Path) -> Results:
     """Results of a folder that a run has made; raises FolderError."""
-    if not Folder(path).manifest:
+    folder = Folder(path)
+    if not folder.manifest:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
-    if not list(Path(path).glob("lanes/*.parquet")):
+    if not list(folder.path.glob("lanes/*.parquet")):
         raise FolderError(f"{path} holds an unfinished run: the command that began it goes on")
-    return Results(Path(path))
+    return Results(folder.path)

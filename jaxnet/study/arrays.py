@@ -13,9 +13,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import google_crc32c
 import numpy as np
 import zarr
 import zarr.errors
+from upath import UPath
+from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.storage import FsspecStore
 
 from jaxnet.model import robot
 from jaxnet.study.layout import NAVIGATOR, Variable, coordinates
@@ -23,23 +27,22 @@ from jaxnet.study.network import navigator_of
 from jaxnet.study.sweep import Cell
 
 IDENTITY = "identity"
+CHECKSUM = 4  # bytes at a chunk's end
 
 
 def prepare(
-    path: Path, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
+    path: UPath, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
 ) -> zarr.Group:
-    """The store at this path, made if it is not there, else with room for that many samples."""
+    """The store at this path, with room for that many samples; made if there is none that can be read."""
     coords = coordinates(cells, samples)
-    if not path.exists():
-        unfinished = path.with_name(f".{path.name}")
-        group = zarr.open_group(unfinished, mode="w")
+    group = opened(path)
+    if group is None:
+        group = zarr.open_group(store_at(path), mode="w")
         create(group, variables, coords, chunk)
         if "state" in variables:
             add_navigator(group, cells, coords)
         label_cells(group, cells)
-        group.attrs[IDENTITY] = uuid.uuid4().hex
-        unfinished.rename(path)
-    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+        group.attrs[IDENTITY] = uuid.uuid4().hex  # last, so that a store that has one is whole
     for name in variables:
         array = member(group, name)
         array.resize((array.shape[0], samples, *array.shape[2:]))
@@ -49,6 +52,22 @@ def prepare(
         warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
         zarr.consolidate_metadata(group.store)
     return group
+
+
+def opened(path: UPath) -> zarr.Group | None:
+    """The store at this path for writing, if there is one and it was made to its end."""
+    try:
+        group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False)
+    except (FileNotFoundError, ValueError, KeyError):  # none there, or its metadata is torn
+        return None
+    return group if IDENTITY in group.attrs else None
+
+
+def store_at(path: UPath) -> Any:
+    """What zarr and xarray take for a path."""
+    if isinstance(path, Path):
+        return str(path)
+    return FsspecStore.from_url(str(path), storage_options=dict(path.storage_options))
 
 
 def identity(group: zarr.Group) -> str:
@@ -76,6 +95,8 @@ def create(
             name,
             shape=shape,
             chunks=(1, chunk, *shape[2:]),
+            compressors=(ZstdCodec(), Crc32cCodec()),
+            config={"write_empty_chunks": True},
             dtype=dtype,
             fill_value=np.nan,
             dimension_names=dims,
@@ -112,6 +133,19 @@ def write(group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.
     for name, values in series.items():
         stored = wrapped(values) if name == "state" else values
         member(group, name)[cell, samples] = stored.astype(member(group, name).dtype)
+
+
+def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int) -> bool:
+    """Whether the chunks of one cell and shard are there as they were written, by their checksums."""
+    for name, (dims, *_) in variables.items():
+        place = (cell, block, *[0] * (len(dims) - 2))
+        try:
+            chunk = (path / name / "c" / "/".join(map(str, place))).read_bytes()
+        except FileNotFoundError:
+            return False
+        if google_crc32c.value(chunk[:-CHECKSUM]) != int.from_bytes(chunk[-CHECKSUM:], "little"):
+            return False
+    return True
 
 
 def wrapped(states: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
+from upath import UPath
 
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
 Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
@@ -159,12 +160,12 @@ class Document:
         self.data: dict[str, Any] = data or {}
 
     @classmethod
-    def read(cls, path: str | Path) -> "Document":
+    def read(cls, path: str | Path | UPath) -> "Document":
         """The document in a file."""
         try:
-            return cls(Path(path).read_text(encoding="utf-8"), str(path))
+            return cls(UPath(path).read_text(encoding="utf-8"), str(path))
         except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+            reason = (error.strerror or str(error)) if isinstance(error, OSError) else "not UTF-8 text"
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error
 
     def place(self, *candidates: Keys) -> str:

@@ -1,26 +1,26 @@
-"""The results folder (DESIGN, section 5): what belongs to whom, who may write, and what is done already.
+"""The results folder (DESIGN, section 5): where it is, what belongs to whom, and who may write.
 
-A file is written under a temporary name and then renamed, so a reader sees it whole or not at all, and a
-shard is done when its file is there.
+It is on the local disk, or at any URL that fsspec knows (`s3://bucket/study`, `gs://…`). A file is written
+under a temporary name and then renamed, so a reader sees it whole or not at all.
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
 import platform
 import shutil
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
+from upath import UPath
 
 import jaxnet
+from jaxnet.study import lock
 from jaxnet.study.config import Config
 from jaxnet.study.document import Document, Loader
 from jaxnet.study.sweep import plain
@@ -37,7 +37,6 @@ OURS = (
     "replays",
     *DERIVED,
 )
-FILLED = "jaxnet.filled"  # in a row file's metadata: the stores that its lanes are in
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
@@ -64,11 +63,31 @@ def versions() -> dict[str, str]:
     return {"jaxnet": jaxnet.__version__, **packages, "python": platform.python_version()}
 
 
+def place(path: str | Path | UPath) -> UPath:
+    """Where a folder is: a path of the local disk, or another file system's URL; raises FolderError.
+
+    What is listed there is looked up each time, for other processes write there too.
+    """
+    if isinstance(path, UPath):
+        return path
+    text = str(path)
+    if "://" not in text:
+        return UPath(text)
+    if text.startswith(("file://", "local://")):
+        return UPath(UPath(text).path)
+    try:
+        found = UPath(text, use_listings_cache=False)
+        _ = found.fs
+    except (ImportError, ValueError) as error:  # no such protocol, or its package is not installed
+        raise FolderError(f"{text}: {error}") from error
+    return found
+
+
 class Folder:
     """One results folder."""
 
-    def __init__(self, path: str | Path):
-        self.path = Path(path)
+    def __init__(self, path: str | Path | UPath):
+        self.path = place(path)
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -84,39 +103,39 @@ class Folder:
     def write_manifest(self, **entries: Any) -> None:
         """Change entries of the manifest."""
         text = json.dumps(self.manifest | entries, indent=2) + "\n"
-        self.put("manifest.json", lambda file: file.write_text(text))
+        self.put("manifest.json", lambda file: file.write(text.encode()))
 
-    def put(self, name: str, write: Callable[[Path], Any]) -> None:
-        """Have `write` make a file, and give it its name once it is whole and on the disk."""
+    def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
+        """Have `write` make a file, and give it its name once it is whole and on the disk; its path."""
         final = self.path / name
         final.parent.mkdir(parents=True, exist_ok=True)
-        temporary = final.with_name(f".{final.name}.{os.getpid()}")
+        temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
         try:
-            write(temporary)
-            with temporary.open("rb") as file:
-                os.fsync(file.fileno())
-            temporary.replace(final)
+            with temporary.open("wb") as file:
+                write(file)
+                if isinstance(final, Path):
+                    file.flush()
+                    os.fsync(file.fileno())
+            temporary.rename(final)
         finally:
             temporary.unlink(missing_ok=True)
+        return final
 
     @contextlib.contextmanager
-    def writing(self) -> Iterator[None]:
-        """Hold the folder as its one writer."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock = (self.path / ".lock").open("a+")
-        except OSError as error:
-            raise FolderError(f"{self.path} cannot be a results folder: {error.strerror}") from error
-        with lock:
+    def writing(self, alone: bool = True) -> Iterator[None]:
+        """Hold the folder, as its one writer or as one of those that write some shards each.
+
+        Raises FolderError if another one holds it.
+        """
+        with contextlib.ExitStack() as stack:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                stack.enter_context(lock.held(self.path, alone))
+            except lock.HeldError as error:
+                raise FolderError(f"{self.path} is being written by {error}") from error
             except OSError as error:
-                lock.seek(0)
-                owner = lock.read().strip() or "another process"
-                raise FolderError(f"{self.path} is being written by {owner}") from error
-            lock.truncate(0)
-            lock.write(f"process {os.getpid()} on {platform.node()}")
-            lock.flush()
+                raise FolderError(
+                    f"{self.path} cannot be a results folder: {error.strerror or error}"
+                ) from error
             yield
 
     def remove_torn(self) -> None:
@@ -124,16 +143,20 @@ class Folder:
         files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
         for name in (*(f".{name}.*" for name in files), "lanes/.*.parquet.*"):
             for torn in self.path.glob(name):
-                torn.unlink()
+                torn.unlink(missing_ok=True)
 
     def clear(self, names: Sequence[str] = OURS) -> None:
         """Remove results, and nothing else."""
         for name in names:
-            target = self.path / name
-            if target.is_dir():
-                shutil.rmtree(target)
-            else:
-                target.unlink(missing_ok=True)
+            self.remove(name)
+
+    def remove(self, name: str) -> None:
+        """Remove a file, or a folder with all that is in it, if it is there."""
+        target = self.path / name
+        if target.is_dir():
+            target.fs.rm(target.path, recursive=True)
+        else:
+            target.unlink(missing_ok=True)
 
     def admit(self, config: Config, fresh: bool = False) -> None:
         """Refuse a folder that holds another study, or one by another version, or something else.
@@ -180,35 +203,18 @@ class Folder:
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
         body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
         text = f"# jaxnet run study.yaml\n{body}"
-        self.put("study.yaml", lambda file: file.write_text(text))
+        self.put("study.yaml", lambda file: file.write(text.encode()))
 
     def need(self, wanted: int) -> None:
-        """Refuse to begin what the disk has no room for."""
+        """Refuse to begin what the disk has no room for; where it is no disk, nothing is known of room."""
+        if not isinstance(self.path, Path):
+            return
         free = shutil.disk_usage(self.path).free
         if wanted > free:
             raise FolderError(
                 f"{self.path} may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there:"
                 " save less, take fewer samples, or give another folder with --out"
             )
-
-    def shard(self, number: int) -> Path:
-        """The row file of a shard."""
-        return self.path / "lanes" / f"{number:05d}.parquet"
-
-    def write_shard(self, number: int, rows: pa.Table, filled: dict[str, str]) -> None:
-        """Write a shard's rows, and the identities of the stores that it has filled; it is done then."""
-        name = str(self.shard(number).relative_to(self.path))
-        rows = rows.replace_schema_metadata({FILLED: json.dumps(filled)})
-        self.put(name, lambda file: pq.write_table(rows, file, compression="zstd"))
-
-    def done(self, number: int, lanes: int, filled: dict[str, str]) -> bool:
-        """Whether a shard's file is there with that many lanes, and has filled these stores."""
-        file = self.shard(number)
-        if not file.exists():
-            return False
-        about = pq.read_metadata(file)
-        theirs = json.loads((about.metadata or {}).get(FILLED.encode(), b"{}"))
-        return about.num_rows >= lanes and filled.items() <= theirs.items()
 
 
 def flat(value: Any, prefix: str = "") -> dict[str, Any]:

@@ -83,12 +83,17 @@ def shard_size(cells: Sequence[Cell], study: config.Config) -> int:
     return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 
+def filled_stores(cells: Sequence[Cell], save: config.Save) -> dict[str, dict[str, Variable]]:
+    """Variables of the stores that are filled shard by shard, by the stores' names."""
+    stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
+    if save.trajectories == "all":
+        stores["trajectories.zarr"] = trajectory_variables(cells)
+    return stores
+
+
 def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:
     """Bytes of arrays that one lane leaves behind in the folder, at most."""
-    wanted = dict(ERRORS) if save.errors else {}
-    if save.trajectories == "all":
-        wanted |= trajectory_variables(cells)
-    return variable_bytes(wanted, cells)
+    return sum(variable_bytes(variables, cells) for variables in filled_stores(cells, save).values())
 
 
 def disk_bytes(study: config.Config, cells: Sequence[Cell], lanes: int) -> int:

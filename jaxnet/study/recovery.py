@@ -29,30 +29,21 @@ class Counts(NamedTuple):
     unrecovered: Int[np.ndarray, " cells"]
     ended: Int[np.ndarray, " cells"]
 
-    def plus(self, more: "Counts") -> "Counts":
-        """Together with those of other lanes."""
-        return Counts(self.unrecovered + more.unrecovered, self.ended + more.ended)
+    def add(self, cell: Cell, errors: Float[np.ndarray, " lanes"], tau: float) -> None:
+        """Count the mean errors [m] of a cell's ok lanes."""
+        self.unrecovered[cell.number] += np.count_nonzero(errors > threshold(cell, tau))
+        self.ended[cell.number] += len(errors)
 
 
 def nobody(cells: Sequence[Cell]) -> Counts:
     """Counts before the first lane."""
-    nothing = np.zeros(len(cells), int)
-    return Counts(nothing, nothing)
+    return Counts(np.zeros(len(cells), int), np.zeros(len(cells), int))
 
 
 def threshold(cell: Cell, tau: float) -> float:
     """`τ ā` [m], above which a lane of the cell has not recovered; not-a-number where nobody lies."""
     attacked = isinstance(cell.scenario.attack, config.Attacked) and magnitude(cell) > 0
     return tau * magnitude(cell) if attacked else np.nan
-
-
-def count(rows: pd.DataFrame, cells: Sequence[Cell], tau: float) -> Counts:
-    """Counts of these rows; failed lanes are in neither."""
-    ok: Any = rows[rows["status"] == "ok"]
-    limits = np.array([threshold(cell, tau) for cell in cells])
-    numbers = ok["cell"].to_numpy()
-    over = ok["tail_mean"].to_numpy() > limits[numbers]
-    return Counts(*(np.bincount(each, minlength=len(cells)) for each in (numbers[over], numbers)))
 
 
 def clopper_pearson(
@@ -108,20 +99,19 @@ def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataF
 
 
 def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
-    """Cell and sample of the lanes that ended with the greatest mean error for their ā.
+    """Cell and sample of those of some ok lanes that have the greatest mean error for their ā.
 
     First the worst lane of each group of cells that differ in ā alone, then the second of each, and so on:
     otherwise one group would often fill the list with lanes that are all alike.
     """
     scale = np.array([threshold(cell, 1.0) for cell in cells])
     groups = np.array([str(shared(cell)) for cell in cells])
-    ok: Any = rows[rows["status"] == "ok"]
     lanes = pd.DataFrame(
         {
-            "cell": ok["cell"],
-            "sample": ok["sample"],
-            "ratio": ok["tail_mean"] / scale[ok["cell"]],
-            "group": groups[ok["cell"]],
+            "cell": rows["cell"],
+            "sample": rows["sample"],
+            "ratio": rows["tail_mean"] / scale[rows["cell"]],
+            "group": groups[rows["cell"]],
         }
     ).dropna()
     lanes = lanes.sort_values("ratio", ascending=False, kind="stable")

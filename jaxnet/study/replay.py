@@ -1,23 +1,22 @@
 """One lane again, by itself, with everything that can be seen of it."""
 
-import shutil
 from dataclasses import replace
-from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from upath import UPath
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.study import arrays, checks, config, layout, recovery
+from jaxnet.study import arrays, checks, config, layout, recovery, rows
 from jaxnet.study.api import Results
-from jaxnet.study.folder import FolderError
+from jaxnet.study.folder import Folder, FolderError
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard
-from jaxnet.study.run import rows_of
 from jaxnet.study.sweep import Cell
 
 
-def replay(results: Results, cell: int, sample: int, engine: str | None = None) -> tuple[Path, pd.Series]:
+def replay(results: Results, cell: int, sample: int, engine: str | None = None) -> tuple[UPath, pd.Series]:
     """Store the lane's trajectory under `replays/`; its path and the lane's row.
 
     `engine` names one to use instead of the study's own.
@@ -34,16 +33,17 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     machine = Machine(chunk=results.manifest.get("chunk"))
     outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series), machine)
     path = path_of(results, cell, sample, engine)
-    shutil.rmtree(path, ignore_errors=True)
+    Folder(results.path).remove(str(path.relative_to(results.path)))
     variables = layout.ERRORS | layout.TRAJECTORIES
     store = arrays.prepare(path, {name: variables[name] for name in series}, [chosen], 1, 1)
     arrays.member(store, "cell")[:], arrays.member(store, "sample")[:] = cell, sample
     arrays.write(store, 0, slice(0, 1), outcome.series)
-    row = rows_of(study.config, Shard(0, chosen, range(sample, sample + 1)), outcome)
+    types = rows.column_types(study.config, study.cells)
+    row = rows.table(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return path, row.to_pandas().iloc[0]
 
 
-def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> Path:
+def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:
     """Where a replayed lane is stored, by the study's own engine or another."""
     own = results.study.cells[cell].scenario.engine.kind
     other = "" if engine in (None, own) else f"-{engine}"
@@ -53,10 +53,20 @@ def path_of(results: Results, cell: int, sample: int, engine: str | None = None)
 def worst(results: Results) -> list[tuple[int, int]]:
     """Cell and sample of the lanes to be looked at, those with the greatest mean error for their ā."""
     asked = results.study.config.recovery
-    return [] if asked is None else recovery.worst(results.lanes, results.study.cells, asked.worst)
+    if asked is None:
+        return []
+    return recovery.worst(worst_of_cells(results, asked.worst), results.study.cells, asked.worst)
 
 
-def replay_worst(results: Results) -> list[Path]:
+def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
+    """The ok lanes of each cell with the greatest mean errors: cell, sample, tail_mean."""
+    lanes = results.by_cell("cell", "sample", "tail_mean", where=rows.OK)
+    found = [each.nlargest(number, "tail_mean") for _, each in lanes]
+    nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
+    return pd.concat(found, ignore_index=True) if found else nothing
+
+
+def replay_worst(results: Results) -> list[UPath]:
     """Simulate the worst lanes again by the chassis engine; the stores of all of them, made now or before."""
     paths = []
     for cell, sample in worst(results):

@@ -1,71 +1,177 @@
-"""Simulate a study shard by shard into its folder; what is there already is not done again.
+"""A run: bring a folder to hold every lane of a study; what is there already is not done again.
 
-A shard holds consecutive samples of one cell. Shards whose lanes can share a compiled program follow each
-other without a pause, drawn while others are simulated. `lanes/` is written last, so a shard that is there
-is complete with its arrays.
+Who simulates the shards is the crew's business: this process (`shards.simulate`) or others (`cluster`).
+Nobody has to hold more than one cell's rows for the tables at the end.
 """
 
-import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import zarr
 
 from jaxnet.engine import batch
-from jaxnet.engine.batch import Job, Machine
-from jaxnet.engine.metrics import Metrics
-from jaxnet.engine.plan import Outcome
-from jaxnet.engine.status import Status
-from jaxnet.study import arrays, config, layout, recovery, summary
+from jaxnet.engine.batch import Machine
+from jaxnet.study import arrays, config, layout, recovery, rows, shards, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard
+from jaxnet.study.shards import Done, Work
 from jaxnet.study.sweep import Cell, plain
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
+Crew = Callable[[Work, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
+READERS = 16  # files looked over at a time
+CHOSEN = "trajectories.zarr"
 
 
-def execute(
-    study: Config, cells: Sequence[Cell], folder: Folder, progress: Progress, machine: Machine
-) -> None:
-    """Bring the folder to hold every lane of the study; the folder is held by its writer."""
-    began, before = time.monotonic(), folder.manifest
-    if isinstance(study.samples, int):
-        study = study.model_copy(update={"samples": max(study.samples, before.get("samples", 0))})
-    size = before.get("shard_size") or layout.shard_size(cells, study)
-    looks = looks_of(study, before.get("samples", 0), size)
-    folder.remove_torn()
-    folder.write_study(study)
-    tally = Tally(len(cells) * looks[-1], progress)
-    counts, simulated, samples = recovery.nobody(cells), False, 0
-    for look in looks:
-        shards = layout.shards_of(cells, look, size)[len(cells) * (samples // size) :]
-        begin(study, folder, machine, look, size)
-        simulated |= simulate_shards(study, cells, shards, folder, machine, tally, look, size)
-        samples = look
-        if isinstance(study.samples, config.Sequential):
-            assert study.recovery is not None
-            rows = read_rows(folder, shards)
-            counts = counts.plus(recovery.count(rows, cells, study.recovery.tau))
-            if recovery.settled(counts, cells, look // size, study.samples.until):
-                break
-    rows: Any = read_rows(folder)
-    if simulated or not folder.manifest["finished"]:
-        store_chosen(study, cells, rows, folder, machine, samples)
-    table = summary.summarise(rows, cells, study, samples // size)
-    folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
-    failed = int((rows["status"] != "ok").sum())
-    folder.write_manifest(
-        lanes={"total": len(rows), "ok": len(rows) - failed, "failed": failed},
-        wall_seconds=round(before.get("wall_seconds", 0.0) + time.monotonic() - began, 3),
-        finished=True,
-    )
+def alone(machine: Machine) -> Crew:
+    """The crew of this process."""
+    return lambda work, todo, load_done: shards.simulate(work, todo, machine, load_done)
+
+
+class Run:
+    """One study's way into one folder, which is held by its writer."""
+
+    def __init__(
+        self,
+        study: Config,
+        cells: Sequence[Cell],
+        folder: Folder,
+        progress: Progress,
+        machine: Machine,
+        crew: Crew | None = None,
+    ):
+        self.began, self.before = time.monotonic(), folder.manifest
+        if isinstance(study.samples, int):
+            study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
+        self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
+        self.crew = crew or alone(machine)
+        self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
+        self.progress = progress
+
+    def whole(self) -> None:
+        """Simulate what is missing, and make the tables and arrays."""
+        looks = looks_of(self.study, self.before.get("samples", 0), self.size)
+        tally = Tally(len(self.cells) * looks[-1], self.progress)
+        self.folder.remove_torn()
+        self.folder.write_study(self.study)
+        counts, simulated, samples = recovery.nobody(self.cells), 0, 0
+        for look in looks:
+            new = layout.shards_of(self.cells, look, self.size)[len(self.cells) * (samples // self.size) :]
+            self.begin(look)
+            simulated += self.simulate(new, self.work(self.prepare(look)), tally)
+            samples = look
+            if isinstance(self.study.samples, config.Sequential):
+                assert self.study.recovery is not None
+                for number, lanes in rows.scan(self.folder, new, ("tail_mean",), rows.OK):
+                    counts.add(self.cells[number], lanes["tail_mean"].to_numpy(), self.study.recovery.tau)
+                if recovery.settled(counts, self.cells, look // self.size, self.study.samples.until):
+                    break
+        self.finish(samples, simulated)
+
+    def part(self, number: int, of: int) -> tuple[int, int]:
+        """Simulate what is missing of every `of`-th shard from `number` on; how many there were, and are.
+
+        Rows alone are written, and arrays beside them, so that others can do the same with the other shards.
+        """
+        if isinstance(self.study.samples, config.Sequential):
+            raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
+        mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
+        tally = Tally(sum(len(shard.samples) for shard in mine), self.progress)
+        return self.simulate(mine, self.work(None), tally), len(mine)
+
+    def begin(self, samples: int) -> None:
+        """Say in the manifest what is going to be in the folder."""
+        save = plain(self.study.save)
+        same = self.folder.manifest.get("save") == save and self.folder.manifest.get("samples") == samples
+        self.folder.write_manifest(
+            hash=digest(self.study),
+            seed=self.study.seed,
+            versions=versions(),
+            device=jax.devices()[0].device_kind,
+            chunk=self.machine.chunk,
+            samples=samples,
+            shard_size=self.size,
+            save=save,
+            finished=same and self.folder.manifest["finished"],
+        )
+
+    def prepare(self, samples: int) -> dict[str, str]:
+        """Make room for so many samples in the stores that are filled shard by shard; their identities."""
+        stores = layout.filled_stores(self.cells, self.study.save)
+        return {
+            name: arrays.identity(
+                arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
+            )
+            for name, variables in stores.items()
+        }
+
+    def work(self, filled: dict[str, str] | None) -> Work:
+        """What every shard takes."""
+        return Work(
+            self.folder,
+            digest(self.study),
+            self.study.seed,
+            self.size,
+            rows.column_types(self.study, self.cells),
+            layout.filled_stores(self.cells, self.study.save),
+            filled,
+        )
+
+    def simulate(self, wanted: Sequence[Shard], work: Work, tally: "Tally") -> int:
+        """Simulate and store those shards that are not there yet; how many there were."""
+        with ThreadPoolExecutor(READERS) as pool:
+            found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
+        todo = [shard for shard, there in zip(wanted, found, strict=True) if not there]
+        self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
+        tally.expect(wanted, todo)
+        if todo and work.filled is not None:
+            self.folder.clear((*DERIVED, "cells.csv"))
+        for done in self.crew(work, todo, tally.load_done):
+            tally.shard_done(done)
+        return len(todo)
+
+    def finish(self, samples: int, simulated: int) -> None:
+        """The chosen trajectories, and the tables of all rows."""
+        every = layout.shards_of(self.cells, samples, self.size)
+        if not isinstance(self.study.save.trajectories, str):
+            lanes = rows.scan(self.folder, every, ("sample", "status", "tail_mean"))
+            chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
+            if simulated or not self.folder.manifest["finished"] or not self.stored(chosen):
+                self.store_chosen(chosen, samples)
+        table = summary.summarise(self.folder, every, self.cells, self.study, samples // self.size)
+        self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
+        total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
+        self.folder.write_manifest(
+            lanes={"total": total, "ok": total - failed, "failed": failed},
+            wall_seconds=round(self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3),
+            finished=True,
+        )
+
+    def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
+        """Whether the chosen lanes' trajectories are there as they were written."""
+        path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
+        lanes = ((cell, sample) for cell, samples in chosen.items() for sample in samples)
+        return all(arrays.intact(path, variables, *lane) for lane in lanes)
+
+    def store_chosen(self, chosen: Mapping[int, Sequence[int]], samples: int) -> None:
+        """Simulate the chosen lanes again with their trajectories, into a new store."""
+        self.folder.remove(CHOSEN)
+        variables = layout.trajectory_variables(self.cells)
+        store = arrays.prepare(self.folder.path / CHOSEN, variables, self.cells, samples, chunk=1)
+        for cell, mine in chosen.items():
+            if not mine:
+                continue
+            one = job(self.cells[cell].scenario, self.study.seed, mine, tuple(variables))
+            outcome = batch.simulate(one, self.machine)
+            for place, sample in enumerate(mine):
+                series = {name: values[place : place + 1] for name, values in outcome.series.items()}
+                arrays.write(store, cell, slice(sample, sample + 1), series)
 
 
 def looks_of(study: Config, there: int, size: int) -> list[int]:
@@ -85,46 +191,6 @@ def looks_of(study: Config, there: int, size: int) -> list[int]:
     return [shards * size for shards in range(least, max(least, most) + 1)]
 
 
-def begin(study: Config, folder: Folder, machine: Machine, samples: int, size: int) -> None:
-    """Say in the manifest what is going to be in the folder."""
-    before, save = folder.manifest, plain(study.save)
-    same = before.get("save") == save and before.get("samples") == samples
-    folder.write_manifest(
-        hash=digest(study),
-        seed=study.seed,
-        versions=versions(),
-        device=jax.devices()[0].device_kind,
-        chunk=machine.chunk,
-        samples=samples,
-        shard_size=size,
-        save=save,
-        finished=same and before["finished"],
-    )
-
-
-def simulate_shards(
-    study: Config,
-    cells: Sequence[Cell],
-    shards: Sequence[Shard],
-    folder: Folder,
-    machine: Machine,
-    tally: "Tally",
-    samples: int,
-    size: int,
-) -> bool:
-    """Simulate and store those shards that are not there yet; whether there were any."""
-    stores = prepare_stores(study, cells, folder, samples, size)
-    todo = [shard for shard in shards if not folder.done(shard.number, len(shard.samples), filled_by(stores))]
-    folder.need(layout.disk_bytes(study, cells, sum(len(shard.samples) for shard in todo)))
-    tally.expect(shards, todo)
-    if todo:
-        folder.clear((*DERIVED, "cells.csv"))
-    for shard, outcome in outcomes(study, cells, todo, machine, tally.load_done):
-        store_shard(study, shard, outcome, folder, stores)
-        tally.shard_done(outcome)
-    return bool(todo)
-
-
 class Tally:
     """Counts lanes for the progress report; lanes of an unfinished shard count once it is stored."""
 
@@ -142,143 +208,18 @@ class Tally:
         self.done += lanes
         self.progress(self.done, self.total, self.failed)
 
-    def shard_done(self, outcome: Outcome) -> None:
+    def shard_done(self, done: Done) -> None:
         """A shard was stored."""
-        self.failed += int((outcome.status != Status.ok).sum())
+        self.failed += done.failed
         self.progress(self.done, self.total, self.failed)
 
 
-def prepare_stores(
-    study: Config, cells: Sequence[Cell], folder: Folder, samples: int, size: int
-) -> dict[str, zarr.Group]:
-    """Stores that are filled shard by shard, by their names; a shard's file says which it has filled."""
-    wanted = {"errors": layout.ERRORS} if study.save.errors else {}
-    if study.save.trajectories == "all":
-        wanted["trajectories"] = layout.trajectory_variables(cells)
-    return {
-        name: arrays.prepare(folder.path / f"{name}.zarr", variables, cells, samples, size)
-        for name, variables in wanted.items()
-    }
-
-
-def filled_by(stores: dict[str, zarr.Group]) -> dict[str, str]:
-    """What a shard's file says of the stores that it has filled."""
-    return {name: arrays.identity(store) for name, store in stores.items()}
-
-
-def outcomes(
-    study: Config,
-    cells: Sequence[Cell],
-    shards: Sequence[Shard],
-    machine: Machine,
-    load_done: Callable[[int], None],
-) -> Iterator[tuple[Shard, Outcome]]:
-    """Outcome of each shard, those that fit one program in one go."""
-    save = tuple(layout.ERRORS) if study.save.errors else ()
-    if study.save.trajectories == "all":
-        save += layout.trajectory_series(cells)
-    cells_in_need = {shard.cell.number: shard.cell for shard in shards}
-    programs = {
-        number: program_of(job(cell.scenario, study.seed, [0], save))
-        for number, cell in cells_in_need.items()
-    }
-    kinds: dict[Any, list[Shard]] = {}
-    for shard in shards:
-        kinds.setdefault(programs[shard.cell.number], []).append(shard)
-    for alike in kinds.values():
-        one = job(alike[0].cell.scenario, study.seed, [0], save)
-        inputs = (job(shard.cell.scenario, study.seed, shard.samples, save).inputs for shard in alike)
-        lanes = sum(len(shard.samples) for shard in alike)
-        ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
-        yield from zip(alike, ends, strict=True)
-
-
-def program_of(one: Job) -> Any:
-    """What jobs must share to run in one go: types, shapes, the plan, the network and the clock."""
-    leaves, structure = jax.tree.flatten(one.inputs)
-    shared, kind = jax.tree.flatten((one.network, one.clock))
-    values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
-    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
-
-
-def store_shard(
-    study: Config,
-    shard: Shard,
-    outcome: Outcome,
-    folder: Folder,
-    stores: dict[str, zarr.Group],
-) -> None:
-    """Arrays first, rows last."""
-    samples = slice(shard.samples.start, shard.samples.stop)
-    kinds = {"errors": layout.ERRORS, "trajectories": layout.TRAJECTORIES}
-    for name, store in stores.items():
-        series = {key: values for key, values in outcome.series.items() if key in kinds[name]}
-        arrays.write(store, shard.cell.number, samples, series)
-    folder.write_shard(shard.number, rows_of(study, shard, outcome), filled_by(stores))
-
-
-def rows_of(study: Config, shard: Shard, outcome: Outcome) -> pa.Table:
-    """One row per lane, columns as the contract orders them."""
-    count = len(shard.samples)
-    columns: dict[str, Any] = {
-        "cell": np.full(count, shard.cell.number, dtype=np.int64),
-        "sample": np.array(shard.samples, dtype=np.int64),
-    }
-    for key, label in shard.cell.labels.items():
-        columns[key] = pa.array([label] * count, type=column_type(study, key, label))
-    columns["status"] = [Status(code).name for code in outcome.status]
-    columns |= {name: getattr(outcome.metrics, name) for name in Metrics._fields}
-    columns |= {
-        "steps": outcome.steps.astype(np.int64),
-        "switches": outcome.switches.astype(np.int64),
-    }
-    return pa.table(columns)
-
-
-def column_type(study: Config, key: str, label: Any) -> pa.DataType:
-    """Type of a swept key's column, the same in every shard."""
-    if isinstance(label, str):
-        return pa.string()
-    given = study.sweep[key]
-    whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
-    return pa.int64() if whole else pa.float64()
-
-
-def store_chosen(
-    study: Config, cells: Sequence[Cell], rows: Any, folder: Folder, machine: Machine, samples: int
-) -> None:
-    """Simulate the chosen lanes again with their trajectories, into a new store."""
-    if isinstance(study.save.trajectories, str):
-        return
-    path, variables = folder.path / "trajectories.zarr", layout.trajectory_variables(cells)
-    shutil.rmtree(path, ignore_errors=True)
-    store = arrays.prepare(path, variables, cells, samples, chunk=1)
-    for cell in cells:
-        chosen = chosen_samples(study.save, rows[rows["cell"] == cell.number])
-        if not chosen:
-            continue
-        outcome = batch.simulate(job(cell.scenario, study.seed, chosen, tuple(variables)), machine)
-        for place, sample in enumerate(chosen):
-            one = {name: values[place : place + 1] for name, values in outcome.series.items()}
-            arrays.write(store, cell.number, slice(sample, sample + 1), one)
-
-
-def chosen_samples(save: config.Save, rows: Any) -> list[int]:
+def chosen_samples(save: config.Save, lanes: pd.DataFrame) -> list[int]:
     """Samples of one cell whose trajectories are asked for."""
     match save.trajectories:
         case config.Samples(samples=samples):
             return samples
         case config.Worst(worst=count):
-            ok = rows[rows["status"] == "ok"]
+            ok: Any = lanes[lanes["status"] == "ok"]
             return ok.nlargest(count, "tail_mean")["sample"].tolist()
     return []
-
-
-def read_rows(folder: Folder, shards: Sequence[Shard] | None = None) -> pd.DataFrame:
-    """Rows of some shards, or all of a folder, by cell and sample."""
-    if shards is None:
-        files = sorted((folder.path / "lanes").glob("[0-9]*.parquet"))
-    else:
-        files = [folder.shard(shard.number) for shard in shards]
-    rows = pd.concat([pd.read_parquet(file) for file in files], ignore_index=True)
-    return rows.sort_values(["cell", "sample"], ignore_index=True)

@@ -7,33 +7,36 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from jaxnet.study import recovery
+from jaxnet.study import recovery, rows
 from jaxnet.study.config import Config
+from jaxnet.study.folder import Folder
+from jaxnet.study.layout import Shard
 from jaxnet.study.sweep import Cell
 
 SUMMARISED = ("tail_mean", "tail_max")
 CONFIDENCE = 0.95
 
 
-def summarise(lanes: pd.DataFrame, cells: Sequence[Cell], study: Config, look: int) -> pd.DataFrame:
+def summarise(
+    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, look: int
+) -> pd.DataFrame:
     """`cells.csv`: swept keys, lanes, ok, failed, the spread of the tail errors over ok lanes.
 
     And, if asked for, the share that did not recover; `look` is the one that ended a sequential run.
     """
-    by_cell: dict[Any, Any] = dict(tuple(lanes.groupby("cell")))
-    rows = []
-    for cell in cells:
-        mine = by_cell[cell.number]
-        ok = mine[mine["status"] == "ok"]
-        row = {**cell.labels, "lanes": len(mine), "ok": len(ok), "failed": len(mine) - len(ok)}
+    table, counts = [], recovery.nobody(cells)
+    for number, lanes in rows.scan(folder, shards, ("status", *SUMMARISED)):
+        ok: Any = lanes[lanes["status"] == "ok"]
+        row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         for metric in SUMMARISED:
             row |= {f"{metric}_{name}": value for name, value in spread(ok[metric].to_numpy()).items()}
-        rows.append(row)
-    table = pd.DataFrame(rows)
+        table.append(row)
+        if study.recovery is not None:
+            counts.add(cells[number], ok["tail_mean"].to_numpy(), study.recovery.tau)
+    cells_table = pd.DataFrame(table)
     if study.recovery is None:
-        return table
-    counts = recovery.count(lanes, cells, study.recovery.tau)
-    return table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
+        return cells_table
+    return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
 
 
 def spread(values: np.ndarray) -> dict[str, float]:

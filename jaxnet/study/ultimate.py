@@ -1,9 +1,9 @@
 """The ultimate error against the size of the lie: what the lanes say of it, and what theory does."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pandas as pd
+from upath import UPath
 
 from jaxnet.study import bounds, fit
 from jaxnet.study.api import Results
@@ -11,7 +11,7 @@ from jaxnet.study.folder import Folder
 from jaxnet.study.groups import attacked_groups
 
 
-def analyse(results: Results) -> Iterator[Path]:
+def analyse(results: Results) -> Iterator[UPath]:
     """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
 
     Raises FolderError for an unfinished run, and where no ā is fixed or swept.
@@ -23,16 +23,12 @@ def analyse(results: Results) -> Iterator[Path]:
         "violations.csv": lambda: bounds.violations(results),
         "fit.csv": lambda: fit.table(results),
     }
+    folder = Folder(results.path)
     for name, table in tables.items():
-        store(Folder(results.path), name, table())
-        yield results.path / name
+        made = table()
+        yield folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
 
 
 def asked(results: Results) -> bool:
     """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
     return any(group.attacked for group in attacked_groups(results.study.cells))
-
-
-def store(folder: Folder, name: str, table: pd.DataFrame) -> None:
-    """Write a table whole."""
-    folder.put(name, lambda file: table.to_csv(file, index=False))

@@ -130,7 +130,8 @@ def table(results: Results, name: str) -> pd.DataFrame:
     if not file.exists():
         empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
         return empty.astype({key: TYPES[key] for key in COLUMNS[name]})
-    return pd.read_csv(file, dtype=TYPES, keep_default_na=False, na_values=[""])
+    with file.open("rb") as held:
+        return pd.read_csv(held, dtype=TYPES, keep_default_na=False, na_values=[""])
 
 
 def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:

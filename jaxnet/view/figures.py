@@ -1,17 +1,18 @@
 """Which figures a results folder gives, and drawing them as PNG and PDF."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from upath import UPath
 
 from jaxnet.study.api import Results
+from jaxnet.study.folder import Folder
 from jaxnet.view import bands, panels, style, tails, topology, ultimate, unrecovered
 from jaxnet.view.curves import all_bands, curves, magnitude_is_swept, shares
 
 
-def draw(results: Results) -> Iterator[Path]:
+def draw(results: Results) -> Iterator[UPath]:
     """Draw every figure that the folder has data for; the files written, one after the other."""
     has = {name: (results.path / f"{name}.zarr").exists() for name in ("errors", "trajectories")}
     with mpl.rc_context(style.RC):
@@ -26,7 +27,7 @@ def draw(results: Results) -> Iterator[Path]:
     yield from draw_ultimate(results)
 
 
-def draw_ultimate(results: Results) -> Iterator[Path]:
+def draw_ultimate(results: Results) -> Iterator[UPath]:
     """Draw δ̂(ā) under its bounds, if ā is swept."""
     found = curves(results)
     with mpl.rc_context(style.RC):
@@ -35,15 +36,11 @@ def draw_ultimate(results: Results) -> Iterator[Path]:
             yield from save(results, "ultimate_mean", ultimate.figure(found, "tail_mean"))
 
 
-def save(results: Results, name: str, figure: Figure) -> Iterator[Path]:
+def save(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
     """Write one figure in both formats."""
-    folder = results.path / "figures"
-    folder.mkdir(exist_ok=True)
-    layout = figure.get_layout_engine()
+    folder, layout = Folder(results.path), figure.get_layout_engine()
     if layout is not None:  # once for both, for it takes longer than drawing
         layout.execute(figure)
         figure.set_layout_engine("none")
-    for suffix in ("png", "pdf"):
-        path = folder / f"{name}.{suffix}"
-        figure.savefig(path)
-        yield path
+    for kind in ("png", "pdf"):
+        yield folder.put(f"figures/{name}.{kind}", lambda file, kind=kind: figure.savefig(file, format=kind))

@@ -1,7 +1,8 @@
 """Everything to be looked at of a results folder, what is missing for it made first."""
 
 from collections.abc import Iterator
-from pathlib import Path
+
+from upath import UPath
 
 from jaxnet.study import ultimate
 from jaxnet.study.api import Results
@@ -9,7 +10,7 @@ from jaxnet.study.replay import replay_worst
 from jaxnet.view import figures, page
 
 
-def write(results: Results) -> Iterator[Path]:
+def write(results: Results) -> Iterator[UPath]:
     """Fit, simulate the worst lanes again, draw, and write the page; the files, one after the other."""
     _ = results.cells  # refuses an unfinished run
     if ultimate.asked(results) and not (results.path / "fit.csv").exists():

@@ -76,23 +76,23 @@ def stopped(results: Results) -> str:
 
 def failures(results: Results) -> str:
     """The failed lanes, each with the command that replays it; empty if there is none."""
-    failed: Any = results.lanes[results.lanes["status"] != "ok"]
+    count, failed = results.failed(MOST_FAILURES)
+    rows: Any = failed.itertuples()
     lines = [
         f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
         f" ({results.replay_command(row.cell, row.sample)})"
-        for row in failed.head(MOST_FAILURES).itertuples()
+        for row in rows
     ]
-    if len(failed) > MOST_FAILURES:
-        lines.append(f"… {len(failed) - MOST_FAILURES} more; see the column status in lanes/")
+    if count > MOST_FAILURES:
+        lines.append(f"… {count - MOST_FAILURES} more; see the column status in lanes/")
     return "\n".join(lines)
 
 
-def lane(results: Results, row: pd.Series) -> str:
+def lane(results: Results, row: Any) -> str:
     """One lane's row, and whether it is the one that the folder holds."""
-    lanes = results.lanes
-    stored = lanes[(lanes["cell"] == row["cell"]) & (lanes["sample"] == row["sample"])]
-    if stored.empty:
+    stored = results.row(int(row["cell"]), int(row["sample"]))
+    if stored is None:
         return f"{row.to_string()}\nno such row is stored"
-    apart = stored.iloc[0].compare(row, result_names=("stored", "replayed"))
+    apart = stored.compare(row, result_names=("stored", "replayed"))
     verdict = "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
     return f"{row.to_string()}\n{verdict}"

@@ -1,11 +1,10 @@
 """The table of bounds, and whether a lane that breaks one is found, and no other."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.linalg import expm
+from upath import UPath
 
 import jaxnet
 from jaxnet.study.api import Results
@@ -54,7 +53,7 @@ def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
 
 def results_of(study, **columns):
     """Results of a study whose rows have these columns."""
-    found = Results(Path("some/where"))
+    found = Results(UPath("some/where"))
     rows = pd.DataFrame({"cell": 0, "status": "ok", **columns})
     rows["sample"] = rows.groupby("cell").cumcount()
     vars(found).update(study=study, lanes=rows)

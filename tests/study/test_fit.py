@@ -1,12 +1,11 @@
 """Fits of δ̂(ā): against parameters that are known, linear programs and brute force."""
 
-from pathlib import Path
-
 import jax
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import linprog
+from upath import UPath
 
 import jaxnet
 from experiments import coverage
@@ -276,7 +275,7 @@ def test_double_precision_needs_no_switch():
 
 def results(lanes, **keys):
     """Results of a study whose lanes are these."""
-    made = Results(Path("nowhere"))
+    made = Results(UPath("nowhere"))
     vars(made).update(study=jaxnet.load({"samples": S, **keys}), lanes=lanes)
     return made
 

@@ -58,13 +58,15 @@ def test_counts():
             "tail_mean": [1.0, 0.021, 0.02, 0.5, np.nan],
         }
     )
-    counts = recovery.count(rows, cells, 0.01)
+    ok, counts = rows[rows["status"] == "ok"], recovery.nobody(cells)
+    for number, errors in ok.groupby("cell")["tail_mean"]:
+        counts.add(cells[number], errors.to_numpy(), 0.01)
     assert (counts.unrecovered.tolist(), counts.ended.tolist()) == ([0, 2], [1, 3])
     table = recovery.shares(counts, cells, 0.95)
     assert table.loc[0].isna().all()
     assert table["unrecovered"][1] == pytest.approx(2 / 3)
-    assert recovery.worst(rows, cells, 2) == [(1, 2), (1, 0)]
-    assert recovery.worst(rows, cells, 9) == [(1, 2), (1, 0), (1, 1)]
+    assert recovery.worst(ok, cells, 2) == [(1, 2), (1, 0)]
+    assert recovery.worst(ok, cells, 9) == [(1, 2), (1, 0), (1, 1)]
 
 
 def test_the_table_has_the_shares(tmp_path):
@@ -87,7 +89,6 @@ def test_the_worst_lanes_are_of_all_groups():
         {
             "cell": [0, 0, 1, 1, 2, 3],
             "sample": [0, 1, 0, 1, 0, 0],
-            "status": "ok",
             "tail_mean": [0.7, 0.8, 9.0, 1.0, 0.1, 2.0],
         }
     )
@@ -117,7 +118,8 @@ def test_a_run_stops_when_the_widest_interval_is_narrow_enough(tmp_path, small_s
 
     def widest(first, look):
         rows = fixed.lanes[fixed.lanes["sample"] < first]
-        counts = recovery.count(rows, results.study.cells, 1.0)
+        over = rows["tail_mean"] > rows["attack.magnitude"]
+        counts = [over.groupby(rows["cell"]).sum().to_numpy(), rows.groupby("cell").size().to_numpy()]
         low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(look, 0.95))
         return (high - low)[1:].max() / 2
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from string import Template
 
 from plotly.offline import get_plotlyjs
+from upath import UPath
 
 from jaxnet.study.api import Results
 from jaxnet.study.folder import Folder
@@ -29,7 +30,7 @@ COLOURS = {
 }
 
 
-def write(results: Results) -> Path:
+def write(results: Results) -> UPath:
     """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
     shown = sections.every(results)
     data = {each.id: each.plots for each in shown if each.plots}
@@ -44,8 +45,7 @@ def write(results: Results) -> Path:
         plotly=get_plotlyjs(),
         script=(HERE / "page.js").read_text(encoding="utf-8"),
     )
-    Folder(results.path).put("report.html", lambda file: file.write_text(text, encoding="utf-8"))
-    return results.path / "report.html"
+    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
 
 
 def encode(data: object) -> str:

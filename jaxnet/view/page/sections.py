@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.study import recovery
-from jaxnet.study.api import Results
+from jaxnet.study.api import Results, read_table
 from jaxnet.study.bounds import unchecked
+from jaxnet.study.replay import worst_of_cells
 from jaxnet.view import check, tables
 from jaxnet.view.curves import (
     BOUND_NAMES,
@@ -225,10 +226,10 @@ def worst(results: Results) -> Section:
     """The replayed lanes, with a slider over time."""
     name, found = "Worst lanes", trajectories.lanes(results)
     if not found:
-        errors: Any = results.lanes["tail_mean"]
-        if errors.isna().all():
+        ended = worst_of_cells(results, 1)
+        if ended.empty:
             return Section("lanes", name, "<p>No lane is ok.</p>")
-        row = results.lanes.loc[errors.idxmax()]
+        row: Any = ended.loc[ended["tail_mean"].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
     options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
@@ -263,7 +264,7 @@ def violations(results: Results) -> Section:
     name, file = "Violations of bounds", results.path / "violations.csv"
     if not file.exists():
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
-    rows = pd.read_csv(file)
+    rows = read_table(file)
     if not len(rows):
         skipped = unchecked(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
@@ -276,13 +277,12 @@ def violations(results: Results) -> Section:
 def failed(results: Results) -> Section:
     """Lanes that did not come to their end."""
     name = "Failed lanes"
-    rows: Any = results.lanes[results.lanes["status"] != "ok"]
-    if not len(rows):
+    count, shown = results.failed(MOST_LISTED)
+    if not count:
         return Section("failed", name, "<p>None.</p>")
-    shown = rows[["cell", "sample", "status"]].head(MOST_LISTED)
     places = zip(shown["cell"], shown["sample"], strict=True)
     commands = [results.replay_command(cell, sample) for cell, sample in places]
-    return Section("failed", name, listed(shown.assign(command=commands), len(rows)))
+    return Section("failed", name, listed(shown.assign(command=commands), count))
 
 
 def listed(rows: pd.DataFrame, count: int) -> str:

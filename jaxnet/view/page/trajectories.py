@@ -1,13 +1,14 @@
 """The replayed lanes' trajectories, packed for the page's slider."""
 
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from upath import UPath
 
 from jaxnet.study.api import Results
+from jaxnet.study.arrays import store_at
 from jaxnet.view.curves import size_of
 from jaxnet.view.multiples import title
 from jaxnet.view.page.plots import packed
@@ -19,13 +20,12 @@ MOST_LANES = 60
 
 def lanes(results: Results) -> list[dict[str, Any]]:
     """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
-    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
     found: list[tuple[Any, ...]] = []
     for path in sorted(results.path.glob("replays/cell-*.zarr")):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        if named and (int(named[1]), int(named[2])) in errors.index:
-            cell, sample = int(named[1]), int(named[2])
-            error = float(errors[cell, sample])
+        row = results.row(int(named[1]), int(named[2])) if named else None
+        if named and row is not None:
+            cell, sample, error = int(row["cell"]), int(row["sample"]), float(row["tail_mean"])
             found.append((relative(results, cell, error), cell, sample, named[3], error, path))
     found.sort(key=lambda each: (-each[0], *each[1:3]))
     return [lane(results, *each[1:]) for each in found[:MOST_LANES]]
@@ -38,10 +38,10 @@ def relative(results: Results, cell: int, error: float) -> float:
 
 
 def lane(
-    results: Results, number: int, sample: int, engine: str | None, error: float, path: Path
+    results: Results, number: int, sample: int, engine: str | None, error: float, path: UPath
 ) -> dict[str, Any]:
     """One lane's trajectory."""
-    cell, data = results.study.cells[number], xr.open_zarr(path)
+    cell, data = results.study.cells[number], xr.open_zarr(store_at(path))
     times = data.sizes["time"]
     frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
     states = data["state"].isel(cell=0, sample=0).values[frames, :, :2]

@@ -1,0 +1,134 @@
+"""Who holds a results folder: one writer, or several that write shards of their own.
+
+On a local or shared disk the system's file lock says so, which dies with its holder. Elsewhere `.lock` is an
+object that its holder rewrites every `BEAT` seconds; one that stays the same for `SILENCE` is a dead one's.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import platform
+import threading
+import time
+import uuid
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+from upath import UPath
+
+BEAT, SILENCE = 5.0, 20.0  # [s]
+
+
+class HeldError(Exception):
+    """Somebody else holds the folder; says who."""
+
+
+@contextlib.contextmanager
+def held(folder: UPath, alone: bool = True) -> Iterator[None]:
+    """Hold the folder as its one writer, or beside others who do not want it alone.
+
+    Raises HeldError, or OSError where nothing can be written. An object can be held alone only: whoever does
+    not want it alone is kept away by its holder, and keeps nobody away.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / ".lock"
+    if isinstance(folder, Path):
+        with by_system(file, alone):
+            yield
+    elif alone:
+        with by_signs_of_life(file):
+            yield
+    elif file.exists() and not outlived(file):
+        raise HeldError(owner(read(file)))
+    else:
+        yield
+
+
+def me() -> str:
+    """What others are told of this process."""
+    return f"process {os.getpid()} on {platform.node()}"
+
+
+@contextlib.contextmanager
+def by_system(file: UPath, alone: bool) -> Iterator[None]:
+    """Hold a file's lock, which is free again when this process is no more."""
+    with file.open("a+") as lock:
+        try:
+            fcntl.flock(lock, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            lock.seek(0)
+            raise HeldError(lock.read().strip() or "another process") from error
+        lock.truncate(0)
+        lock.write(me())
+        lock.flush()
+        yield
+
+
+@contextlib.contextmanager
+def by_signs_of_life(file: UPath) -> Iterator[None]:
+    """Hold an object, and rewrite it now and then."""
+    token, ended = uuid.uuid4().hex, threading.Event()
+    created = create(file, token) or (outlived(file) and create(file, token))
+    if not created:
+        raise HeldError(owner(read(file)))
+
+    def beat() -> None:
+        number = 0
+        while not ended.wait(BEAT):
+            number += 1
+            file.write_bytes(content(token, number))
+
+    beating = threading.Thread(target=beat, daemon=True)
+    beating.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        beating.join()
+        file.unlink(missing_ok=True)
+
+
+def content(token: str, beat: int) -> bytes:
+    """What a lock holds; no two holders or beats write the same."""
+    return json.dumps({"owner": me(), "token": token, "beat": beat}).encode()
+
+
+def create(file: UPath, token: str) -> bool:
+    """Whether the lock was not there and is ours now."""
+    try:
+        file.fs.pipe_file(file.path, content(token, 0), mode="create")
+    except FileExistsError:
+        return False
+    return True
+
+
+def outlived(file: UPath) -> bool:
+    """Watch the lock; whether its holder gave no sign of life, in which case it is removed."""
+    before, deadline = read(file), time.monotonic() + SILENCE
+    warnings.warn(
+        f"{file.parent} is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life", stacklevel=2
+    )
+    while time.monotonic() < deadline:
+        time.sleep(min(1.0, SILENCE / 10))
+        if read(file) != before:
+            return not file.exists()
+    file.unlink(missing_ok=True)
+    return True
+
+
+def read(file: UPath) -> bytes:
+    """What the lock holds; nothing if it is gone."""
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        return b""
+
+
+def owner(held: bytes) -> str:
+    """Who wrote a lock."""
+    try:
+        return str(json.loads(held)["owner"])
+    except (ValueError, KeyError, TypeError):
+        return "another process"

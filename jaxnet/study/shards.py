@@ -1,0 +1,179 @@
+"""Shards: simulated into the folder, and looked over when a run goes on.
+
+A shard holds consecutive samples of one cell. Whoever simulates it, this process or another, is given the
+`Work` and the shard, writes its arrays and then its rows, and answers with a few numbers. A shard whose row
+file is there is therefore complete, unless something has happened to its files since.
+
+Shards whose lanes can share a compiled program follow each other without a pause, drawn while others are
+simulated.
+"""
+
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import pyarrow as pa
+
+import jaxnet
+from jaxnet.engine import batch
+from jaxnet.engine.batch import Job, Machine
+from jaxnet.engine.plan import Outcome
+from jaxnet.engine.status import Status
+from jaxnet.study import arrays, rows
+from jaxnet.study.folder import Folder
+from jaxnet.study.lanes import job
+from jaxnet.study.layout import Shard, Variable
+from jaxnet.study.rows import Stamp, TornError
+
+
+class Work(NamedTuple):
+    """What it takes to simulate any shard of a study, besides the shard."""
+
+    folder: Folder
+    study: str  # hash
+    seed: int
+    size: int  # samples of a whole shard
+    types: dict[str, pa.DataType]  # of the swept keys' columns
+    stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
+    filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
+
+    @property
+    def series(self) -> tuple[str, ...]:
+        """What is saved over time."""
+        return tuple(name for variables in self.stores.values() for name in variables)
+
+    def stamp(self, shard: Shard) -> Stamp:
+        """What the shard's row file is to say of itself."""
+        return Stamp(
+            jaxnet.__version__, self.study, shard.cell.number, shard.samples.start, self.filled or {}
+        )
+
+
+class Done(NamedTuple):
+    """What is told of a shard that was stored."""
+
+    shard: int
+    lanes: int
+    failed: int
+
+
+def simulate(
+    work: Work,
+    shards: Sequence[Shard],
+    machine: Machine,
+    load_done: Callable[[int], None] = lambda lanes: None,
+) -> Iterator[Done]:
+    """Simulate and store shards; each is told of when it is there. `load_done` is told of lanes before."""
+    stores = {name: arrays.opened(work.folder.path / name) for name in work.filled or {}}
+    for shard, outcome in outcomes(work, shards, machine, load_done):
+        if work.filled is None:
+            put_beside(work, shard, outcome.series)
+        else:
+            fill(work, shard, outcome.series, stores)
+        rows.write(work.folder, shard.number, rows.table(shard, outcome, work.types), work.stamp(shard))
+        yield Done(shard.number, len(shard.samples), int((outcome.status != Status.ok).sum()))
+
+
+def outcomes(
+    work: Work, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
+) -> Iterator[tuple[Shard, Outcome]]:
+    """Outcome of each shard, those that fit one program in one go."""
+    programs = {
+        cell.number: program_of(job(cell.scenario, work.seed, [0], work.series))
+        for cell in {shard.cell.number: shard.cell for shard in shards}.values()
+    }
+    kinds: dict[Any, list[Shard]] = {}
+    for shard in shards:
+        kinds.setdefault(programs[shard.cell.number], []).append(shard)
+    for alike in kinds.values():
+        one = job(alike[0].cell.scenario, work.seed, [0], work.series)
+        inputs = (job(shard.cell.scenario, work.seed, shard.samples, work.series).inputs for shard in alike)
+        lanes = sum(len(shard.samples) for shard in alike)
+        ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
+        yield from zip(alike, ends, strict=True)
+
+
+def program_of(one: Job) -> Any:
+    """What jobs must share to run in one go: types, shapes, the plan, the network and the clock."""
+    leaves, structure = jax.tree.flatten(one.inputs)
+    shared, kind = jax.tree.flatten((one.network, one.clock))
+    values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
+    return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
+
+
+def fill(work: Work, shard: Shard, series: dict[str, np.ndarray], stores: dict[str, Any]) -> None:
+    """Write a shard's arrays into the stores."""
+    samples = slice(shard.samples.start, shard.samples.stop)
+    for name, variables in work.stores.items():
+        arrays.write(stores[name], shard.cell.number, samples, {key: series[key] for key in variables})
+
+
+def beside(work: Work, number: int) -> Any:
+    """The file beside a shard's rows that holds its arrays until they are taken into the stores."""
+    return (work.folder.path / rows.name_of(number)).with_suffix(".npz")
+
+
+def put_beside(work: Work, shard: Shard, series: dict[str, np.ndarray]) -> None:
+    """Write a shard's arrays beside its rows."""
+    types = {key: variable.dtype for variables in work.stores.values() for key, variable in variables.items()}
+    if types:
+        stored = {key: series[key].astype(dtype) for key, dtype in types.items()}
+        name = str(beside(work, shard.number).relative_to(work.folder.path))
+        work.folder.put(name, lambda file: np.savez(file, allow_pickle=False, **stored))
+
+
+def there(work: Work, shard: Shard) -> bool:
+    """Whether a shard is there, whole and with its arrays; warns of one that was and is torn now.
+
+    Arrays that lie beside its rows are taken into the stores.
+    """
+    path = work.folder.path / rows.name_of(shard.number)
+    try:
+        table, stamp = rows.read(path)
+        if stamp._replace(filled={}) != work.stamp(shard)._replace(filled={}):
+            raise TornError("holds lanes of another study")
+        if table.num_rows < len(shard.samples):
+            return False
+        if work.filled is None:
+            return (
+                not work.stores
+                or stamp.filled.keys() >= work.stores.keys()
+                or beside(work, shard.number).exists()
+            )
+        if stamp.filled.items() >= work.filled.items():
+            check_arrays(work, shard)
+            return True
+        return take_in(work, shard, table)
+    except FileNotFoundError:
+        return False
+    except TornError as error:
+        warnings.warn(f"{path} {error}: its lanes are simulated again", stacklevel=2)
+        return False
+
+
+def check_arrays(work: Work, shard: Shard) -> None:
+    """Raise TornError if the shard's part of a store is not as it was written."""
+    for name, variables in work.stores.items():
+        store = work.folder.path / name
+        if not arrays.intact(store, variables, shard.cell.number, shard.samples.start // work.size):
+            where = f"cell {shard.cell.number}, samples {shard.samples.start} to {shard.samples.stop - 1}"
+            raise TornError(f"is whole, but not what {store.name} has of {where}")
+
+
+def take_in(work: Work, shard: Shard, table: pa.Table) -> bool:
+    """Take the arrays beside a shard's rows into the stores; whether there were any."""
+    path = beside(work, shard.number)
+    if not path.exists():
+        return False
+    try:
+        with path.open("rb") as file, np.load(file) as held:
+            series = {key: held[key] for key in work.series}
+    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise TornError(f"is whole, but the arrays beside it are torn ({error})") from error
+    fill(work, shard, series, {name: arrays.opened(work.folder.path / name) for name in work.stores})
+    rows.write(work.folder, shard.number, table, work.stamp(shard))
+    path.unlink()
+    return True
