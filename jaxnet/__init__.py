@@ -1,15 +1,16 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
-`load` reads a study from YAML, `run` simulates it into a results folder, `open` reads such a folder.
+`load` reads a study from YAML, `run` simulates it into a results folder and `run_part` a part of it, `open`
+reads such a folder.
 """
 
 from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
-__all__ = ["load", "open", "run"]
+__all__ = ["load", "open", "run", "run_part"]
 
 if TYPE_CHECKING:
-    from jaxnet.study.api import load, open, run
+    from jaxnet.study.api import load, open, run, run_part
 
 
 def __getattr__(name: str):

@@ -4,10 +4,13 @@ import contextlib
 import errno
 import itertools
 import os
+import re
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -51,13 +54,15 @@ def interrupts() -> Iterator[None]:
 @contextlib.contextmanager
 def user_errors() -> Iterator[None]:
     """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
+    from jaxnet.study.cluster import ClusterError
     from jaxnet.study.document import ConfigError
     from jaxnet.study.folder import FolderError
 
     try:
-        with interrupts():
+        with interrupts(), warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
-    except (ConfigError, FolderError) as error:
+    except (ConfigError, FolderError, ClusterError) as error:
         click.echo(str(error), err=True)
         if isinstance(error, ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)
@@ -71,6 +76,19 @@ def user_errors() -> Iterator[None]:
         click.echo("interrupted; finished shards are kept, the same command goes on", err=True)
         sys.stdout.flush()
         os._exit(INTERRUPTED)  # not to wait for programs under way, whose lanes nobody will take
+
+
+class ShardOf(click.ParamType):
+    """`i/n`: shards i, i + n, i + 2n, … counted from 0."""
+
+    name = "i/n"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[int, int]:
+        """The two numbers."""
+        match = re.fullmatch(r"(\d+)/(\d+)", value)
+        if not match or int(match[1]) >= int(match[2]):
+            self.fail(f"{value} is none of 0/n, 1/n, … up to n-1/n", param, ctx)
+        return int(match[1]), int(match[2])
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -96,6 +114,14 @@ def main() -> None:
     type=click.IntRange(1),
     help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
 )
+@click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
+@click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
+@click.option(
+    "--shard",
+    type=ShardOf(),
+    help="Only every n-th shard, from the i-th on, counted from 0; for job arrays. The same command without"
+    " it simulates what is missing, and makes the tables.",
+)
 def run(
     config: Path,
     overrides: tuple[str, ...],
@@ -104,24 +130,33 @@ def run(
     strict: bool,
     devices: int | None,
     chunk: int | None,
+    workers: int | None,
+    cluster: str | None,
+    shard: tuple[int, int] | None,
 ) -> None:
     """Simulate a study; an unfinished run of it is resumed.
 
     KEY=VALUE overrides a key of CONFIG by its dotted name, the value in YAML:
     attack.magnitude=10 samples=100 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'
     """
+    if shard and (fresh or workers or cluster):
+        raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
     with user_errors():
         study = jaxnet.load(config, overrides)
         from jaxnet.view import progress, tables
 
         start_jax()
-        with progress.reporting() as report:
-            results = jaxnet.run(study, out, fresh, report, devices, chunk)
-        click.echo(tables.summary(results))
-        click.echo(tables.written(results), err=True)
-        failed = tables.failures(results)
-        if failed:
-            click.echo(failed, err=True)
+        if shard is not None:
+            with progress.reporting() as report:
+                part = jaxnet.run_part(study, *shard, out, report, devices, chunk)
+            failed = part.failed
+            click.echo(tables.part(part), err=True)
+        else:
+            with progress.reporting() as report:
+                results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
+            failed = results.manifest["lanes"]["failed"]
+            click.echo(tables.summary(results))
+            click.echo("\n".join(filter(None, [tables.written(results), tables.failures(results)])), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 

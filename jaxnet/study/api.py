@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 from upath import UPath
@@ -153,6 +153,15 @@ class Results:
         return xr.open_zarr(store_at(self.path / name))
 
 
+class Part(NamedTuple):
+    """What a part of a run came to: its shards, those of them simulated now, and its failed lanes."""
+
+    path: UPath
+    shards: int
+    simulated: int
+    failed: int
+
+
 def read_table(path: UPath) -> "pd.DataFrame":
     """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
     import pandas as pd
@@ -189,26 +198,65 @@ def as_yaml(value: Any) -> str:
 
 def run(
     study: Study,
-    out: str | Path | None = None,
+    out: str | Path | UPath | None = None,
     fresh: bool = False,
     progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
     devices: int | None = None,
     chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
 ) -> Results:
-    """Simulate what is not there yet into `out` (default results/NAME); raises FolderError.
+    """Simulate what is not there yet into `out`, a path or URL (default results/NAME).
 
     `fresh` throws earlier results of that folder away; `progress` is told lanes done, all, failed.
     `devices` are the cores, or accelerators, used at most (default all); `chunk` is how many lanes advance
-    side by side (default what suits the engine; another one changes rows by rounding).
+    side by side (default what suits the engine; another one changes rows by rounding). `workers` parts the
+    cores among so many processes (a script that asks for them must guard its `__main__`), `cluster` is the
+    address of a dask scheduler whose workers see the same folder.
+
+    Raises FolderError or ClusterError.
     """
     from jaxnet.engine.batch import Machine
-    from jaxnet.study.run import Run
+    from jaxnet.study.admission import admit
+    from jaxnet.study.run import Run, crew_of
 
-    folder = Folder(out or Path("results") / study.config.name)
-    with folder.writing():
-        folder.admit(study.config, fresh)
-        Run(study.config, study.cells, folder, progress, Machine(devices, chunk)).whole()
+    folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
+    with folder.writing(), crew_of(folder, machine, workers, cluster) as crew:
+        admit(folder, study.config, fresh)
+        Run(study.config, study.cells, folder, progress, machine, crew).whole()
     return Results(folder.path)
+
+
+def run_part(
+    study: Study,
+    part: int,
+    parts: int,
+    out: str | Path | UPath | None = None,
+    progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
+    devices: int | None = None,
+    chunk: int | None = None,
+) -> Part:
+    """Simulate every `parts`-th shard from `part` on, counted from 0, into `lanes/` of `out`.
+
+    Any number of these may run at the same time. `run` then simulates what is missing and makes tables and
+    arrays. Raises FolderError.
+    """
+    from jaxnet.engine.batch import Machine
+    from jaxnet.study.admission import admit
+    from jaxnet.study.run import Run, alone
+
+    if not 0 <= part < parts:
+        raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
+    folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
+    with folder.writing(alone=False):
+        admit(folder, study.config)
+        run = Run(study.config, study.cells, folder, progress, machine, alone(machine))
+        return Part(folder.path, *run.part(part, parts))
+
+
+def default_out(study: Study, out: str | Path | UPath | None) -> str | Path | UPath:
+    """Where results go."""
+    return Path("results") / study.config.name if out is None else out
 
 
 def open(path: str | Path) -> Results:

@@ -22,7 +22,7 @@ from upath import UPath
 import jaxnet
 from jaxnet.study import lock
 from jaxnet.study.config import Config
-from jaxnet.study.document import Document, Loader
+from jaxnet.study.document import Loader
 from jaxnet.study.sweep import plain
 
 UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
@@ -158,45 +158,6 @@ class Folder:
         else:
             target.unlink(missing_ok=True)
 
-    def admit(self, config: Config, fresh: bool = False) -> None:
-        """Refuse a folder that holds another study, or one by another version, or something else.
-
-        With `fresh`, earlier results are removed instead, and nothing but results.
-        """
-        manifest = self.manifest
-        if not manifest:
-            names = sorted(p.name for p in self.path.iterdir()) if self.path.exists() else []
-            strangers = [name for name in names if not name.startswith(".") and name != "study.yaml"]
-            if strangers:
-                raise FolderError(f"{self.path} is not a results folder: it holds {strangers[0]}")
-            return
-        if fresh:
-            self.clear()
-            return
-        if not {"versions", "hash", "save", "samples", "finished"} <= set(manifest):
-            raise FolderError(f"{self.path / 'manifest.json'} is not a manifest of ours")
-        remedy = "give another folder with --out, or replace its results with --fresh"
-        written_by = manifest["versions"]["jaxnet"]
-        if written_by != jaxnet.__version__:
-            raise FolderError(
-                f"{self.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {remedy}"
-            )
-        if manifest["hash"] != digest(config):
-            raise FolderError(f"{self.path} holds another study: {self.difference(config)}; {remedy}")
-
-    def difference(self, config: Config) -> str:
-        """Keys in which the folder's study differs from a config."""
-        theirs = flat(Document.read(self.path / "study.yaml").data)
-        ours = flat(plain(config))
-        keys = [
-            key
-            for key in dict.fromkeys([*theirs, *ours])
-            if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
-        ]
-        if not keys:
-            return "its sweep has another order"
-        return ", ".join(f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
-
     def write_study(self, config: Config) -> None:
         """`study.yaml`, the study with every default written out, runnable as it is."""
         data = plain(config)
@@ -215,13 +176,3 @@ class Folder:
                 f"{self.path} may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there:"
                 " save less, take fewer samples, or give another folder with --out"
             )
-
-
-def flat(value: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested mappings as one with dotted keys."""
-    if not isinstance(value, dict) or not value:
-        return {prefix: value}
-    joined = {}
-    for key, each in value.items():
-        joined |= flat(each, f"{prefix}.{key}" if prefix else str(key))
-    return joined

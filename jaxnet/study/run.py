@@ -4,9 +4,11 @@ Who simulates the shards is the crew's business: this process (`shards.simulate`
 Nobody has to hold more than one cell's rows for the tables at the end.
 """
 
+import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import jax
@@ -15,7 +17,7 @@ import pandas as pd
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.study import arrays, config, layout, recovery, rows, shards, summary
+from jaxnet.study import arrays, cluster, config, layout, recovery, rows, shards, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.study.lanes import job
@@ -34,6 +36,25 @@ def alone(machine: Machine) -> Crew:
     return lambda work, todo, load_done: shards.simulate(work, todo, machine, load_done)
 
 
+def crew_of(
+    folder: Folder, machine: Machine, workers: int | None, address: str | None
+) -> AbstractContextManager[Crew]:
+    """Who simulates: this process, so many others that share its cores, or those of a scheduler.
+
+    Raises ClusterError.
+    """
+    if workers is not None and address is not None:
+        raise cluster.ClusterError("give workers or a cluster, not both")
+    if workers is not None:
+        connect = functools.partial(cluster.workers_here, workers, machine.devices or batch.cores())
+    elif address is not None:
+        connect = functools.partial(cluster.workers_at, address)
+    else:
+        return nullcontext(alone(machine))
+    cluster.refuse_unseen(folder.path)
+    return cluster.Cluster(connect, machine.chunk)
+
+
 class Run:
     """One study's way into one folder, which is held by its writer."""
 
@@ -44,13 +65,13 @@ class Run:
         folder: Folder,
         progress: Progress,
         machine: Machine,
-        crew: Crew | None = None,
+        crew: Crew,
     ):
         self.began, self.before = time.monotonic(), folder.manifest
         if isinstance(study.samples, int):
             study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
-        self.crew = crew or alone(machine)
+        self.crew = crew
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
@@ -74,16 +95,18 @@ class Run:
                     break
         self.finish(samples, simulated)
 
-    def part(self, number: int, of: int) -> tuple[int, int]:
-        """Simulate what is missing of every `of`-th shard from `number` on; how many there were, and are.
+    def part(self, number: int, of: int) -> tuple[int, int, int]:
+        """Simulate what is missing of every `of`-th shard from `number` on.
 
         Rows alone are written, and arrays beside them, so that others can do the same with the other shards.
+        How many shards these are, how many were simulated, and how many lanes failed.
         """
         if isinstance(self.study.samples, config.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
         mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
         tally = Tally(sum(len(shard.samples) for shard in mine), self.progress)
-        return self.simulate(mine, self.work(None), tally), len(mine)
+        simulated = self.simulate(mine, self.work(None), tally)
+        return len(mine), simulated, tally.failed
 
     def begin(self, samples: int) -> None:
         """Say in the manifest what is going to be in the folder."""
@@ -127,9 +150,9 @@ class Run:
         """Simulate and store those shards that are not there yet; how many there were."""
         with ThreadPoolExecutor(READERS) as pool:
             found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
-        todo = [shard for shard, there in zip(wanted, found, strict=True) if not there]
+        todo = [shard for shard, done in zip(wanted, found, strict=True) if done is None]
         self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
-        tally.expect(wanted, todo)
+        tally.found([done for done in found if done is not None])
         if todo and work.filled is not None:
             self.folder.clear((*DERIVED, "cells.csv"))
         for done in self.crew(work, todo, tally.load_done):
@@ -198,9 +221,10 @@ class Tally:
         self.total, self.progress = total, progress
         self.done = self.failed = 0
 
-    def expect(self, shards: Sequence[Shard], todo: Sequence[Shard]) -> None:
-        """Of these shards, all but those to do are there."""
-        self.done += sum(len(shard.samples) for shard in shards) - sum(len(shard.samples) for shard in todo)
+    def found(self, there: Sequence[Done]) -> None:
+        """These shards were there."""
+        self.done += sum(done.lanes for done in there)
+        self.failed += sum(done.failed for done in there)
         self.progress(self.done, self.total, self.failed)
 
     def load_done(self, lanes: int) -> None:

@@ -125,8 +125,8 @@ def put_beside(work: Work, shard: Shard, series: dict[str, np.ndarray]) -> None:
         work.folder.put(name, lambda file: np.savez(file, allow_pickle=False, **stored))
 
 
-def there(work: Work, shard: Shard) -> bool:
-    """Whether a shard is there, whole and with its arrays; warns of one that was and is torn now.
+def there(work: Work, shard: Shard) -> Done | None:
+    """A shard that is there, whole and with its arrays; one that is torn is removed, with a warning.
 
     Arrays that lie beside its rows are taken into the stores.
     """
@@ -134,24 +134,27 @@ def there(work: Work, shard: Shard) -> bool:
     try:
         table, stamp = rows.read(path)
         if stamp._replace(filled={}) != work.stamp(shard)._replace(filled={}):
-            raise TornError("holds lanes of another study")
-        if table.num_rows < len(shard.samples):
-            return False
-        if work.filled is None:
-            return (
-                not work.stores
-                or stamp.filled.keys() >= work.stores.keys()
-                or beside(work, shard.number).exists()
-            )
-        if stamp.filled.items() >= work.filled.items():
-            check_arrays(work, shard)
-            return True
-        return take_in(work, shard, table)
+            raise TornError("holds lanes of another study or version")
+        if table.num_rows < len(shard.samples) or not arrays_there(work, shard, table, stamp):
+            return None
     except FileNotFoundError:
-        return False
+        return None
     except TornError as error:
+        path.unlink()
         warnings.warn(f"{path} {error}: its lanes are simulated again", stacklevel=2)
-        return False
+        return None
+    failed = sum(status != Status.ok.name for status in table["status"].to_pylist())
+    return Done(shard.number, len(shard.samples), failed)
+
+
+def arrays_there(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
+    """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
+    if work.filled is None:
+        return stamp.filled.keys() >= work.stores.keys() or beside(work, shard.number).exists()
+    if not stamp.filled.items() >= work.filled.items():
+        return take_in(work, shard, table)
+    check_arrays(work, shard)
+    return True
 
 
 def check_arrays(work: Work, shard: Shard) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.study.api import Results
+from jaxnet.study.api import Part, Results
 from jaxnet.study.config import Sequential
 
 MOST_ROWS = 60
@@ -53,6 +53,15 @@ def written(results: Results) -> str:
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
         f" wrote {results.path}: {', '.join(names)}" + stopped(results)
+    )
+
+
+def part(run: Part) -> str:
+    """What a part of a run wrote where."""
+    return (
+        f"{run.simulated} of {run.shards} shards simulated, the others were there; {run.failed} lanes failed;"
+        f" wrote {run.path}: lanes/\n"
+        "when all parts are done, the same command without --shard makes the tables"
     )
 
 

@@ -20,6 +20,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
+from jaxnet.study.admission import admit
 from jaxnet.study.api import Results
 from jaxnet.study.document import ConfigError
 from jaxnet.study.folder import Folder, FolderError
@@ -124,7 +125,7 @@ def test_the_stored_study_runs_as_it_is(results):
     assert manifest["lanes"] == {"total": 12, "ok": 12, "failed": 0}
     assert manifest["hash"] == json.loads((results.path / "manifest.json").read_text())["hash"]
     assert [str(cell) for cell in again.cells] == [str(cell) for cell in results.study.cells]
-    Folder(results.path).admit(again.config)
+    admit(Folder(results.path), again.config)
     assert {"jaxnet", "jax", "jaxlib", "diffrax", "numpy", "python"} == set(manifest["versions"])
 
 

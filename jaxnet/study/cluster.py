@@ -1,0 +1,229 @@
+"""Shards simulated by other processes: the workers of a dask scheduler, here or elsewhere.
+
+A worker is sent the `Work` and a shard, writes the shard's files itself and answers with a few numbers. One
+that dies costs what it had under way, which others are given; a scheduler or a client that dies costs what
+was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
+"""
+
+import contextlib
+import functools
+import importlib.util
+import logging
+import os
+import signal
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from importlib import metadata
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from upath import UPath
+
+from jaxnet.study.folder import PACKAGES, FolderError, versions
+
+if TYPE_CHECKING:
+    from jaxnet.study.layout import Shard
+    from jaxnet.study.shards import Done, Work
+
+CONNECT = 10  # [s]
+LIVES = 5  # workers that one shard may take with it before it is given up
+
+
+class ClusterError(RuntimeError):
+    """Workers that cannot do what was asked."""
+
+
+class Answer(NamedTuple):
+    """What a worker answers, and what it was warned of meanwhile."""
+
+    done: "Done"
+    said: list[str]
+
+
+class Cluster:
+    """The crew of a dask cluster, started or called when there is something to do."""
+
+    def __init__(self, connect: Callable[[], contextlib.AbstractContextManager[Any]], chunk: int | None):
+        self.connect, self.chunk = connect, chunk
+        self.stack = contextlib.ExitStack()
+        self.client: Any = None
+
+    def __enter__(self) -> "Cluster":
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.stack.close()
+
+    def __call__(
+        self, work: "Work", todo: "Sequence[Shard]", load_done: Callable[[int], None]
+    ) -> "Iterator[Done]":
+        """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
+        if not todo:
+            return
+        if self.client is None:
+            self.client = self.stack.enter_context(self.connect())
+            refuse_strangers(self.client)
+        for done in self.answers(work, todo):
+            load_done(done.lanes)
+            yield done
+
+    def answers(self, work: "Work", todo: "Sequence[Shard]") -> "Iterator[Done]":
+        """The workers' answers as they come; what they were warned of is told here, once."""
+        from distributed import KilledWorker, as_completed
+
+        lost, run = deque[str](), uuid.uuid4().hex
+        self.client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
+        given = {f"shard {shard.number} of {run}": shard for shard in todo}
+        futures = self.client.map(
+            functools.partial(simulate, work, versions(), self.chunk), todo, key=list(given)
+        )
+        try:
+            for future in as_completed(futures):
+                answer: Answer = future.result()
+                tell([*lost, *answer.said])
+                lost.clear()
+                yield answer.done
+        except KilledWorker as error:
+            raise ClusterError(
+                f"shard {given[str(error.task)].number} took {LIVES + 1} workers with it"
+                " (out of memory?); finished shards are kept"
+            ) from error
+        except CancelledError as error:
+            raise ClusterError(
+                "the scheduler was lost; finished shards are kept, the same command goes on"
+            ) from error
+        finally:
+            self.client.unsubscribe_topic("all")
+
+
+@contextlib.contextmanager
+def workers_here(number: int, cores: int) -> Iterator[Any]:
+    """A client of so many workers, processes of this machine that share its cores."""
+    distributed = imported()
+    from dask import config
+
+    each = max(1, cores // number)
+    with (
+        config.set({"distributed.scheduler.allowed-failures": LIVES}),
+        distributed.LocalCluster(
+            n_workers=number,
+            threads_per_worker=each,
+            memory_limit=None,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+            preload=__name__,
+            env={"NPROC": str(each)},  # threads of XLA's
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextlib.contextmanager
+def workers_at(address: str) -> Iterator[Any]:
+    """A client of the scheduler at an address."""
+    distributed = imported()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by us
+    try:
+        client = distributed.Client(address, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"no scheduler answers at {address}: {error}") from error
+    with client:
+        if not client.nthreads():
+            tell([f"the scheduler at {address} has no workers yet: waiting for them"])
+        yield client
+
+
+def imported() -> Any:
+    """dask.distributed, which is an extra."""
+    if importlib.util.find_spec("distributed") is None:
+        raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
+    import distributed
+
+    return distributed
+
+
+def refuse_strangers(client: Any) -> None:
+    """Raise ClusterError if a worker has other versions than this process of what rows depend on."""
+    packages, ours = PACKAGES, versions()
+
+    def there() -> dict[str, str]:  # sent whole, for another version may not have it
+        import jaxnet
+
+        return {"jaxnet": jaxnet.__version__} | {name: metadata.version(name) for name in packages}
+
+    for worker, theirs in client.run(there, on_error="return").items():
+        if isinstance(theirs, Exception):
+            raise ClusterError(f"worker {worker} has no jaxnet: {theirs}")
+        refuse(worker, theirs, ours)
+
+
+def refuse(worker: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
+    """Raise ClusterError if a worker's versions are not ours."""
+    for package in ("jaxnet", *PACKAGES):
+        if theirs[package] != ours[package]:
+            raise ClusterError(
+                f"worker {worker} has {package} {theirs[package]}, this is {ours[package]}:"
+                " the same is needed everywhere"
+            )
+
+
+def losses(event: Any, run: str) -> Iterator[str]:
+    """What is to be told of an event of the scheduler: a worker that was lost with shards under way."""
+    if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
+        keys = sorted(str(key) for key in event["processing-tasks"] if run in str(key))
+        shards = [key.removesuffix(f" of {run}") for key in keys]
+        if shards:
+            yield f"worker {event['worker']} was lost; given to others: {', '.join(shards)}"
+
+
+def tell(said: Sequence[str]) -> None:
+    """Warn of each thing once, however many say it."""
+    for text in said:
+        warnings.warn(text, stacklevel=2)
+
+
+def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Shard") -> Answer:
+    """On a worker: simulate and store a shard, unless it is there."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    said = settle_in(worker.state.nthreads)
+    from jaxnet.engine.batch import Machine
+    from jaxnet.study import shards
+
+    refuse(worker.address, versions(), needed)
+    if work.folder.manifest.get("hash") != work.study:
+        raise FolderError(
+            f"worker {worker.address} does not see {work.folder.path}: it must be on storage that all share"
+        )
+    done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk)))
+    return Answer(done, [said.popleft() for _ in range(len(said))])
+
+
+@functools.cache
+def settle_in(threads: int) -> deque[str]:
+    """Make a process a worker, before JAX starts; where its warnings are kept until they are sent."""
+    os.environ.setdefault("NPROC", str(threads))
+    from jaxnet.study import cache
+
+    cache.enable()
+    said: deque[str] = deque(maxlen=1000)
+    warnings.showwarning = lambda message, category, *rest: said.append(str(message))
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: said.append(record.getMessage())
+    logging.getLogger().addHandler(handler)
+    return said
+
+
+def dask_setup(worker: Any) -> None:
+    """On a worker of this machine: leave Ctrl-C, which the whole process group is sent, to the client."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def refuse_unseen(folder: UPath) -> None:
+    """Raise ClusterError for a folder that other processes cannot see."""
+    if folder.protocol == "memory":
+        raise ClusterError(f"{folder} is seen by this process alone: give workers another folder with --out")
