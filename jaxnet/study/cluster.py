@@ -10,13 +10,15 @@ import functools
 import importlib.util
 import logging
 import os
+import pkgutil
 import signal
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from importlib import metadata
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upath import UPath
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from jaxnet.study.shards import Done, Work
 
 CONNECT = 10  # [s]
+KEPT = "finished shards are kept, the same command goes on"
+SILENT = logging.CRITICAL + 1  # what is lost is told by us, not by dask
 LIVES = 5  # workers that one shard may take with it before it is given up
 
 
@@ -62,40 +66,35 @@ class Cluster:
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         if not todo:
             return
-        if self.client is None:
-            self.client = self.stack.enter_context(self.connect())
-            refuse_strangers(self.client)
-        for done in self.answers(work, todo):
-            load_done(done.lanes)
-            yield done
+        distributed = imported()
+        try:
+            if self.client is None:
+                self.client = self.stack.enter_context(self.connect())
+                refuse_strangers(self.client)
+            for done in self.answers(work, todo):
+                load_done(done.lanes)
+                yield done
+        except distributed.KilledWorker as error:
+            raise ClusterError(
+                f"{str(error.task).split(' of ')[0]} took {LIVES + 1} workers with it, out of memory? {KEPT}"
+            ) from error
+        except (CancelledError, distributed.comm.CommClosedError) as error:
+            raise ClusterError(f"the scheduler was lost; {KEPT}") from error
 
     def answers(self, work: "Work", todo: "Sequence[Shard]") -> "Iterator[Done]":
         """The workers' answers as they come; what they were warned of is told here, once."""
-        from distributed import KilledWorker, as_completed
+        from distributed import as_completed
 
         lost, run = deque[str](), uuid.uuid4().hex
         self.client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
-        given = {f"shard {shard.number} of {run}": shard for shard in todo}
-        futures = self.client.map(
-            functools.partial(simulate, work, versions(), self.chunk), todo, key=list(given)
-        )
-        try:
-            for future in as_completed(futures):
-                answer: Answer = future.result()
-                tell([*lost, *answer.said])
-                lost.clear()
-                yield answer.done
-        except KilledWorker as error:
-            raise ClusterError(
-                f"shard {given[str(error.task)].number} took {LIVES + 1} workers with it"
-                " (out of memory?); finished shards are kept"
-            ) from error
-        except CancelledError as error:
-            raise ClusterError(
-                "the scheduler was lost; finished shards are kept, the same command goes on"
-            ) from error
-        finally:
-            self.client.unsubscribe_topic("all")
+        keys = [f"shard {shard.number} of {run}" for shard in todo]
+        futures = self.client.map(functools.partial(simulate, work, versions(), self.chunk), todo, key=keys)
+        for _, answer in as_completed(futures, with_results=True):
+            if isinstance(answer, BaseException):
+                raise answer
+            tell([*lost, *answer.said])
+            lost.clear()
+            yield answer.done
 
 
 @contextlib.contextmanager
@@ -105,14 +104,15 @@ def workers_here(number: int, cores: int) -> Iterator[Any]:
     from dask import config
 
     each = max(1, cores // number)
+    quiet_tracker()
     with (
         config.set({"distributed.scheduler.allowed-failures": LIVES}),
         distributed.LocalCluster(
             n_workers=number,
             threads_per_worker=each,
             memory_limit=None,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=SILENT,
             preload=__name__,
             env={"NPROC": str(each)},  # threads of XLA's
         ) as cluster,
@@ -121,16 +121,28 @@ def workers_here(number: int, cores: int) -> Iterator[Any]:
         yield client
 
 
+def quiet_tracker() -> None:
+    """Start the process that clears up after others, which would tell of what one left that was killed."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
+    resource_tracker.ensure_running()
+    os.environ.pop("PYTHONWARNINGS")
+    if before is not None:
+        os.environ["PYTHONWARNINGS"] = before
+
+
 @contextlib.contextmanager
 def workers_at(address: str) -> Iterator[Any]:
     """A client of the scheduler at an address."""
     distributed = imported()
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by us
-    try:
-        client = distributed.Client(address, timeout=CONNECT)
-    except (OSError, ValueError) as error:
-        raise ClusterError(f"no scheduler answers at {address}: {error}") from error
-    with client:
+    from distributed.utils import silence_logging_cmgr
+
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(silence_logging_cmgr(SILENT))
+        try:
+            client = stack.enter_context(distributed.Client(address, timeout=CONNECT))
+        except (OSError, ValueError) as error:
+            raise ClusterError(f"no scheduler answers at {address}: {error}") from error
         if not client.nthreads():
             tell([f"the scheduler at {address} has no workers yet: waiting for them"])
         yield client
@@ -146,21 +158,17 @@ def imported() -> Any:
 
 
 def refuse_strangers(client: Any) -> None:
-    """Raise ClusterError if a worker has other versions than this process of what rows depend on."""
-    packages, ours = PACKAGES, versions()
+    """Raise ClusterError if a worker has other versions than this process of what rows depend on.
 
-    def there() -> dict[str, str]:  # sent whole, for another version may not have it
-        import jaxnet
-
-        return {"jaxnet": jaxnet.__version__} | {name: metadata.version(name) for name in packages}
-
-    for worker, theirs in client.run(there, on_error="return").items():
-        if isinstance(theirs, Exception):
-            raise ClusterError(f"worker {worker} has no jaxnet: {theirs}")
-        refuse(worker, theirs, ours)
+    It is asked by functions of Python's own, for another version may not have any of ours.
+    """
+    theirs = {"jaxnet": client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")}
+    theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
+    for worker in theirs["jaxnet"]:
+        refuse(worker, {package: said.get(worker) for package, said in theirs.items()}, versions())
 
 
-def refuse(worker: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
+def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> None:
     """Raise ClusterError if a worker's versions are not ours."""
     for package in ("jaxnet", *PACKAGES):
         if theirs[package] != ours[package]:

@@ -95,9 +95,9 @@ def read(path: UPath) -> tuple[pa.Table, Stamp]:
         rows = pq.read_table(content, page_checksum_verification=True)
         return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
     except (pa.ArrowInvalid, OSError) as error:
-        raise TornError(f"is torn ({str(error).rstrip('.').splitlines()[0]})") from error
+        raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
     except (KeyError, ValueError, TypeError) as error:
-        raise TornError("is not a row file of ours") from error
+        raise TornError("not a row file of ours") from error
 
 
 def any_stamp(folder: Folder) -> Stamp | None:

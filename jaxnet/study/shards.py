@@ -141,7 +141,8 @@ def there(work: Work, shard: Shard) -> Done | None:
         return None
     except TornError as error:
         path.unlink()
-        warnings.warn(f"{path} {error}: its lanes are simulated again", stacklevel=2)
+        beside(work, shard.number).unlink(missing_ok=True)
+        warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
     failed = sum(status != Status.ok.name for status in table["status"].to_pylist())
     return Done(shard.number, len(shard.samples), failed)
@@ -163,7 +164,7 @@ def check_arrays(work: Work, shard: Shard) -> None:
         store = work.folder.path / name
         if not arrays.intact(store, variables, shard.cell.number, shard.samples.start // work.size):
             where = f"cell {shard.cell.number}, samples {shard.samples.start} to {shard.samples.stop - 1}"
-            raise TornError(f"is whole, but not what {store.name} has of {where}")
+            raise TornError(f"{name} is corrupt at {where}")
 
 
 def take_in(work: Work, shard: Shard, table: pa.Table) -> bool:
@@ -175,7 +176,7 @@ def take_in(work: Work, shard: Shard, table: pa.Table) -> bool:
         with path.open("rb") as file, np.load(file) as held:
             series = {key: held[key] for key in work.series}
     except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise TornError(f"is whole, but the arrays beside it are torn ({error})") from error
+        raise TornError(f"the arrays beside it are torn ({error})") from error
     fill(work, shard, series, {name: arrays.opened(work.folder.path / name) for name in work.stores})
     rows.write(work.folder, shard.number, table, work.stamp(shard))
     path.unlink()
