@@ -136,6 +136,37 @@ def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
     assert all(text.endswith("simulated again") for text in words.values())
 
 
+@pytest.fixture
+def small_disk(tmp_path):
+    """A disk of two MiB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(place)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no disk of its own can be mounted here")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_full_disk(study, whole, small_disk):
+    """The run ends with the system's own error; with room again the same command goes on."""
+    ballast = small_disk / "ballast"
+
+    def fill(done, total, failed):
+        if done and not ballast.exists():
+            with contextlib.suppress(OSError), ballast.open("wb", buffering=0) as file:
+                while True:
+                    file.write(bytes(4096))
+
+    with pytest.raises(OSError, match="No space left on device"):
+        jaxnet.run(study, small_disk / "out", progress=fill, devices=1)
+    ballast.unlink()
+    kept = {path: path.stat().st_mtime_ns for path in done(small_disk / "out")}
+    assert len(kept) < SHARDS
+    assert_same(jaxnet.run(study, small_disk / "out"), whole)
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
 def flip(path, place):
     """Change one bit of a file."""
     content = bytearray(path.read_bytes())
