@@ -1,5 +1,6 @@
 """The scripts of docs/cluster.md do what the page says."""
 
+import itertools
 import re
 import runpy
 import shlex
@@ -27,8 +28,8 @@ SMALL = {
     "tail": 0.5,
     "engine": "flat",
     "defence": "none",
-    "attack": {"kind": "bias", "vehicles": [2]},
-    "sweep": {"attack.magnitude": [0, 1, 2, 3]},
+    "attack": "none",
+    "sweep": {"initial.speed": [0.1, 0.2, 0.3, 0.4]},
 }
 
 
@@ -102,14 +103,15 @@ def test_dask_starts_the_workers_that_the_page_asks_for(there, monkeypatch):
     with dask.config.set({"jobqueue.slurm.scheduler-options": {"dashboard_address": None}}):
         runpy.run_path("script.py", run_name="__main__")
 
-    assert seen["cluster"] == seen["address"] and seen["jobs"] == 8
+    assert seen["cluster"] == seen["address"]
+    assert seen["jobs"] == 8
     assert Path(seen["out"]).is_absolute()
     lines = seen["script"].splitlines()
     assert {"#SBATCH --cpus-per-task=16", "#SBATCH --mem=15G", "#SBATCH -t 04:00:00"} <= set(lines)
     assert "export NPROC=8" in lines
     assert "export JAX_COMPILATION_CACHE_DIR=${TMPDIR:-/tmp}/jaxnet-$USER" in lines
     (start,) = (shlex.split(line) for line in lines if "distributed.cli.dask_worker" in line)
-    options = dict(zip(start, start[1:], strict=False))
+    options = dict(itertools.pairwise(start))
     assert start[3] == seen["address"]
     assert (options["--nworkers"], options["--nthreads"]) == ("2", "8")
     assert options["--death-timeout"] == "600"
