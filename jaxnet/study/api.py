@@ -262,8 +262,11 @@ def default_out(study: Study, out: str | Path | UPath | None) -> str | Path | UP
 def open(path: str | Path) -> Results:
     """Results of a folder that a run has made; raises FolderError."""
     folder = Folder(path)
-    if not folder.manifest:
+    rows_there = any(folder.path.glob("lanes/*.parquet"))
+    if not folder.manifest and not rows_there:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
-    if not list(folder.path.glob("lanes/*.parquet")):
-        raise FolderError(f"{path} holds an unfinished run: the command that began it goes on")
+    if not folder.manifest or not rows_there:
+        raise FolderError(
+            f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
+        )
     return Results(folder.path)

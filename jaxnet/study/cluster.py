@@ -76,7 +76,8 @@ class Cluster:
                 yield done
         except distributed.KilledWorker as error:
             raise ClusterError(
-                f"{str(error.task).split(' of ')[0]} took {LIVES + 1} workers with it, out of memory? {KEPT}"
+                f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
+                f" out of memory? {KEPT}"
             ) from error
         except (CancelledError, distributed.comm.CommClosedError) as error:
             raise ClusterError(f"the scheduler was lost; {KEPT}") from error

@@ -115,17 +115,20 @@ def scan(
 ) -> Iterator[tuple[int, pd.DataFrame]]:
     """Cell by cell in their order, its rows by sample: these columns of those that a condition holds for.
 
-    One pass over the shards' files, with one cell's rows in memory; cells without rows are passed over.
+    One pass over the shards' files, with one cell's rows in memory; cells without rows are passed over, and
+    so are samples beyond those of the shards, which a part of a longer run may have written.
     Raises FolderError if a file cannot be read.
     """
     ordered = sorted(shards, key=lambda shard: (shard.cell.number, shard.number))
     files = [(folder.path / name_of(shard.number)).path for shard in ordered]
     wanted = None if columns is None else list(dict.fromkeys(["cell", *columns]))
+    within = ds.field("sample") < max((shard.samples.stop for shard in shards), default=0)
     options = ds.ParquetFragmentScanOptions(page_checksum_verification=True, pre_buffer=True)
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
     try:
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
-        batches = (batch for batch in data.to_batches(columns=wanted, filter=where) if batch.num_rows)
+        found = data.to_batches(columns=wanted, filter=within if where is None else within & where)
+        batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
     except (pa.ArrowInvalid, OSError) as error:

@@ -59,8 +59,8 @@ def written(results: Results) -> str:
 def part(run: Part) -> str:
     """What a part of a run wrote where."""
     return (
-        f"{run.simulated} of {run.shards} shards simulated, the others were there; {run.failed} lanes failed;"
-        f" wrote {run.path}: lanes/\n"
+        f"{run.simulated} shards simulated, {run.shards - run.simulated} were there; {run.failed} lanes"
+        f" failed; wrote {run.path}: lanes/\n"
         "when all parts are done, the same command without --shard makes the tables"
     )
 
