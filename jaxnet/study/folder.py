@@ -86,7 +86,7 @@ def place(path: str | Path | UPath) -> UPath:
 
 
 def reach(path: UPath) -> None:
-    """Raise FolderError if nothing answers at a URL, if we may not look there, or if it has no such bucket."""
+    """Raise FolderError if nothing answers at a URL, we may not look there, or there is no such bucket."""
     root = path.parents[-1] if path.parents else path
     patience = {"timeout": ANSWER} if path.fs.async_impl else {}
     try:

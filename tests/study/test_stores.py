@@ -17,6 +17,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 from moto.server import ThreadedMotoServer
+from s3fs import S3FileSystem
 from upath import UPath
 
 import jaxnet
@@ -40,6 +41,7 @@ STUDY = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "trajectories": "all"},
 }
+OTHER = b'{"owner": "process 1 on Mars"}'  # what a lock holds
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +129,7 @@ def test_results_at_a_url_are_those_on_the_disk(url, study, local):
     assert progress(study, url) == (4, 4)
     rows.write_bytes(whole[rows][:-9])
     chunk.write_bytes(bytes([whole[chunk][0] ^ 1]) + whole[chunk][1:])
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning, match="simulated again") as told:
         assert progress(study, url) == (0, 4)
     torn, other = sorted(str(each.message) for each in told)
     assert torn.startswith(f"{rows} is torn")
@@ -139,7 +141,7 @@ def test_results_at_a_url_are_those_on_the_disk(url, study, local):
 
 
 def test_parts_and_workers_make_the_same_in_a_bucket(bucket, study, config, local):
-    """A part writes a shard's rows and arrays, two processes make the rest of it, and every command reads it."""
+    """A part writes a shard's rows and arrays, two processes make the rest, and commands read all of it."""
     url = f"{bucket}/shared"
     assert jaxnet.run_part(study, 0, 2, url)[1:] == (1, 1, 0)
     assert {*files(url)} == {"/lanes/00000.parquet", "/lanes/00000.npz"}
@@ -148,9 +150,8 @@ def test_parts_and_workers_make_the_same_in_a_bucket(bucket, study, config, loca
     assert ended.returncode == 0, ended.stderr
     assert_equal(jaxnet.open(url), local)
     assert {*files(url)} | {"/.lock"} == {*files(local.path)}
-    for words in (["show", url], ["fit", url], ["replay", url, "--cell", "1", "--sample", "1"]):
+    for words in (["show", url], ["replay", url, "--cell", "1", "--sample", "1"]):
         assert (again := CliRunner().invoke(main, words)).exit_code == 0, again.output
-    assert {*files(url)} >= {"/fit.csv", "/bounds.csv", "/figures/ultimate.pdf"}
     replayed = xr.open_zarr(store_at(place(url) / "replays/cell-1-sample-1.zarr"))
     np.testing.assert_array_equal(replayed["state"][0, 0], local.trajectories["state"][1, 1])
 
@@ -210,18 +211,23 @@ def test_what_another_has_just_written_is_seen(bucket):
         assert [listed(path) for path in there] == [(["lanes"], names, True)] * 2
 
 
+def refused(folder: Folder, alone: bool = True) -> None:
+    """Somebody who wants the folder as well is told who has it."""
+    owner = rf"written by process {os.getpid()} on"
+    with pytest.raises(FolderError, match=owner), folder.writing(alone):
+        pass
+
+
 def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
-    """Whoever wants the folder as well is told who has it, also where the store would let him overwrite."""
+    """Not by one alone nor by others, also where the store would let them overwrite what is there."""
     monkeypatch.setattr(lock, "BEAT", 0.05)
     folder = Folder(objects)
     pipe = folder.path.fs.pipe_file
-    with folder.writing():
+    with folder.writing(), pytest.warns(UserWarning, match="waiting 20 s for a sign of life"):
+        refused(folder)
+        refused(folder, alone=False)
         monkeypatch.setattr(folder.path.fs, "pipe_file", lambda path, value, mode=None: pipe(path, value))
-        for alone in (True, False):
-            refused = pytest.raises(FolderError, match=rf"written by process {os.getpid()} on")
-            with pytest.warns(UserWarning, match="waiting 20 s for a sign"), refused:
-                with folder.writing(alone):
-                    pass
+        refused(folder)
     assert files(objects) == {}
     with folder.writing(alone=False), folder.writing():
         pass
@@ -232,7 +238,7 @@ def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
     monkeypatch.setattr(lock, "SILENCE", 0.3)
     for alone in (True, False):
         folder = Folder(objects)
-        folder.put(".lock", lambda file: file.write(b'{"owner": "process 1 on Mars"}'))
+        folder.put(".lock", lambda file: file.write(OTHER))
         with pytest.warns(UserWarning, match="held by process 1 on Mars: waiting"), folder.writing(alone):
             assert b"Mars" not in lock.read(folder.path / ".lock")
         assert files(objects) == {}
@@ -241,23 +247,25 @@ def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
 def test_one_who_was_taken_for_dead_stops(objects, monkeypatch):
     """He is interrupted, and the other keeps the folder."""
     monkeypatch.setattr(lock, "BEAT", 0.05)
-    folder, other = Folder(objects), b'{"owner": "process 1 on Mars"}'
-    with pytest.warns(UserWarning, match="taken over by process 1 on Mars"), pytest.raises(KeyboardInterrupt):
-        with folder.writing():
-            folder.put(".lock", lambda file: file.write(other))
+
+    def held_until_taken() -> None:
+        with Folder(objects).writing():
+            Folder(objects).put(".lock", lambda file: file.write(OTHER))
             time.sleep(20)
-    assert files(objects) == {"/.lock": other}
+
+    with pytest.warns(UserWarning, match="taken over by process 1 on Mars"):  # noqa: SIM117
+        with pytest.raises(KeyboardInterrupt):
+            held_until_taken()
+    assert files(objects) == {"/.lock": OTHER}
 
 
 def test_writers_of_parts_share_a_disk(tmp_path):
     """Any number of them, and none beside a lone writer."""
     folder = Folder(tmp_path)
     with folder.writing(alone=False), folder.writing(alone=False):
-        with pytest.raises(FolderError, match=f"process {os.getpid()} on"), folder.writing():
-            pass
+        refused(folder)
     with folder.writing():
-        with pytest.raises(FolderError, match=f"process {os.getpid()} on"), folder.writing(alone=False):
-            pass
+        refused(folder, alone=False)
 
 
 def test_what_cannot_be_reached_is_said(bucket, study, config, monkeypatch):
@@ -279,3 +287,12 @@ def test_what_cannot_be_reached_is_said(bucket, study, config, monkeypatch):
     assert [each["Name"] for each in boto3.client("s3").list_buckets()["Buckets"]] == ["bucket"]
     with pytest.raises(ClusterError, match="seen by this process alone"):
         jaxnet.run(study, "memory://root/alone", workers=2)
+
+
+def test_a_server_that_is_not_there_is_not_waited_for(bucket, monkeypatch):
+    """Longer than a few seconds."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setattr(S3FileSystem, "_cache", {})  # connections to the other server
+    monkeypatch.setattr(folders, "ANSWER", 1)
+    with pytest.raises(FolderError, match="s3://bucket/study: (no answer within 1 s|Could not connect)"):
+        jaxnet.open("s3://bucket/study")
