@@ -140,7 +140,7 @@ def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int
     for name, (dims, *_) in variables.items():
         place = (cell, block, *[0] * (len(dims) - 2))
         try:
-            chunk = path.fs.cat_file("/".join(map(str, (path.path, name, "c", *place))))
+            chunk = (path / name / "c" / "/".join(map(str, place))).read_bytes()
         except FileNotFoundError:
             return False
         if google_crc32c.value(chunk[:-CHECKSUM]) != int.from_bytes(chunk[-CHECKSUM:], "little"):

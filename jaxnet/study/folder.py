@@ -93,9 +93,7 @@ def reach(path: UPath) -> None:
         try:
             path.fs.info(path.path, **patience)
         except FileNotFoundError:
-            with contextlib.suppress(
-                PermissionError
-            ):  # who may use a part of a bucket need not see all of it
+            with contextlib.suppress(PermissionError):  # of who may use but a part of a bucket
                 path.fs.info(root.path, **patience)
     except FileNotFoundError as error:
         raise FolderError(f"{path}: there is no {root}") from error

@@ -18,6 +18,7 @@ import uuid
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from upath import UPath
 
@@ -77,16 +78,17 @@ def by_signs_of_life(file: UPath) -> Iterator[None]:
         raise HeldError(owner(read(file)))
 
     def beat() -> None:
+        there = b""
         for number in itertools.count(1):
             if ended.wait(BEAT):
                 return
             with contextlib.suppress(Exception):  # of the network: the next beat may come through
                 if token.encode() not in (there := read(file)):
-                    lost.set()
                     break
                 file.fs.pipe_file(file.path, content(token, number))
+        lost.set()
         warnings.warn(f"{file.parent} was taken over by {owner(there)}", stacklevel=2)
-        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
 
     beating = threading.Thread(target=beat, daemon=True)
     beating.start()
@@ -135,7 +137,8 @@ def outlived(file: UPath) -> bool:
 def read(file: UPath) -> bytes:
     """What the lock holds; nothing if it is gone."""
     try:
-        return file.fs.cat_file(file.path)  # at once: an object that is opened may be another when it is read
+        content: Any = file.fs.cat_file(file.path)  # at once: what is opened may be another when it is read
+        return content
     except FileNotFoundError:
         return b""
 

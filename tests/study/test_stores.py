@@ -223,7 +223,7 @@ def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
     monkeypatch.setattr(lock, "BEAT", 0.05)
     folder = Folder(objects)
     pipe = folder.path.fs.pipe_file
-    with folder.writing(), pytest.warns(UserWarning, match="waiting 20 s for a sign of life"):
+    with folder.writing(), pytest.warns(UserWarning, match="waiting 20 s for a sign of life"):  # noqa: PT031
         refused(folder)
         refused(folder, alone=False)
         monkeypatch.setattr(folder.path.fs, "pipe_file", lambda path, value, mode=None: pipe(path, value))
@@ -294,5 +294,5 @@ def test_a_server_that_is_not_there_is_not_waited_for(bucket, monkeypatch):
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setattr(S3FileSystem, "_cache", {})  # connections to the other server
     monkeypatch.setattr(folders, "ANSWER", 1)
-    with pytest.raises(FolderError, match="s3://bucket/study: (no answer within 1 s|Could not connect)"):
+    with pytest.raises(FolderError, match=r"s3://bucket/study: (no answer within 1 s|Could not connect)"):
         jaxnet.open("s3://bucket/study")
