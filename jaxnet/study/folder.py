@@ -1,11 +1,13 @@
 """The results folder (DESIGN, section 5): where it is, what belongs to whom, and who may write.
 
-It is on the local disk, or at any URL that fsspec knows (`s3://bucket/study`, `gs://…`). A file is written
-under a temporary name and then renamed, so a reader sees it whole or not at all.
+It is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`, `gs://…`).
+A file is written under a temporary name and then renamed, an object is put whole, so a reader sees it whole
+or not at all.
 """
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import platform
@@ -37,6 +39,7 @@ OURS = (
     "replays",
     *DERIVED,
 )
+ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
@@ -64,23 +67,54 @@ def versions() -> dict[str, str]:
 
 
 def place(path: str | Path | UPath) -> UPath:
-    """Where a folder is: a path of the local disk, or another file system's URL; raises FolderError.
+    """Where a folder is: a path of the local disk, or an object store's URL; raises FolderError.
 
     What is listed there is looked up each time, for other processes write there too.
     """
-    if isinstance(path, UPath):
-        return path
-    text = str(path)
-    if "://" not in text:
-        return UPath(text)
-    if text.startswith(("file://", "local://")):
-        return UPath(UPath(text).path)
     try:
-        found = UPath(text, use_listings_cache=False)
+        found = UPath(path)
+        if found.protocol in ("", "file", "local"):
+            return found if isinstance(found, Path) else UPath(found.path)
+        ours = found.storage_options.get("use_listings_cache") is False
+        found = UPath(found, use_listings_cache=False)
         _ = found.fs
     except (ImportError, ValueError) as error:  # no such protocol, or its package is not installed
-        raise FolderError(f"{text}: {error}") from error
+        raise FolderError(f"{path}: {error}") from error
+    if not ours:
+        reach(found)
     return found
+
+
+def reach(path: UPath) -> None:
+    """Raise FolderError if nothing answers at a URL, we may not look there, or there is no such bucket."""
+    root = path.parents[-1] if path.parents else path
+    patience = {"timeout": ANSWER} if path.fs.async_impl else {}
+    try:
+        try:
+            path.fs.info(path.path, **patience)
+        except FileNotFoundError:
+            with contextlib.suppress(PermissionError):  # of who may use but a part of a bucket
+                path.fs.info(root.path, **patience)
+    except FileNotFoundError as error:
+        raise FolderError(f"{path}: there is no {root}") from error
+    except TimeoutError as error:
+        raise FolderError(f"{path}: no answer within {ANSWER} s") from error
+    except Exception as error:  # each file system has its own
+        raise FolderError(f"{path}: {error}") from error
+
+
+def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Have a file written under a temporary name, and rename it."""
+    final.parent.mkdir(parents=True, exist_ok=True)
+    temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        with temporary.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.rename(final)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 class Folder:
@@ -94,7 +128,7 @@ class Folder:
         """What `manifest.json` says; empty before a run."""
         file = self.path / "manifest.json"
         try:
-            return json.loads(file.read_text())
+            return json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
         except (FileNotFoundError, NotADirectoryError):
             return {}
         except ValueError as error:
@@ -106,19 +140,14 @@ class Folder:
         self.put("manifest.json", lambda file: file.write(text.encode()))
 
     def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
-        """Have `write` make a file, and give it its name once it is whole and on the disk; its path."""
+        """Have `write` make a file that has its name once it is whole and on the disk; its path."""
         final = self.path / name
-        final.parent.mkdir(parents=True, exist_ok=True)
-        temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
-        try:
-            with temporary.open("wb") as file:
-                write(file)
-                if isinstance(final, Path):
-                    file.flush()
-                    os.fsync(file.fileno())
-            temporary.rename(final)
-        finally:
-            temporary.unlink(missing_ok=True)
+        if isinstance(final, Path):
+            put_file(final, write)
+        else:
+            content = io.BytesIO()
+            write(content)
+            final.fs.pipe_file(final.path, content.getvalue())
         return final
 
     @contextlib.contextmanager
@@ -139,7 +168,9 @@ class Folder:
             yield
 
     def remove_torn(self) -> None:
-        """Remove what a writer that was killed had not yet given its name."""
+        """Remove what a writer that was killed had not yet given its name; objects have theirs at once."""
+        if not isinstance(self.path, Path):
+            return
         files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
         for name in (*(f".{name}.*" for name in files), "lanes/.*.parquet.*"):
             for torn in self.path.glob(name):

@@ -2,19 +2,23 @@
 
 On a local or shared disk the system's file lock says so, which dies with its holder. Elsewhere `.lock` is an
 object that its holder rewrites every `BEAT` seconds; one that stays the same for `SILENCE` is a dead one's.
+A holder that was silent for so long without being dead finds another's object there, and is interrupted.
 """
 
 import contextlib
 import fcntl
+import itertools
 import json
 import os
 import platform
+import signal
 import threading
 import time
 import uuid
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from upath import UPath
 
@@ -32,9 +36,9 @@ def held(folder: UPath, alone: bool = True) -> Iterator[None]:
     Raises HeldError, or OSError where nothing can be written. An object can be held alone only: whoever does
     not want it alone is kept away by its holder, and keeps nobody away.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     file = folder / ".lock"
     if isinstance(folder, Path):
+        folder.mkdir(parents=True, exist_ok=True)
         with by_system(file, alone):
             yield
     elif alone:
@@ -69,16 +73,22 @@ def by_system(file: UPath, alone: bool) -> Iterator[None]:
 @contextlib.contextmanager
 def by_signs_of_life(file: UPath) -> Iterator[None]:
     """Hold an object, and rewrite it now and then."""
-    token, ended = uuid.uuid4().hex, threading.Event()
-    created = create(file, token) or (outlived(file) and create(file, token))
-    if not created:
+    token, ended, lost = uuid.uuid4().hex, threading.Event(), threading.Event()
+    if not (create(file, token) or (outlived(file) and create(file, token))):
         raise HeldError(owner(read(file)))
 
     def beat() -> None:
-        number = 0
-        while not ended.wait(BEAT):
-            number += 1
-            file.write_bytes(content(token, number))
+        there = b""
+        for number in itertools.count(1):
+            if ended.wait(BEAT):
+                return
+            with contextlib.suppress(Exception):  # of the network: the next beat may come through
+                if token.encode() not in (there := read(file)):
+                    break
+                file.fs.pipe_file(file.path, content(token, number))
+        lost.set()
+        warnings.warn(f"{file.parent} was taken over by {owner(there)}", stacklevel=2)
+        os.kill(os.getpid(), signal.SIGINT)
 
     beating = threading.Thread(target=beat, daemon=True)
     beating.start()
@@ -87,7 +97,8 @@ def by_signs_of_life(file: UPath) -> Iterator[None]:
     finally:
         ended.set()
         beating.join()
-        file.unlink(missing_ok=True)
+        if not lost.is_set():
+            file.unlink(missing_ok=True)
 
 
 def content(token: str, beat: int) -> bytes:
@@ -96,7 +107,12 @@ def content(token: str, beat: int) -> bytes:
 
 
 def create(file: UPath, token: str) -> bool:
-    """Whether the lock was not there and is ours now."""
+    """Whether the lock was not there and is ours now.
+
+    One that is there is looked for first, for not every store heeds that a new object is asked for.
+    """
+    if file.exists():
+        return False
     try:
         file.fs.pipe_file(file.path, content(token, 0), mode="create")
     except FileExistsError:
@@ -121,7 +137,8 @@ def outlived(file: UPath) -> bool:
 def read(file: UPath) -> bytes:
     """What the lock holds; nothing if it is gone."""
     try:
-        return file.read_bytes()
+        content: Any = file.fs.cat_file(file.path)  # at once: what is opened may be another when it is read
+        return content
     except FileNotFoundError:
         return b""
 

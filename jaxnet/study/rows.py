@@ -90,7 +90,7 @@ def write(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
 
 def read(path: UPath) -> tuple[pa.Table, Stamp]:
     """A row file, every page checked, and its stamp; raises FileNotFoundError or TornError."""
-    content = pa.BufferReader(path.read_bytes())
+    content = pa.BufferReader(path.fs.cat_file(path.path))
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
         return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
