@@ -131,9 +131,9 @@ def test_results_at_a_url_are_those_on_the_disk(url, study, local):
     chunk.write_bytes(bytes([whole[chunk][0] ^ 1]) + whole[chunk][1:])
     with pytest.warns(UserWarning, match="simulated again") as told:
         assert progress(study, url) == (0, 4)
-    torn, other = sorted(str(each.message) for each in told)
-    assert torn.startswith(f"{rows} is torn")
-    assert "00001.parquet is whole, but not what errors.zarr has of cell 1, samples 0 to 1" in other
+    other, torn = sorted(str(each.message) for each in told)
+    assert other.startswith(f"{rows}: torn")
+    assert "00001.parquet: errors.zarr is corrupt at cell 1, samples 0 to 1; its lanes" in torn
     assert whole == {rows: rows.read_bytes(), chunk: chunk.read_bytes()}
     assert progress(jaxnet.load(STUDY, {"samples": 3}), url)[1] == 6
     assert_equal(jaxnet.open(url), local)
