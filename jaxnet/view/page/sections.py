@@ -276,10 +276,10 @@ def violations(results: Results) -> Section:
 def failed(results: Results) -> Section:
     """Lanes that did not come to their end."""
     name = "Failed lanes"
-    rows: Any = results.lanes[results.lanes["status"] != "ok"]
+    rows: Any = results.lanes.loc[results.lanes["status"] != "ok", ["cell", "sample", "status"]]
     if not len(rows):
         return Section("failed", name, "<p>None.</p>")
-    shown = rows[["cell", "sample", "status"]].head(MOST_LISTED)
+    shown = rows.head(MOST_LISTED)
     places = zip(shown["cell"], shown["sample"], strict=True)
     commands = [results.replay_command(cell, sample) for cell, sample in places]
     return Section("failed", name, listed(shown.assign(command=commands), len(rows)))

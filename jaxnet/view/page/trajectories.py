@@ -19,13 +19,14 @@ MOST_LANES = 60
 
 def lanes(results: Results) -> list[dict[str, Any]]:
     """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
-    errors: Any = results.lanes.set_index(["cell", "sample"])["tail_mean"]
+    rows = results.lanes[["cell", "sample", "tail_mean"]]
     found: list[tuple[Any, ...]] = []
     for path in sorted(results.path.glob("replays/cell-*.zarr")):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        if named and (int(named[1]), int(named[2])) in errors.index:
-            cell, sample = int(named[1]), int(named[2])
-            error = float(errors[cell, sample])
+        if named is None:
+            continue
+        cell, sample = int(named[1]), int(named[2])
+        for error in rows.loc[(rows["cell"] == cell) & (rows["sample"] == sample), "tail_mean"].tolist():
             found.append((relative(results, cell, error), cell, sample, named[3], error, path))
     found.sort(key=lambda each: (-each[0], *each[1:3]))
     return [lane(results, *each[1:]) for each in found[:MOST_LANES]]
