@@ -60,9 +60,10 @@ class Errors(NamedTuple):
         magnitudes, samples = ratios.shape
         width = -(-samples // BINS)
         bins = -(-samples // width)
-        order = np.argsort(np.where(there, ratios, np.inf), axis=1, kind="stable")
+        ratios = np.where(there, ratios, np.inf)
+        order = np.argsort(ratios, axis=1, kind="stable")
         ordered = np.full((magnitudes, bins * width), np.inf)
-        ordered[:, :samples] = np.take_along_axis(np.where(there, ratios, np.inf), order, axis=1)
+        ordered[:, :samples] = np.take_along_axis(ratios, order, axis=1)
         ordered = ordered.reshape(magnitudes, bins, width)
         sums = np.zeros((magnitudes, bins, width + 1))
         np.cumsum(np.where(np.isfinite(ordered), ordered, 0.0), axis=2, out=sums[:, :, 1:])

@@ -106,10 +106,10 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
         last = last_bin(rank)
         return at(ratio, last) + at(mean, last) * at(sums, rank + last)  # a bin has one sum more than lanes
 
-    share = quantile * weights
-    last = jnp.minimum(jnp.sum(weight[:, 1:] < share[:, None], axis=1), bins.shape[1] - 1)
-    short = share - at(weight, last)
-    further = jnp.ceil(short / jnp.where(short > 0, at(mean, last), 1.0)).astype(int)
+    wanted = quantile * weights
+    last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
+    missing = wanted - at(weight, last)
+    further = jnp.ceil(missing / jnp.where(missing > 0, at(mean, last), 1.0)).astype(int)
     first = last * width + jnp.clip(further, 1, jnp.maximum(at(lanes, last), 1)) - 1
     least = at(ratios, first)
 
@@ -125,7 +125,7 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
             scale = jnp.mean(own, where=between | ~between.any())
             scale = jnp.where(between.any(), scale, (low + high) / 2)
             rank = rank_of(scale)
-            short = jnp.sum(growth * (weight_of(rank) - quantile * weights)) < 0
+            short = jnp.sum(growth * (weight_of(rank) - wanted)) < 0
             return (
                 jnp.where(short, scale, low),
                 jnp.where(short, high, scale),
@@ -137,7 +137,7 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
         low, high = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
         begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
         low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
-        falling, rising = (weight_of(rank) - quantile * weights for rank in (under, over))
+        falling, rising = (weight_of(rank) - wanted for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
         short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
         share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
