@@ -38,12 +38,12 @@ def coverage(
     repeats: int, spread: tuple[float, float], magnitudes: int = 12, samples: int = 256, seed: int = 0
 ) -> np.ndarray:
     """Share of studies whose interval holds the slope: least squares, then each quantile."""
-    counts = fit.resamples(samples)
+    counts = list(fit.resamples(samples, fit.ROWS))
     slopes = true_slopes(spread)
 
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
-        drawn = fit.estimates(errors, counts, fit.QUANTILES, ("proportional",), fit.RESAMPLED)
+        drawn = fit.bootstrap(errors.ranked(), counts, ("proportional",))
         low, high = np.array([fit.interval(each["proportional"]) for each in drawn.values()])[..., 0].T
         return (low <= slopes) & (slopes <= high)
 

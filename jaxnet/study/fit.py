@@ -7,13 +7,14 @@ the same random draw in every cell. The envelope has none, as the bootstrap fail
 `envelope_share` says what is known of it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 import pandas as pd
+from scipy.sparse import csr_array
 
 from jaxnet.engine.batch import cores
 from jaxnet.study.api import Results
@@ -30,11 +31,14 @@ RESAMPLES = 1000
 SEED = 0
 EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
 RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
+BINS = 4096  # of lanes of one magnitude with a weight of their own; of more lanes, neighbours share one
 ROWS = 25  # resamples fitted side by side
-ROOM = 2**22  # numbers in a table of theirs
+ROOM = 2**22  # weights of theirs
 FEWEST, FEWEST_BEYOND = 30, 10  # draws for an interval of a mean; draws beyond a quantile for one of it
 EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
 ROUNDING = 1e-12
+
+Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model: a row per resample
 
 
 class Errors(NamedTuple):
@@ -49,12 +53,39 @@ class Errors(NamedTuple):
         known = np.isfinite(self.y).any(axis=1).sum()
         return tuple(model for model, names in MODELS.items() if len(names) <= known)
 
-    def ranked(self) -> Data:
+    def ranked(self) -> "Ranked":
         """For the estimators."""
         ratios = self.y / self.x[:, None]
-        ratios = np.where(np.isfinite(ratios), ratios, np.inf)
+        there = np.isfinite(ratios)
+        magnitudes, samples = ratios.shape
+        width = -(-samples // BINS)
+        bins = -(-samples // width)
+        ratios = np.where(there, ratios, np.inf)
         order = np.argsort(ratios, axis=1, kind="stable")
-        return Data(self.x, np.take_along_axis(ratios, order, axis=1), order)
+        ordered = np.full((magnitudes, bins * width), np.inf)
+        ordered[:, :samples] = np.take_along_axis(ratios, order, axis=1)
+        ordered = ordered.reshape(magnitudes, bins, width)
+        sums = np.zeros((magnitudes, bins, width + 1))
+        np.cumsum(np.where(np.isfinite(ordered), ordered, 0.0), axis=2, out=sums[:, :, 1:])
+        firsts = np.add.outer(np.arange(magnitudes) * samples, np.arange(bins) * width)
+        members = (
+            np.take_along_axis(there, order, axis=1).ravel().astype(np.int16),
+            order.ravel(),
+            np.append(firsts, there.size),
+        )
+        return Ranked(
+            Data(self.x, ordered, sums),
+            csr_array(members, shape=(magnitudes * bins, samples)),
+            np.concatenate([there, np.where(there, ratios, 0.0)]).T,
+        )
+
+
+class Ranked(NamedTuple):
+    """Errors as the estimators take them, and what makes of the samples' weights those that they need."""
+
+    data: Data
+    bins: csr_array  # of all magnitudes' bins, the samples in each
+    lanes: np.ndarray  # by sample, of each magnitude whether there is a lane; then the error per ā of each
 
 
 def table(results: Results) -> pd.DataFrame:
@@ -64,13 +95,12 @@ def table(results: Results) -> pd.DataFrame:
     draws. Raises FolderError where no cell has an attack with ā > 0 that is fixed or swept.
     """
     groups = [(group, group.attacked) for group in fitted_groups(results)]
-    counts = resamples(len(results.lanes["sample"].unique()))
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
 
     def rows(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
         labels, cells, metric = one
         errors = observed(results.lanes, cells, metric)
-        return [labels | {"metric": metric} | row for row in fits(errors, counts)]
+        return [labels | {"metric": metric} | row for row in fits(errors)]
 
     with ThreadPoolExecutor(cores()) as pool:
         found = [row for rows_of_one in pool.map(rows, asked) for row in rows_of_one]
@@ -89,25 +119,32 @@ def fitted_groups(results: Results) -> list[Group]:
 
 def observed(lanes: pd.DataFrame, cells: dict[int, float], metric: str) -> Errors:
     """Errors of some cells' lanes."""
-    kept = lanes["cell"].isin(list(cells)) & (lanes["status"] == "ok")
-    by_sample = lanes.assign(error=lanes[metric].where(kept)).set_index(["cell", "sample"])["error"].unstack()
-    return Errors(np.array(list(cells.values())), by_sample.loc[list(cells)].to_numpy())
+    cell, sample = lanes["cell"].to_numpy(), lanes["sample"].to_numpy()
+    row = np.full(cell.max() + 1, -1)
+    row[list(cells)] = range(len(cells))
+    kept = (row[cell] >= 0) & (lanes["status"] == "ok").to_numpy()
+    y = np.full((len(cells), sample.max() + 1), np.nan)
+    y[row[cell[kept]], sample[kept]] = lanes[metric].to_numpy()[kept]
+    return Errors(np.array(list(cells.values())), y)
 
 
-def resamples(samples: int) -> np.ndarray:
-    """How often each sample is drawn in each resample."""
+def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
+    """How often each sample is drawn in each resample, so many of these at once."""
     random = np.random.default_rng(SEED)
-    drawn = (random.integers(samples, size=samples) for _ in range(RESAMPLES))
-    return np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
+    for first in range(0, RESAMPLES, at_once):
+        drawn = (random.integers(samples, size=samples) for _ in range(min(at_once, RESAMPLES - first)))
+        yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
 
 
-def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
+def fits(errors: Errors) -> Iterator[dict[str, Any]]:
     """Rows on one set of errors."""
     if not errors.models:
         return
-    once, models = np.ones((1, counts.shape[1]), np.int16), errors.models
-    points = estimates(errors, once, (*QUANTILES, ENVELOPE), models, EXACT)
-    drawn = estimates(errors, counts, QUANTILES, models, RESAMPLED)
+    samples, models, ranked = errors.y.shape[1], errors.models, errors.ranked()
+    once = np.ones((1, samples), np.int16)
+    points = estimates(ranked, once, (*QUANTILES, ENVELOPE), models, EXACT)
+    at_once = max(1, min(ROWS, ROOM // ranked.data.ratios[:, :, 0].size))
+    drawn = bootstrap(ranked, resamples(samples, at_once), models)
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             blank = np.full_like(estimate, np.nan)
@@ -123,33 +160,29 @@ def fits(errors: Errors, counts: np.ndarray) -> Iterator[dict[str, Any]]:
                 yield dict(zip(COLUMNS[1:], row, strict=True))
 
 
+def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:
+    """Estimates of all resamples."""
+    parts = [estimates(ranked, some, QUANTILES, models, RESAMPLED) for some in counts]
+    return {
+        quantile: {model: np.concatenate([part[quantile][model] for part in parts]) for model in models}
+        for quantile in parts[0]
+    }
+
+
 def estimates(
-    errors: Errors, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], effort: Effort
-) -> dict[float | None, dict[str, np.ndarray]]:
+    ranked: Ranked, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], effort: Effort
+) -> Estimates:
     """Parameters of some models by row of counts, by least squares (None) and at quantiles.
 
     In double precision whatever the process's default is.
     """
-    each, at_once = len(counts), max(1, min(ROWS, ROOM // errors.y.size))
-    levels = np.repeat(quantiles, each)
-
-    def weights(row: np.ndarray) -> np.ndarray:
-        return counts[row % each].astype(float)
-
-    def in_parts(fitted: Callable[[np.ndarray], Any], total: int) -> Any:
-        starts = range(0, total, at_once)
-        parts = [fitted(np.minimum(start + np.arange(at_once), total - 1)) for start in starts]
-        return {model: np.concatenate([part[model] for part in parts])[:total] for model in models}
-
+    bins = (ranked.bins @ np.ascontiguousarray(counts.T)).T.reshape(-1, *ranked.data.ratios.shape[:2])
+    weights, sums = np.split(counts.astype(float) @ ranked.lanes, 2, axis=1)
     with jax.enable_x64(True):
-        data = jax.device_put(errors.ranked())
-        means = in_parts(lambda row: least_squares(data, weights(row), effort, models), each)
-        rest = in_parts(
-            lambda row: quantile_regression(data, weights(row), levels[row], effort, models), len(levels)
-        )
-    split = {model: np.split(found, len(quantiles)) for model, found in rest.items()}
-    at = {quantile: {model: split[model][n] for model in models} for n, quantile in enumerate(quantiles)}
-    return {None: means, **at}
+        means = least_squares(ranked.data.x, weights, sums / np.maximum(weights, 1.0), effort, models)
+        rest = quantile_regression(ranked.data, bins.astype(float), np.array(quantiles), effort, models)
+    found = {model: [np.asarray(means[model]), *np.asarray(rest[model])] for model in models}
+    return {each: {model: found[model][n] for model in models} for n, each in enumerate((None, *quantiles))}
 
 
 def enough(errors: Errors, quantile: float | None) -> bool:

@@ -7,6 +7,10 @@ r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
     pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
     envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   what pinball comes to as q → 1: its "quantile 1"
 
+Of many lanes, neighbours in the order of r_js share their mean weight, a bin of them at a time. That leaves
+Σ_{r ≤ u} n_s as it is at the edges of bins; in one of w lanes it is off by √w/2 at most (standard deviation),
+where resamples scatter by √(q (1 − q)) of the root of all lanes. Least squares see the samples' own weights.
+
 A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
 no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
 cross once; so a curve bent more than all those through two of the points (x_j, m_j) gains at every magnitude
@@ -21,11 +25,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from jaxnet.study.curves import BENT, Curve, Number, Values
 
 Index = Int[Array, ""]
+Ranks = Int[Array, " j"]
+Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, and how many ratios are at most each curve
 
 STRIDES = 64  # from the least shape that may be best to the greatest
 
@@ -39,11 +45,11 @@ class Effort(NamedTuple):
 
 
 class Data(NamedTuple):
-    """Errors per ā by magnitude, ascending, and whose they are; inf where a lane failed."""
+    """Errors per ā by magnitude, ascending, in bins of lanes; inf where a lane failed or there is none."""
 
     x: Float[Any, " j"]
-    ratios: Float[Any, "j s"]
-    sample: Int[Any, "j s"]
+    ratios: Float[Any, "j bins lanes"]
+    sums: Float[Any, "j bins lanes+1"]  # of the first ratios of a bin
 
 
 class Best(NamedTuple):
@@ -62,11 +68,8 @@ class Loss(NamedTuple):
     best: Callable[[Values, Values], Best]  # of offset and growth
 
 
-def squares(data: Data, samples: Float[Array, " s"]) -> Loss:
+def squares(weights: Values, means: Values) -> Loss:
     """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
-    weight, ratio = weighted(data, samples)
-    weights = jnp.sum(weight, axis=1)
-    means = jnp.sum(ratio, axis=1) / jnp.maximum(weights, 1.0)
 
     def best(offset: Values, growth: Values) -> Best:
         scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
@@ -76,66 +79,95 @@ def squares(data: Data, samples: Float[Array, " s"]) -> Loss:
     return Loss(weights, means, best)
 
 
-def pinball(data: Data, samples: Float[Array, " s"], quantile: Number, halvings: Index | int) -> Loss:
+def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
     """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
 
     Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
     first term is left out: beside a few great errors it would drown what many small ones differ by. The
     envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
     """
-    # Weights and weighted ratios up to a rank: [:, k] is the sum of the k least.
-    weight, ratio = (jnp.pad(jnp.cumsum(w, axis=1), ((0, 0), (1, 0))) for w in weighted(data, samples))
+    width, ratios, sums = data.ratios.shape[2], flat(data.ratios), flat(data.sums)
+    lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
+    mean = bins / jnp.maximum(lanes, 1).astype(float)
+    # Weights and weighted ratios up to a bin: [:, k] is the sum of the first k.
+    weight, ratio = (
+        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
+    )
     weights = weight[:, -1]
-    first = jnp.sum(weight[:, 1:] < quantile * weights[:, None], axis=1)
-    least = at(data.ratios, jnp.minimum(first, data.ratios.shape[1] - 1))
+
+    def last_bin(rank: Ranks) -> Ranks:
+        return jnp.minimum(rank // width, bins.shape[1] - 1)
+
+    def weight_of(rank: Ranks) -> Values:
+        last = last_bin(rank)
+        return at(weight, last) + at(mean, last) * (rank - last * width).astype(float)
+
+    def ratio_of(rank: Ranks) -> Values:
+        last = last_bin(rank)
+        return at(ratio, last) + at(mean, last) * at(sums, rank + last)  # a bin has one sum more than lanes
+
+    wanted = quantile * weights
+    last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
+    missing = wanted - at(weight, last)
+    further = jnp.ceil(missing / jnp.where(missing > 0, at(mean, last), 1.0)).astype(int)
+    first = last * width + jnp.clip(further, 1, jnp.maximum(at(lanes, last), 1)) - 1
+    least = at(ratios, first)
 
     def best(offset: Values, growth: Values) -> Best:
         own = (least - offset) / growth
 
-        def halve(_: Index, bracket: tuple[Number, Number]) -> tuple[Number, Number]:
-            low, high = bracket
+        def rank_of(scale: Number) -> Ranks:
+            return ranks(ratios, offset + scale * growth)
+
+        def halve(_: Index, bracket: Bracket) -> Bracket:
+            low, high, under, over = bracket
             between = (own > low) & (own < high) & (weights > 0)
             scale = jnp.mean(own, where=between | ~between.any())
             scale = jnp.where(between.any(), scale, (low + high) / 2)
-            below = at(weight, ranks(data.ratios, offset + scale * growth))
-            short = jnp.sum(growth * (below - quantile * weights)) < 0
-            return jnp.where(short, scale, low), jnp.where(short, high, scale)
+            rank = rank_of(scale)
+            short = jnp.sum(growth * (weight_of(rank) - wanted)) < 0
+            return (
+                jnp.where(short, scale, low),
+                jnp.where(short, high, scale),
+                jnp.where(short, rank, under),
+                jnp.where(short, over, rank),
+            )
 
         there = weights > 0
-        ends = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
-        low, high = lax.fori_loop(0, halvings, halve, ends)
-        under, over = (ranks(data.ratios, offset + scale * growth) for scale in (low, high))
-        falling, rising = (at(weight, rank) - quantile * weights for rank in (under, over))
+        low, high = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
+        begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
+        low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
+        falling, rising = (weight_of(rank) - wanted for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
         short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
         share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
         scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
         u = offset + scale * growth
-        loss = jnp.where(quantile < 1, u * falling - at(ratio, under), u * weights)
+        loss = jnp.where(quantile < 1, u * falling - ratio_of(under), u * weights)
         return Best(scale, jnp.sum(loss), rising + share * falling)
 
     return Loss(weights, least, best)
 
 
-def weighted(data: Data, samples: Float[Array, " s"]) -> tuple[Float[Array, "j s"], Float[Array, "j s"]]:
-    """Weights of the ratios, and weighted ratios; 0 where a lane failed."""
-    there = jnp.isfinite(data.ratios)
-    weight = jnp.where(there, samples[data.sample], 0.0)
-    return weight, weight * jnp.where(there, data.ratios, 0.0)
+def flat(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
+    """Bins side by side."""
+    return bins.reshape(len(bins), -1)
 
 
-def ranks(ratios: Float[Array, "j s"], u: Values) -> Int[Array, " j"]:
-    """How many ratios of each magnitude are at most u; twice as fast here as `jnp.searchsorted`."""
+def ranks(ratios: Float[Array, "j s"], u: Values) -> Ranks:
+    """How many ratios of each magnitude are at most u, by bisection."""
     width = ratios.shape[1]
-    rank = jnp.zeros(u.shape, int)
-    for bit in reversed(range(width.bit_length())):
-        further = rank + (1 << bit)
+    bits = width.bit_length()
+
+    def step(number: Index, rank: Ranks) -> Ranks:
+        further = rank + (1 << (bits - 1 - number))
         reached = at(ratios, jnp.minimum(further, width) - 1) <= u
-        rank = jnp.where((further <= width) & reached, further, rank)
-    return rank
+        return jnp.where((further <= width) & reached, further, rank)
+
+    return lax.fori_loop(0, bits, step, jnp.zeros(u.shape, int))
 
 
-def at(table: Float[Array, "j n"], column: Int[Array, " j"]) -> Values:
+def at(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
     """One column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
 
@@ -151,16 +183,16 @@ class Search(NamedTuple):
 
 
 def fitted(
-    data: Data, loss: Loss, effort: Effort, models: tuple[str, ...]
+    x: Values, loss: Loss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
     """Parameters of the best curve of some models."""
-    straight = loss.best(jnp.zeros_like(data.x), jnp.ones_like(data.x)).scale
+    straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
     curves = [BENT[model] for model in models if model in BENT]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: search(curves, kind, data.x, loss, effort))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: search(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
     ends = zip(curves, found.shape, found.scale, strict=True)
-    read = [jnp.stack(curve.read(data.x, shape, scale)) for curve, shape, scale in ends]
+    read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
 
 
@@ -227,23 +259,27 @@ def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number)
 
 @functools.partial(jax.jit, static_argnames="models")
 def least_squares(
-    data: Data, samples: Float[Array, "n s"], effort: Effort, models: tuple[str, ...]
+    x: Values,
+    weights: Float[Array, "n j"],
+    means: Float[Array, "n j"],
+    effort: Effort,
+    models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
-    """Parameters of some models, the proportional one first, for each row of weights of the samples."""
-    return jax.vmap(lambda samples: fitted(data, squares(data, samples), effort, models))(samples)
+    """Parameters of some models, the proportional one first, for each row of weights and weighted means."""
+    return jax.vmap(lambda *row: fitted(x, squares(*row), effort, models))(weights, means)
 
 
 @functools.partial(jax.jit, static_argnames="models")
 def quantile_regression(
     data: Data,
-    samples: Float[Array, "n s"],
-    quantile: Float[Array, " n"],
+    bins: Float[Array, "n j bins"],
+    quantiles: Float[Array, " q"],
     effort: Effort,
     models: tuple[str, ...],
-) -> dict[str, Float[Array, "n parameters"]]:
-    """As `least_squares`, at quantiles up to 1."""
+) -> dict[str, Float[Array, "q n parameters"]]:
+    """As `least_squares`, at quantiles up to 1, for each row of bins' weights."""
 
-    def one(samples: Float[Array, " s"], quantile: Number) -> dict[str, Float[Array, " parameters"]]:
-        return fitted(data, pinball(data, samples, quantile, effort.scales), effort, models)
+    def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
+        return fitted(data.x, pinball(data, bins, quantile, effort.scales), effort, models)
 
-    return jax.vmap(one)(samples, quantile)
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)

@@ -7,6 +7,7 @@ from scipy.linalg import expm
 from upath import UPath
 
 import jaxnet
+from jaxnet.study import bounds
 from jaxnet.study.api import Results
 from jaxnet.study.bounds import ACCURACY, limits_of, table, tail_of, violations
 from jaxnet.study.lanes import job
@@ -81,6 +82,23 @@ def test_a_lane_over_its_bound_is_found(engine):
     assert found["tail_max"].tolist() == [24.1, errors[1], 23.9, 24.1]
     np.testing.assert_allclose(found["limit"], [24, 3, 3, 3], rtol=1e-5)
     assert found["command"][0] == "jaxnet replay some/where --cell 0 --sample 3"
+
+
+@pytest.mark.parametrize("magnitude", [3, {"uniform": [0, 3]}], ids=["fixed", "drawn"])
+def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
+    """The same table as of all lanes' starts; errors below bounds, above their limits, and in between."""
+    attack = {"kind": "rotating", "magnitude": magnitude}
+    study = systems.study(samples=200, engine="flat", topology="star", attack=attack, horizon=12, tail=1)
+    errors = np.random.default_rng(0).uniform(0, np.repeat([4, 40], 100))
+    some = violations(results_of(study, tail_max=errors))
+    few = bounds.suspects
+    monkeypatch.setattr(bounds, "suspects", lambda *given: np.ones(200, bool))
+    every = violations(results_of(study, tail_max=errors))
+    pd.testing.assert_frame_equal(some, every)
+    suspected = few(
+        study.cells[0].scenario, 0, pd.DataFrame({"sample": range(200), "tail_max": errors})
+    ).sum()
+    assert 0 < every["sample"].nunique() < suspected < 200
 
 
 def test_the_tail_s_output_times_count():

@@ -71,3 +71,15 @@ def test_tails(results):
     assert named[0].get_text() == "star, attack.magnitude = 0"
     dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
     np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))
+
+
+def test_few_dots_stand_for_many_lanes():
+    """Quantiles stay where they are, and nobody is left out at the ends."""
+    values = np.random.default_rng(0).lognormal(size=50_000)
+    dots = tails.some(values)
+    assert len(dots) == tails.DOTS
+    assert (dots[0], dots[-1]) == (values.min(), values.max())
+    np.testing.assert_allclose(
+        np.quantile(dots, [0.05, 0.5, 0.95]), np.quantile(values, [0.05, 0.5, 0.95]), 2e-3
+    )
+    np.testing.assert_array_equal(tails.some(values[:7]), np.sort(values[:7]))
