@@ -15,7 +15,7 @@ import click
 import numpy as np
 from scipy import special
 
-from jaxnet.engine.batch import cores
+from jaxnet.engine.cores import cores
 from jaxnet.study import fit
 from jaxnet.study.cache import enable
 

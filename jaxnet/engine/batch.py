@@ -7,7 +7,7 @@ engines they are the last.
 """
 
 import functools
-import os
+import importlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -17,13 +17,12 @@ from typing import Any, NamedTuple, TypeVar
 import jax
 import numpy as np
 
-from jaxnet.engine import chassis, flat
+from jaxnet.engine.cores import cores
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.model.lane import Network
 
 Tree = TypeVar("Tree")
 
-ENGINES: dict[str, Any] = {"chassis": chassis.simulate, "flat": flat.simulate}
 CHUNKS = {"chassis": 64, "flat": 256}  # lanes side by side, of ROOM vehicles; fewer of larger fleets
 ROOM = 12
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
@@ -67,11 +66,6 @@ class Machine(NamedTuple):
 
 
 EVERYTHING = Machine()
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
@@ -131,7 +125,8 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     """The engines, compiled for a platform."""
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
-        return ENGINES[plan.engine](queue, count, network, clock, plan)
+        engine = importlib.import_module(f"jaxnet.engine.{plan.engine}")  # who does not step needs no solvers
+        return engine.simulate(queue, count, network, clock, plan)
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 

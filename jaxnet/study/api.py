@@ -216,14 +216,17 @@ def run(
 
     Raises FolderError or ClusterError.
     """
-    from jaxnet.engine.batch import Machine
-    from jaxnet.study.admission import admit
-    from jaxnet.study.run import Run, crew_of
+    from jaxnet.engine.cores import cores
+    from jaxnet.study.cluster import crew
 
-    folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
-    with folder.writing(), crew_of(folder, machine, workers, cluster) as crew:
+    folder = Folder(default_out(study, out))
+    with folder.writing(), crew(folder.path, workers, cluster, devices or cores(), chunk) as others:
+        from jaxnet.engine.batch import Machine  # takes as long as workers do, so they are called before
+        from jaxnet.study.admission import admit
+        from jaxnet.study.run import Run
+
         admit(folder, study.config, fresh)
-        Run(study.config, study.cells, folder, progress, machine, crew).whole()
+        Run(study.config, study.cells, folder, progress, Machine(devices, chunk), others).whole()
     return Results(folder.path)
 
 
@@ -243,14 +246,14 @@ def run_part(
     """
     from jaxnet.engine.batch import Machine
     from jaxnet.study.admission import admit
-    from jaxnet.study.run import Run, alone
+    from jaxnet.study.run import Run
 
     if not 0 <= part < parts:
         raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
     folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        run = Run(study.config, study.cells, folder, progress, machine, alone(machine))
+        run = Run(study.config, study.cells, folder, progress, machine)
         return Part(folder.path, *run.part(part, parts))
 
 

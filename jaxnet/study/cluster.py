@@ -16,7 +16,7 @@ import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from importlib import metadata
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -46,18 +46,39 @@ class Answer(NamedTuple):
     said: list[str]
 
 
+def crew(
+    folder: UPath, workers: int | None, address: str | None, cores: int, chunk: int | None
+) -> "contextlib.AbstractContextManager[Cluster | None]":
+    """So many processes that share these cores, or the workers of a scheduler; None if neither is asked for.
+
+    Raises ClusterError.
+    """
+    if workers is None and address is None:
+        return contextlib.nullcontext()
+    if workers is not None and address is not None:
+        raise ClusterError("give workers or a cluster, not both")
+    if folder.protocol == "memory":
+        raise ClusterError(f"{folder} is seen by this process alone: give workers another folder with --out")
+    if importlib.util.find_spec("distributed") is None:
+        raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
+    if workers is not None:
+        return Cluster(functools.partial(workers_here, workers, cores), chunk)
+    return Cluster(functools.partial(workers_at, str(address)), chunk)
+
+
 class Cluster:
-    """The crew of a dask cluster, started or called when there is something to do."""
+    """The crew of a dask cluster. It is called together while this process is still about other things."""
 
     def __init__(self, connect: Callable[[], contextlib.AbstractContextManager[Any]], chunk: int | None):
         self.connect, self.chunk = connect, chunk
-        self.stack = contextlib.ExitStack()
-        self.client: Any = None
+        self.stack, self.pool = contextlib.ExitStack(), ThreadPoolExecutor(1)
 
     def __enter__(self) -> "Cluster":
+        self.client = self.pool.submit(lambda: self.stack.enter_context(self.connect()))
         return self
 
     def __exit__(self, *error: Any) -> None:
+        self.pool.shutdown()
         self.stack.close()
 
     def __call__(
@@ -66,42 +87,43 @@ class Cluster:
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         if not todo:
             return
-        distributed = imported()
+        client = self.client.result()
+        from distributed import KilledWorker
+        from distributed.comm.core import CommClosedError
+
         try:
-            if self.client is None:
-                self.client = self.stack.enter_context(self.connect())
-                refuse_strangers(self.client)
-            for done in self.answers(work, todo):
+            refuse_strangers(client)
+            for done in answers(client, functools.partial(simulate, work, versions(), self.chunk), todo):
                 load_done(done.lanes)
                 yield done
-        except distributed.KilledWorker as error:
+        except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
                 f" out of memory? {KEPT}"
             ) from error
-        except (CancelledError, distributed.comm.CommClosedError) as error:
+        except (CancelledError, CommClosedError) as error:
             raise ClusterError(f"the scheduler was lost; {KEPT}") from error
 
-    def answers(self, work: "Work", todo: "Sequence[Shard]") -> "Iterator[Done]":
-        """The workers' answers as they come; what they were warned of is told here, once."""
-        from distributed import as_completed
 
-        lost, run = deque[str](), uuid.uuid4().hex
-        self.client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
-        keys = [f"shard {shard.number} of {run}" for shard in todo]
-        futures = self.client.map(functools.partial(simulate, work, versions(), self.chunk), todo, key=keys)
-        for _, answer in as_completed(futures, with_results=True):
-            if isinstance(answer, BaseException):
-                raise answer
-            tell([*lost, *answer.said])
-            lost.clear()
-            yield answer.done
+def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shard]") -> "Iterator[Done]":
+    """The workers' answers as they come; what they were warned of is told here, once."""
+    from distributed import as_completed
+
+    lost, run = deque[str](), uuid.uuid4().hex
+    client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
+    futures = client.map(task, todo, key=[f"shard {shard.number} of {run}" for shard in todo])
+    for _, answer in as_completed(futures, with_results=True, loop=client.loop):
+        if isinstance(answer, BaseException):
+            raise answer
+        tell([*lost, *answer.said])
+        lost.clear()
+        yield answer.done
 
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> Iterator[Any]:
     """A client of so many workers, processes of this machine that share its cores."""
-    distributed = imported()
+    import distributed
     from dask import config
 
     each = max(1, cores // number)
@@ -117,7 +139,7 @@ def workers_here(number: int, cores: int) -> Iterator[Any]:
             preload=__name__,
             env={"NPROC": str(each)},  # threads of XLA's
         ) as cluster,
-        distributed.Client(cluster) as client,
+        contextlib.closing(distributed.Client(cluster, set_as_default=False)) as client,
     ):
         yield client
 
@@ -135,27 +157,19 @@ def quiet_tracker() -> None:
 @contextlib.contextmanager
 def workers_at(address: str) -> Iterator[Any]:
     """A client of the scheduler at an address."""
-    distributed = imported()
+    import distributed
     from distributed.utils import silence_logging_cmgr
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(silence_logging_cmgr(SILENT))
         try:
-            client = stack.enter_context(distributed.Client(address, timeout=CONNECT))
+            client = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ClusterError(f"no scheduler answers at {address}: {error}") from error
+        stack.callback(client.close)
         if not client.nthreads():
             tell([f"the scheduler at {address} has no workers yet: waiting for them"])
         yield client
-
-
-def imported() -> Any:
-    """dask.distributed, which is an extra."""
-    if importlib.util.find_spec("distributed") is None:
-        raise ClusterError('workers need dask.distributed: pip install "jaxnet-sim[cluster]"')
-    import distributed
-
-    return distributed
 
 
 def refuse_strangers(client: Any) -> None:
@@ -228,11 +242,10 @@ def settle_in(threads: int) -> deque[str]:
 
 
 def dask_setup(worker: Any) -> None:
-    """On a worker of this machine: leave Ctrl-C, which the whole process group is sent, to the client."""
+    """On a worker of this machine, as it starts: get ready, and leave Ctrl-C to the client.
+
+    The whole process group is sent it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def refuse_unseen(folder: UPath) -> None:
-    """Raise ClusterError for a folder that other processes cannot see."""
-    if folder.protocol == "memory":
-        raise ClusterError(f"{folder} is seen by this process alone: give workers another folder with --out")
+    settle_in(worker.state.nthreads)
+    importlib.import_module("jaxnet.study.shards")

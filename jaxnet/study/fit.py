@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.sparse import csr_array
 
-from jaxnet.engine.batch import cores
+from jaxnet.engine.cores import cores
 from jaxnet.study.api import Results
 from jaxnet.study.curves import MODELS, value
 from jaxnet.study.folder import FolderError

@@ -4,11 +4,9 @@ Who simulates the shards is the crew's business: this process (`shards.simulate`
 Nobody has to hold more than one cell's rows for the tables at the end.
 """
 
-import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import jax
@@ -17,7 +15,7 @@ import pandas as pd
 
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.study import arrays, cluster, config, layout, recovery, rows, shards, summary
+from jaxnet.study import arrays, config, layout, recovery, rows, shards, summary
 from jaxnet.study.config import Config
 from jaxnet.study.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.study.lanes import job
@@ -36,25 +34,6 @@ def alone(machine: Machine) -> Crew:
     return lambda work, todo, load_done: shards.simulate(work, todo, machine, load_done)
 
 
-def crew_of(
-    folder: Folder, machine: Machine, workers: int | None, address: str | None
-) -> AbstractContextManager[Crew]:
-    """Who simulates: this process, so many others that share its cores, or those of a scheduler.
-
-    Raises ClusterError.
-    """
-    if workers is not None and address is not None:
-        raise cluster.ClusterError("give workers or a cluster, not both")
-    if workers is not None:
-        connect = functools.partial(cluster.workers_here, workers, machine.devices or batch.cores())
-    elif address is not None:
-        connect = functools.partial(cluster.workers_at, address)
-    else:
-        return nullcontext(alone(machine))
-    cluster.refuse_unseen(folder.path)
-    return cluster.Cluster(connect, machine.chunk)
-
-
 class Run:
     """One study's way into one folder, which is held by its writer."""
 
@@ -65,13 +44,13 @@ class Run:
         folder: Folder,
         progress: Progress,
         machine: Machine,
-        crew: Crew,
+        crew: Crew | None = None,
     ):
         self.began, self.before = time.monotonic(), folder.manifest
         if isinstance(study.samples, int):
             study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
-        self.crew = crew
+        self.crew = crew or alone(machine)
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
