@@ -4,13 +4,15 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+import pandas as pd
+from upath import UPath
 
 import jaxnet
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import SERIES
 from jaxnet.engine.plan import Outcome
-from jaxnet.study.api import Study
+from jaxnet.study.api import Results, Study
 from jaxnet.study.lanes import job
 
 EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
@@ -19,6 +21,20 @@ EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a 
 def study(**keys: Any) -> Study:
     """A study of these keys, the defaults elsewhere."""
     return jaxnet.load({"name": "test", **keys})
+
+
+def results_of(given: Study, rows: pd.DataFrame) -> Results:
+    """Results whose rows are these, which are in no folder."""
+    made = Results(UPath("nowhere"))
+
+    def by_cell(*columns: str, where: Any = None, cells: Any = None) -> Any:
+        wanted = rows if where is None else rows[rows["status"] == "ok"]
+        return (
+            (number, lanes) for number, lanes in wanted.groupby("cell") if cells is None or number in cells
+        )
+
+    vars(made).update(study=given, by_cell=by_cell, manifest={"samples": int(rows["sample"].max()) + 1})
+    return made
 
 
 class Lanes(NamedTuple):

@@ -4,11 +4,11 @@ import itertools
 import re
 import runpy
 import shlex
+import signal
 import subprocess
 from pathlib import Path
 
 import dask
-import dask_jobqueue
 import pandas as pd
 import pytest
 import yaml
@@ -31,6 +31,16 @@ SMALL = {
     "attack": "none",
     "sweep": {"initial.speed": [0.1, 0.2, 0.3, 0.4]},
 }
+
+
+@pytest.fixture
+def slurm():
+    """dask-jobqueue's cluster, whose import takes Ctrl-C over."""
+    before = signal.getsignal(signal.SIGINT)
+    from dask_jobqueue import SLURMCluster
+
+    signal.signal(signal.SIGINT, before)
+    return SLURMCluster
 
 
 @pytest.fixture
@@ -87,7 +97,7 @@ def test_the_array_counts_from_0_without_gaps_and_is_waited_for_whatever_became_
     assert "--dependency=afterany:$array finish.sbatch" in PAGE
 
 
-def test_dask_starts_the_workers_that_the_page_asks_for(there, monkeypatch):
+def test_dask_starts_the_workers_that_the_page_asks_for(there, slurm, monkeypatch):
     """The job script, and what is run on which scheduler."""
     seen = {}
 
@@ -95,7 +105,7 @@ def test_dask_starts_the_workers_that_the_page_asks_for(there, monkeypatch):
         if jobs:
             seen.update(script=cluster.job_script(), address=cluster.scheduler_address, jobs=jobs)
 
-    monkeypatch.setattr(dask_jobqueue.SLURMCluster, "scale", scale)
+    monkeypatch.setattr(slurm, "scale", scale)
     monkeypatch.setattr(jaxnet, "run", lambda study, out, cluster: seen.update(out=out, cluster=cluster))
     (there / "script.py").write_text(DASK)
     runpy.run_path("script.py")

@@ -1,7 +1,7 @@
 """What a script calls: `load` a study, `run` it, `open` its results."""
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePath
@@ -59,14 +59,18 @@ class Results:
 
         return rows.read_all(Folder(self.path), self.shards)
 
-    def by_cell(self, *columns: str, where: Any = None) -> "Iterator[tuple[int, pd.DataFrame]]":
+    def by_cell(
+        self, *columns: str, where: Any = None, cells: Container[int] | None = None
+    ) -> "Iterator[tuple[int, pd.DataFrame]]":
         """Cell by cell, these columns of its lanes by sample; one cell's are in memory at a time.
 
-        `where` is a condition of pyarrow's datasets on the rows; cells without any are passed over.
+        `where` is a condition of pyarrow's datasets on the rows, `cells` are the numbers of those wanted;
+        cells without rows are passed over.
         """
         from jaxnet.study import rows
 
-        return rows.scan(Folder(self.path), self.shards, columns, where)
+        shards = [shard for shard in self.shards if cells is None or shard.cell.number in cells]
+        return rows.scan(Folder(self.path), shards, columns, where)
 
     def failed(self, most: int) -> "tuple[int, pd.DataFrame]":
         """How many lanes failed, and cell, sample and status of the first of them."""

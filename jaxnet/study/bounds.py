@@ -80,13 +80,17 @@ def violations(results: Results) -> pd.DataFrame:
     gains are drawn are left out, and a failed lane has no tail_max that could exceed anything.
     """
     seed, found = results.study.config.seed, []
-    for number, rows in results.lanes[["cell", "sample", "tail_max"]].groupby("cell"):
-        cell = results.study.cells[int(number)]  # pyright: ignore[reportArgumentType]
-        if isinstance(cell.scenario.attack, config.Attacked) and shared_by_lanes(cell.scenario):
-            rows = rows[suspects(cell.scenario, seed, rows)]
-            at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
-            for first in range(0, len(rows), at_once):
-                found += excesses(results, cell, rows[first : first + at_once])
+    attacked = {
+        cell.number: cell
+        for cell in results.study.cells
+        if isinstance(cell.scenario.attack, config.Attacked) and shared_by_lanes(cell.scenario)
+    }
+    for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
+        cell = attacked[number]
+        rows = rows[suspects(cell.scenario, seed, rows)]
+        at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
+        for first in range(0, len(rows), at_once):
+            found += excesses(results, cell, rows[first : first + at_once])
     return pd.DataFrame(found, columns=list(COLUMNS))
 
 

@@ -17,6 +17,7 @@ import pandas as pd
 from scipy.sparse import csr_array
 
 from jaxnet.engine.cores import cores
+from jaxnet.study import rows
 from jaxnet.study.api import Results
 from jaxnet.study.curves import MODELS, value
 from jaxnet.study.folder import FolderError
@@ -97,13 +98,13 @@ def table(results: Results) -> pd.DataFrame:
     groups = [(group, group.attacked) for group in fitted_groups(results)]
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
 
-    def rows(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
+    def of(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
         labels, cells, metric = one
-        errors = observed(results.lanes, cells, metric)
+        errors = observed(results, cells, metric)
         return [labels | {"metric": metric} | row for row in fits(errors)]
 
     with ThreadPoolExecutor(cores()) as pool:
-        found = [row for rows_of_one in pool.map(rows, asked) for row in rows_of_one]
+        found = [row for rows_of_one in pool.map(of, asked) for row in rows_of_one]
     return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *COLUMNS]))
 
 
@@ -117,14 +118,12 @@ def fitted_groups(results: Results) -> list[Group]:
     return groups
 
 
-def observed(lanes: pd.DataFrame, cells: dict[int, float], metric: str) -> Errors:
+def observed(results: Results, cells: dict[int, float], metric: str) -> Errors:
     """Errors of some cells' lanes."""
-    cell, sample = lanes["cell"].to_numpy(), lanes["sample"].to_numpy()
-    row = np.full(cell.max() + 1, -1)
-    row[list(cells)] = range(len(cells))
-    kept = (row[cell] >= 0) & (lanes["status"] == "ok").to_numpy()
-    y = np.full((len(cells), sample.max() + 1), np.nan)
-    y[row[cell[kept]], sample[kept]] = lanes[metric].to_numpy()[kept]
+    place = {cell: row for row, cell in enumerate(cells)}
+    y = np.full((len(cells), results.manifest["samples"]), np.nan)
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=cells):
+        y[place[cell], lanes["sample"]] = lanes[metric]
     return Errors(np.array(list(cells.values())), y)
 
 
@@ -223,5 +222,5 @@ def envelope_share(draws: int) -> float:
 
 def whole_draws(results: Results, group: Group) -> int:
     """Samples whose lanes ended at every ā of a group."""
-    errors = observed(results.lanes, group.attacked, SUMMARISED[0])
+    errors = observed(results, group.attacked, SUMMARISED[0])
     return int(np.isfinite(errors.y).all(axis=0).sum())

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from jaxnet.study import rows
 from jaxnet.study.api import Results
 from jaxnet.view import multiples, style
 from jaxnet.view.curves import FLOOR
@@ -15,19 +16,16 @@ DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and
 def figure(results: Results) -> Figure:
     """`tail_mean` of the ok lanes of the first MOST cells."""
     cells = results.study.cells[:MOST]
-    lanes = results.lanes.loc[results.lanes["status"] == "ok", ["cell", "tail_mean"]]
     drawn = Figure(figsize=(style.WIDTH, 0.28 * len(cells) + 1.0))
     panel = drawn.add_subplot()
-    for cell in cells:
-        values = np.maximum(FLOOR, lanes.loc[lanes["cell"] == cell.number, "tail_mean"].to_numpy())
-        if not len(values):
-            continue
+    for number, lanes in results.by_cell("tail_mean", where=rows.OK, cells=range(len(cells))):
+        values = np.maximum(FLOOR, lanes["tail_mean"].to_numpy())
         dots = some(values)
         jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(dots))
-        panel.plot(dots, cell.number + jitter, ".", color=style.SKY, markersize=3, zorder=1)
+        panel.plot(dots, number + jitter, ".", color=style.SKY, markersize=3, zorder=1)
         low, median, high = np.quantile(values, [0.05, 0.5, 0.95])
-        panel.plot([low, high], [cell.number] * 2, color=style.BLACK, zorder=2)
-        panel.plot(median, cell.number, "D", color=style.BLACK, markersize=4, zorder=3)
+        panel.plot([low, high], [number] * 2, color=style.BLACK, zorder=2)
+        panel.plot(median, number, "D", color=style.BLACK, markersize=4, zorder=3)
     panel.set_xscale("log")
     dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
     panel.set_xlabel(f"mean error over the tail and the vehicles, {dot} [m]")

@@ -4,11 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.linalg import expm
-from upath import UPath
 
 import jaxnet
 from jaxnet.study import bounds
-from jaxnet.study.api import Results
 from jaxnet.study.bounds import ACCURACY, limits_of, table, tail_of, violations
 from jaxnet.study.lanes import job
 from tests import reference, systems
@@ -54,11 +52,9 @@ def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
 
 def results_of(study, **columns):
     """Results of a study whose rows have these columns."""
-    found = Results(UPath("some/where"))
     rows = pd.DataFrame({"cell": 0, "status": "ok", **columns})
     rows["sample"] = rows.groupby("cell").cumcount()
-    vars(found).update(study=study, lanes=rows)
-    return found
+    return systems.results_of(study, rows)
 
 
 @pytest.mark.parametrize("engine", ["chassis", "flat"])
@@ -81,7 +77,7 @@ def test_a_lane_over_its_bound_is_found(engine):
     ]
     assert found["tail_max"].tolist() == [24.1, errors[1], 23.9, 24.1]
     np.testing.assert_allclose(found["limit"], [24, 3, 3, 3], rtol=1e-5)
-    assert found["command"][0] == "jaxnet replay some/where --cell 0 --sample 3"
+    assert found["command"][0] == "jaxnet replay nowhere --cell 0 --sample 3"
 
 
 @pytest.mark.parametrize("magnitude", [3, {"uniform": [0, 3]}], ids=["fixed", "drawn"])

@@ -5,14 +5,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import linprog
-from upath import UPath
 
 import jaxnet
 from experiments import coverage
 from jaxnet.study import fit
-from jaxnet.study.api import Results
 from jaxnet.study.curves import MODELS, value
 from jaxnet.study.folder import FolderError
+from tests import systems
 
 X = np.array([0.1, 0.5, 3.0, 20.0, 100.0])
 S = 40  # with X the shape of all data here: one compiled program
@@ -299,9 +298,7 @@ def test_double_precision_needs_no_switch():
 
 def results(lanes, **keys):
     """Results of a study whose lanes are these."""
-    made = Results(UPath("nowhere"))
-    vars(made).update(study=jaxnet.load({"samples": S, **keys}), lanes=lanes)
-    return made
+    return systems.results_of(jaxnet.load({"samples": S, **keys}), lanes)
 
 
 def test_table_holds_every_fit(monkeypatch):
