@@ -39,6 +39,14 @@ class Clock(NamedTuple):
         return output > self.outputs - self.tail_outputs
 
 
+class Tolerances(NamedTuple):
+    """Local error `rtol·|state| + atol` (root mean square over the lane) and the steps allowed per lane."""
+
+    rtol: Float[Array, "*lanes"]
+    atol: Float[Array, "*lanes"]
+    max_steps: Int[Array, "*lanes"]
+
+
 class Inputs(NamedTuple):
     """Everything about lanes that is a number."""
 

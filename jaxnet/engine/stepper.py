@@ -17,7 +17,9 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
+
+from jaxnet.engine.plan import Tolerances
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 ROUNDING = 4 * 2.0**-52  # a relative step below this no longer moves the time
@@ -27,14 +29,6 @@ FIRST = 0.01  # of the time in which the state would change by itself
 Times = Float[Array, " lanes"]
 States = Float[Array, "6 m lanes"]
 VectorField = Callable[[Any, States], States]  # of the signals at a time, and the states
-
-
-class Tolerances(NamedTuple):
-    """Local error `rtol·|state| + atol` (root mean square over the lane) and the steps allowed per lane."""
-
-    rtol: Float[Array, "*lanes"]
-    atol: Float[Array, "*lanes"]
-    max_steps: Int[Array, "*lanes"]
 
 
 class Method(NamedTuple):

@@ -8,8 +8,7 @@ from scipy.linalg import expm
 
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.flat import Flow
-from jaxnet.engine.plan import Clock, Plan
-from jaxnet.engine.stepper import Tolerances
+from jaxnet.engine.plan import Clock, Plan, Tolerances
 from jaxnet.model import attack, defence, hearing
 from jaxnet.model.attack import Harmonic
 from jaxnet.model.lane import Lane

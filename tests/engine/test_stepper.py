@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxnet.engine import stepper
-from jaxnet.engine.stepper import Tolerances
+from jaxnet.engine.plan import Tolerances
 
 SOLVERS = list(stepper.SOLVERS)
 NORM = jax.jit(diffrax.PIDController(rtol=0.0, atol=1.0).norm)
