@@ -109,14 +109,17 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
     """The workers' answers as they come; what they were warned of is told here, once."""
     from distributed import as_completed
 
-    lost, run = deque[str](), uuid.uuid4().hex
+    lost, told, run = deque[str](), set[str](), uuid.uuid4().hex
     client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
     futures = client.map(task, todo, key=[f"shard {shard.number} of {run}" for shard in todo])
     for _, answer in as_completed(futures, with_results=True, loop=client.loop):
         if isinstance(answer, BaseException):
             raise answer
-        tell([*lost, *answer.said])
+        new = dict.fromkeys(text for text in [*lost, *answer.said] if text not in told)
+        told |= new.keys()
         lost.clear()
+        for text in new:
+            warnings.warn(text, stacklevel=2)
         yield answer.done
 
 
@@ -168,7 +171,7 @@ def workers_at(address: str) -> Iterator[Any]:
             raise ClusterError(f"no scheduler answers at {address}: {error}") from error
         stack.callback(client.close)
         if not client.nthreads():
-            tell([f"the scheduler at {address} has no workers yet: waiting for them"])
+            warnings.warn(f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2)
         yield client
 
 
@@ -194,18 +197,11 @@ def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> N
 
 
 def losses(event: Any, run: str) -> Iterator[str]:
-    """What is to be told of an event of the scheduler: a worker that was lost with shards under way."""
+    """What is to be told of an event of the scheduler: a worker that was lost with shards of this run."""
     if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
-        keys = sorted(str(key) for key in event["processing-tasks"] if run in str(key))
-        shards = [key.removesuffix(f" of {run}") for key in keys]
+        shards = sum(run in str(key) for key in event["processing-tasks"])
         if shards:
-            yield f"worker {event['worker']} was lost; given to others: {', '.join(shards)}"
-
-
-def tell(said: Sequence[str]) -> None:
-    """Warn of each thing once, however many say it."""
-    for text in said:
-        warnings.warn(text, stacklevel=2)
+            yield f"worker {event['worker']} was lost; shards that others do in its place: {shards}"
 
 
 def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Shard") -> Answer:

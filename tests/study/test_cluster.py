@@ -32,6 +32,15 @@ STUDY = {
     "save": {"errors": True},
 }
 SHARDS = 12
+WARNING = """
+import warnings
+import pyarrow.parquet as pq
+written = pq.write_table
+def write_table(*words, **keys):
+    warnings.warn("the disk is old")
+    written(*words, **keys)
+pq.write_table = write_table
+"""
 WAIT = 60  # [s]
 
 
@@ -174,8 +183,10 @@ def flip(path, place):
     path.write_bytes(content)
 
 
-def test_a_worker_killed_in_mid_shard(study, whole, tmp_path):
-    """Its shard is given to the other, which is told; nothing else is lost and nobody stays behind."""
+def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch):
+    """Its shard is given to the other and nothing is lost; all is told once, also what both are warned of."""
+    (tmp_path / "sitecustomize.py").write_text(WARNING)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     killed = []
 
     def kill(done, total, failed):
@@ -183,11 +194,14 @@ def test_a_worker_killed_in_mid_shard(study, whole, tmp_path):
             killed.extend(process.pid for process in multiprocessing.active_children())
             os.kill(killed[0], signal.SIGKILL)
 
-    with pytest.warns(UserWarning, match=r"worker tcp://\S+ was lost; given to others: shard \d+"):
+    with pytest.warns(UserWarning, match="was lost") as warned:
         results = jaxnet.run(study, tmp_path / "out", progress=kill, workers=2)
     assert_same(results, whole)
     assert len(killed) == 2
     assert not multiprocessing.active_children()
+    lost, other = sorted((str(each.message) for each in warned), key=lambda text: "old" in text)
+    assert re.fullmatch(r"worker tcp://\S+ was lost; shards that others do in its place: [1-9]\d*", lost)
+    assert other == "the disk is old"
 
 
 def command(config, out, *words):
@@ -286,3 +300,12 @@ def test_a_worker_of_another_version_is_refused(study, tmp_path):
         with pytest.raises(ClusterError, match=versions):
             jaxnet.run(study, tmp_path / "out", cluster=address)
     assert not done(tmp_path / "out")
+
+
+def test_what_workers_need_is_said(study, tmp_path, monkeypatch):
+    """The extra that is not installed, and what contradicts itself."""
+    with pytest.raises(ClusterError, match="workers or a cluster, not both"):
+        jaxnet.run(study, tmp_path / "out", workers=2, cluster="tcp://127.0.0.1:1")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ClusterError, match=r'pip install "jaxnet-sim\[cluster\]"'):
+        jaxnet.run(study, tmp_path / "out", workers=2)
