@@ -17,6 +17,7 @@ import yaml
 from distributed import Client
 
 import jaxnet
+from jaxnet.study import cluster
 from jaxnet.study.cluster import ClusterError
 from jaxnet.study.folder import FolderError
 
@@ -194,7 +195,7 @@ def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch):
             killed.extend(process.pid for process in multiprocessing.active_children())
             os.kill(killed[0], signal.SIGKILL)
 
-    with pytest.warns(UserWarning, match="was lost") as warned:
+    with pytest.warns(UserWarning, match="was lost|old") as warned:
         results = jaxnet.run(study, tmp_path / "out", progress=kill, workers=2)
     assert_same(results, whole)
     assert len(killed) == 2
@@ -273,7 +274,7 @@ def nthreads(address):
         return client.nthreads()
 
 
-def test_a_scheduler_that_is_killed(config, study, whole, tmp_path):
+def test_a_scheduler_that_is_killed(config, study, whole, tmp_path, monkeypatch):
     """The client says so and ends; with another scheduler the same command goes on."""
     out = tmp_path / "out"
     with scheduler(tmp_path) as (address, (killed, _)):
@@ -285,8 +286,10 @@ def test_a_scheduler_that_is_killed(config, study, whole, tmp_path):
     assert "the scheduler was lost; finished shards are kept, the same command goes on" in said
     assert "Traceback" not in said
     assert 0 < len(done(out)) < SHARDS
+    monkeypatch.setattr(cluster, "CONNECT", 0.5)
     with pytest.raises(ClusterError, match=f"no scheduler answers at {address}"):
         jaxnet.run(study, out, cluster=address)
+    monkeypatch.undo()
     with scheduler(tmp_path) as (address, _):
         assert_same(jaxnet.run(study, out, cluster=address), whole)
 

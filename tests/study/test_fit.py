@@ -345,7 +345,7 @@ def test_fewer_magnitudes_fewer_models():
     assert list(fit.fits(fit.Errors(X, np.full((len(X), S), np.nan)))) == []
     for keys in ({"attack": "none"}, {"attack": {"magnitude": 0}}):
         with pytest.raises(FolderError, match="no cell has an attack with ā > 0"):
-            fit.table(results(pd.DataFrame(), **keys))
+            fit.table(results(pd.DataFrame({"sample": [0]}), **keys))
 
 
 def test_intervals_cover():
