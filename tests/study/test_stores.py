@@ -141,7 +141,7 @@ def test_results_at_a_url_are_those_on_the_disk(url, study, local):
 
 
 def test_parts_and_workers_make_the_same_in_a_bucket(bucket, study, config, local):
-    """A part writes a shard's rows and arrays, another process makes the rest, and commands read all of it."""
+    """A part writes rows and arrays of a shard, another process the rest, and commands read all of it."""
     url = f"{bucket}/shared"
     assert jaxnet.run_part(study, 0, 2, url)[1:] == (1, 1, 0)
     assert {*files(url)} == {"/lanes/00000.parquet", "/lanes/00000.npz"}
