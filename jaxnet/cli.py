@@ -19,6 +19,7 @@ import jaxnet
 INTERRUPTED = 130
 AGAIN = 0.5  # [s]
 FAILED_LANES = 3
+OUTSIDE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
 
 config_arguments = [
     click.argument("config", type=click.Path(path_type=Path)),
@@ -68,7 +69,7 @@ def user_errors() -> Iterator[None]:
             click.echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno not in OUTSIDE and not isinstance(error, PermissionError):
             raise
         click.echo(f"{error}; finished shards are kept, the same command goes on", err=True)
         sys.exit(2)

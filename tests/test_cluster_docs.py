@@ -110,7 +110,7 @@ def test_dask_starts_the_workers_that_the_page_asks_for(there, slurm, monkeypatc
     (there / "script.py").write_text(DASK)
     runpy.run_path("script.py")
     assert not seen, "what imports the script must start nothing"
-    with dask.config.set({"jobqueue.slurm.scheduler-options": {"dashboard_address": None}}):
+    with dask.config.set({"jobqueue.slurm.scheduler-options": {"dashboard_address": "127.0.0.1:0"}}):
         runpy.run_path("script.py", run_name="__main__")
 
     assert seen["cluster"] == seen["address"]

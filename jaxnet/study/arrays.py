@@ -35,8 +35,8 @@ def prepare(
 ) -> zarr.Group:
     """The store at this path, with room for that many samples; made if there is none that can be read."""
     coords = coordinates(cells, samples)
-    group = opened(path)
-    if group is None:
+    group = opened(path, (*variables, "sample"))
+    if group is None or any(member(group, name).chunks[1] != chunk for name in variables):
         group = zarr.open_group(store_at(path), mode="w")
         create(group, variables, coords, chunk)
         if "state" in variables:
@@ -54,10 +54,12 @@ def prepare(
     return group
 
 
-def opened(path: UPath) -> zarr.Group | None:
-    """The store at this path for writing, if there is one and it was made to its end."""
+def opened(path: UPath, names: Sequence[str] = ()) -> zarr.Group | None:
+    """The store at this path for writing, if there is one with these arrays and it was made to its end."""
     try:
         group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False)
+        for name in names:
+            member(group, name)
     except (FileNotFoundError, ValueError, KeyError):  # none there, or its metadata is torn
         return None
     return group if IDENTITY in group.attrs else None
@@ -142,6 +144,8 @@ def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int
         try:
             chunk = (path / name / "c" / "/".join(map(str, place))).read_bytes()
         except FileNotFoundError:
+            return False
+        if len(chunk) <= CHECKSUM:
             return False
         if google_crc32c.value(chunk[:-CHECKSUM]) != int.from_bytes(chunk[-CHECKSUM:], "little"):
             return False

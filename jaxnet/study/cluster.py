@@ -12,10 +12,11 @@ import logging
 import os
 import pkgutil
 import signal
+import threading
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from importlib import metadata
 from multiprocessing import resource_tracker
@@ -33,6 +34,7 @@ CONNECT = 10  # [s]
 KEPT = "finished shards are kept, the same command goes on"
 SILENT = logging.CRITICAL + 1  # what is lost is told by us, not by dask
 LIVES = 5  # workers that one shard may take with it before it is given up
+SETTLING = threading.Lock()
 
 
 class ClusterError(RuntimeError):
@@ -109,17 +111,22 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
     """The workers' answers as they come; what they were warned of is told here, once."""
     from distributed import as_completed
 
-    lost, told, run = deque[str](), set[str](), uuid.uuid4().hex
-    client.subscribe_topic("all", lambda event: lost.extend(losses(event[1], run)))
+    told, run = set[str](), uuid.uuid4().hex
+
+    def tell(said: Iterable[str]) -> None:
+        for text in said:
+            if text not in told:
+                told.add(text)
+                warnings.warn(text, stacklevel=2)
+
+    client.subscribe_topic("all", lambda event: tell(losses(event[1], run)))
     futures = client.map(task, todo, key=[f"shard {shard.number} of {run}" for shard in todo])
     for _, answer in as_completed(futures, with_results=True, loop=client.loop):
+        if isinstance(answer, ImportError) or "deserialization" in str(answer):
+            raise ClusterError(f"the same jaxnet is needed by scheduler and workers: {answer}")
         if isinstance(answer, BaseException):
             raise answer
-        new = dict.fromkeys(text for text in [*lost, *answer.said] if text not in told)
-        told |= new.keys()
-        lost.clear()
-        for text in new:
-            warnings.warn(text, stacklevel=2)
+        tell(answer.said)
         yield answer.done
 
 
@@ -183,7 +190,9 @@ def refuse_strangers(client: Any) -> None:
     theirs = {"jaxnet": client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")}
     theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
     for worker in theirs["jaxnet"]:
-        refuse(worker, {package: said.get(worker) for package, said in theirs.items()}, versions())
+        answered = {package: said.get(worker) for package, said in theirs.items()}
+        if not any(each is None or isinstance(each, OSError) for each in answered.values()):  # it lives
+            refuse(worker, answered, versions())
 
 
 def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> None:
@@ -209,17 +218,33 @@ def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Sh
     from distributed import get_worker
 
     worker = get_worker()
-    said = settle_in(worker.state.nthreads)
+    with SETTLING:
+        said = settle_in(worker.state.nthreads)
     from jaxnet.engine.batch import Machine
     from jaxnet.study import shards
 
     refuse(worker.address, versions(), needed)
-    if work.folder.manifest.get("hash") != work.study:
-        raise FolderError(
-            f"worker {worker.address} does not see {work.folder.path}: it must be on storage that all share"
-        )
-    done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk)))
-    return Answer(done, [said.popleft() for _ in range(len(said))])
+    ended = 0
+
+    def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
+        nonlocal ended
+        ended += lanes
+        if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
+            raise FolderError(
+                f"worker {worker.address} does not see this study in {work.folder.path}:"
+                " it must be on storage that all share"
+            )
+
+    see()
+    done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk), see))
+    return Answer(done, list(drained(said)))
+
+
+def drained(said: deque[str]) -> Iterator[str]:
+    """All that is in it, which is taken out; other threads may do so too."""
+    with contextlib.suppress(IndexError):
+        while True:
+            yield said.popleft()
 
 
 @functools.cache

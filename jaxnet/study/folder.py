@@ -161,9 +161,9 @@ class Folder:
                 stack.enter_context(lock.held(self.path, alone))
             except lock.HeldError as error:
                 raise FolderError(f"{self.path} is being written by {error}") from error
-            except OSError as error:
+            except (OSError, NotImplementedError) as error:
                 raise FolderError(
-                    f"{self.path} cannot be a results folder: {error.strerror or error}"
+                    f"{self.path} cannot be a results folder: {getattr(error, 'strerror', None) or error}"
                 ) from error
             yield
 
@@ -172,7 +172,7 @@ class Folder:
         if not isinstance(self.path, Path):
             return
         files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
-        for name in (*(f".{name}.*" for name in files), "lanes/.*.parquet.*"):
+        for name in (*(f".{name}.*" for name in files), "lanes/.*.*.*"):
             for torn in self.path.glob(name):
                 torn.unlink(missing_ok=True)
 

@@ -65,7 +65,7 @@ def by_system(file: UPath, alone: bool) -> Iterator[None]:
             lock.seek(0)
             raise HeldError(lock.read().strip() or "another process") from error
         lock.truncate(0)
-        lock.write(me())
+        lock.write(me() if alone else f"parts of a run, the last that began by {me()}")
         lock.flush()
         yield
 

@@ -39,6 +39,7 @@ class Stamp(NamedTuple):
     study: str  # hash
     cell: int
     first: int  # sample
+    size: int  # samples of a whole shard
     filled: dict[str, str]  # stores that its lanes are in, by name, and their identities
 
 
@@ -74,6 +75,11 @@ def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> p
     return pa.table(columns)
 
 
+def column_names(types: Mapping[str, pa.DataType]) -> list[str]:
+    """Names of a row file's columns, in their order."""
+    return ["cell", "sample", *types, "status", *Metrics._fields, "steps", "switches"]
+
+
 def name_of(number: int) -> str:
     """The row file of a shard."""
     return f"lanes/{number:05d}.parquet"
@@ -94,7 +100,7 @@ def read(path: UPath) -> tuple[pa.Table, Stamp]:
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
         return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
-    except (pa.ArrowInvalid, OSError) as error:
+    except (pa.ArrowException, OSError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
     except (KeyError, ValueError, TypeError) as error:
         raise TornError("not a row file of ours") from error
@@ -119,10 +125,12 @@ def scan(
     so are samples beyond those of the shards, which a part of a longer run may have written.
     Raises FolderError if a file cannot be read.
     """
+    if not shards:
+        return
     ordered = sorted(shards, key=lambda shard: (shard.cell.number, shard.number))
     files = [(folder.path / name_of(shard.number)).path for shard in ordered]
     wanted = None if columns is None else list(dict.fromkeys(["cell", *columns]))
-    within = ds.field("sample") < max((shard.samples.stop for shard in shards), default=0)
+    within = ds.field("sample") < max(shard.samples.stop for shard in shards)
     options = ds.ParquetFragmentScanOptions(page_checksum_verification=True, pre_buffer=True)
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
     try:
@@ -131,7 +139,7 @@ def scan(
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
-    except (pa.ArrowInvalid, OSError) as error:
+    except (pa.ArrowException, OSError) as error:
         raise FolderError(f"{folder.path}: {error}; jaxnet run simulates again what is torn") from error
 
 

@@ -132,7 +132,7 @@ class Run:
         todo = [shard for shard, done in zip(wanted, found, strict=True) if done is None]
         self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
         tally.found([done for done in found if done is not None])
-        if todo and work.filled is not None:
+        if work.filled is not None and (todo or not self.folder.manifest["finished"]):
             self.folder.clear((*DERIVED, "cells.csv"))
         for done in self.crew(work, todo, tally.load_done):
             tally.shard_done(done)

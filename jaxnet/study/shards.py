@@ -8,6 +8,7 @@ Shards whose lanes can share a compiled program follow each other without a paus
 simulated.
 """
 
+import threading
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import pyarrow as pa
+from upath import UPath
 
 import jaxnet
 from jaxnet.engine import batch
@@ -27,6 +29,8 @@ from jaxnet.study.folder import Folder
 from jaxnet.study.lanes import job
 from jaxnet.study.layout import Shard, Variable
 from jaxnet.study.rows import Stamp, TornError
+
+TAKING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
 
 
 class Work(NamedTuple):
@@ -47,9 +51,8 @@ class Work(NamedTuple):
 
     def stamp(self, shard: Shard) -> Stamp:
         """What the shard's row file is to say of itself."""
-        return Stamp(
-            jaxnet.__version__, self.study, shard.cell.number, shard.samples.start, self.filled or {}
-        )
+        place = shard.cell.number, shard.samples.start, self.size
+        return Stamp(jaxnet.__version__, self.study, *place, self.filled or {})
 
 
 class Done(NamedTuple):
@@ -111,7 +114,7 @@ def fill(work: Work, shard: Shard, series: dict[str, np.ndarray], stores: dict[s
         arrays.write(stores[name], shard.cell.number, samples, {key: series[key] for key in variables})
 
 
-def beside(work: Work, number: int) -> Any:
+def path_beside(work: Work, number: int) -> UPath:
     """The file beside a shard's rows that holds its arrays until they are taken into the stores."""
     return (work.folder.path / rows.name_of(number)).with_suffix(".npz")
 
@@ -121,7 +124,7 @@ def put_beside(work: Work, shard: Shard, series: dict[str, np.ndarray]) -> None:
     types = {key: variable.dtype for variables in work.stores.values() for key, variable in variables.items()}
     if types:
         stored = {key: series[key].astype(dtype) for key, dtype in types.items()}
-        name = str(beside(work, shard.number).relative_to(work.folder.path))
+        name = str(path_beside(work, shard.number).relative_to(work.folder.path))
         work.folder.put(name, lambda file: np.savez(file, allow_pickle=False, **stored))
 
 
@@ -134,14 +137,16 @@ def there(work: Work, shard: Shard) -> Done | None:
     try:
         table, stamp = rows.read(path)
         if stamp._replace(filled={}) != work.stamp(shard)._replace(filled={}):
-            raise TornError("holds lanes of another study or version")
+            raise TornError("holds lanes of another study or version, or is parted otherwise")
+        if table.column_names != rows.column_names(work.types):
+            raise TornError("has other columns")
         if table.num_rows < len(shard.samples) or not arrays_there(work, shard, table, stamp):
             return None
     except FileNotFoundError:
         return None
     except TornError as error:
-        path.unlink()
-        beside(work, shard.number).unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+        path_beside(work, shard.number).unlink(missing_ok=True)
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
     failed = sum(status != Status.ok.name for status in table["status"].to_pylist())
@@ -151,7 +156,7 @@ def there(work: Work, shard: Shard) -> Done | None:
 def arrays_there(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
     if work.filled is None:
-        return stamp.filled.keys() >= work.stores.keys() or beside(work, shard.number).exists()
+        return stamp.filled.keys() >= work.stores.keys() or set(beside(work, shard)) >= set(work.series)
     if not stamp.filled.items() >= work.filled.items():
         return take_in(work, shard, table)
     check_arrays(work, shard)
@@ -168,16 +173,25 @@ def check_arrays(work: Work, shard: Shard) -> None:
 
 
 def take_in(work: Work, shard: Shard, table: pa.Table) -> bool:
-    """Take the arrays beside a shard's rows into the stores; whether there were any."""
-    path = beside(work, shard.number)
+    """Take the arrays beside a shard's rows into the stores; whether all that are wanted were there."""
+    count = len(shard.samples)
+    with TAKING:
+        series = {key: values[:count] for key, values in beside(work, shard).items()}
+        if not series.keys() >= set(work.series):
+            return False
+        fill(work, shard, series, {name: arrays.opened(work.folder.path / name) for name in work.stores})
+    rows.write(work.folder, shard.number, table.slice(0, count), work.stamp(shard))
+    path_beside(work, shard.number).unlink()
+    return True
+
+
+def beside(work: Work, shard: Shard) -> dict[str, np.ndarray]:
+    """The arrays beside a shard's rows, none if there is no file of them; raises TornError."""
+    path = path_beside(work, shard.number)
     if not path.exists():
-        return False
+        return {}
     try:
         with path.open("rb") as file, np.load(file) as held:
-            series = {key: held[key] for key in work.series}
-    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+            return dict(held)
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise TornError(f"the arrays beside it are torn ({error})") from error
-    fill(work, shard, series, {name: arrays.opened(work.folder.path / name) for name in work.stores})
-    rows.write(work.folder, shard.number, table, work.stamp(shard))
-    path.unlink()
-    return True

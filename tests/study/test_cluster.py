@@ -133,9 +133,10 @@ def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
     foreign.write_bytes((other.path / "lanes" / foreign.name).read_bytes())
     flip(tmp_path / "out" / "errors.zarr" / "tracking" / "c" / "6" / "0" / "0", 500)
     (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "8" / "0" / "0").unlink()
+    (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "9" / "0" / "0").write_bytes(b"")
     with pytest.warns(UserWarning, match="simulated again") as said:
         told = told_by(study, tmp_path / "out")
-    assert told[0][0] == (SHARDS - 5) * 256
+    assert told[0][0] == (SHARDS - 6) * 256
     assert_same(jaxnet.open(tmp_path / "out"), whole)
     words = {re.search(r"\d{5}", str(each.message))[0]: str(each.message) for each in said}
     assert "torn" in words["00002"]
@@ -143,6 +144,7 @@ def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
     assert "another study" in words["00004"]
     assert "errors.zarr is corrupt at cell 6, samples 0 to 255" in words["00006"]
     assert "errors.zarr is corrupt at cell 8" in words["00008"]
+    assert "errors.zarr is corrupt at cell 9" in words["00009"]
     assert all(text.endswith("simulated again") for text in words.values())
 
 
@@ -175,6 +177,31 @@ def test_a_full_disk(study, whole, small_disk):
     assert len(kept) < SHARDS
     assert_same(jaxnet.run(study, small_disk / "out"), whole)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
+def test_a_store_that_cannot_be_read_is_made_anew(study, whole, tmp_path):
+    """Its lanes are simulated again."""
+    jaxnet.run(study, tmp_path / "out")
+    (tmp_path / "out" / "errors.zarr" / "tracking" / "zarr.json").write_bytes(b"")
+    assert told_by(study, tmp_path / "out")[0][0] == 0
+    assert_same(jaxnet.open(tmp_path / "out"), whole)
+
+
+def test_parts_of_a_longer_study(study, whole, tmp_path):
+    """A shorter run takes what is its own; the longer one has all its arrays; what was derived goes."""
+    out, longer = tmp_path / "out", jaxnet.load(STUDY, {"samples": 300})
+    for part in (0, 1):
+        jaxnet.run_part(longer, part, 2, out)
+    assert_same(jaxnet.run(study, out), whole)
+    (out / "fit.csv").touch()
+    for part in (0, 1):
+        jaxnet.run_part(longer, part, 2, out)
+    assert len(jaxnet.open(out).lanes) == SHARDS * 256
+    results = jaxnet.run(longer, out)
+    assert len(results.lanes) == SHARDS * 300
+    assert not results.errors["tracking"].isnull().any()
+    assert not (out / "fit.csv").exists()
+    assert results.row(0, 300) is None
 
 
 def flip(path, place):
@@ -253,7 +280,15 @@ def scheduler(place, *preload):
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     quiet = {"cwd": place, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    words = ["--host", "127.0.0.1", "--port", address.rsplit(":")[-1], "--no-dashboard", "--no-show"]
+    words = [
+        "--host",
+        "127.0.0.1",
+        "--port",
+        address.rsplit(":")[-1],
+        "--dashboard-address",
+        "127.0.0.1:0",
+        "--no-show",
+    ]
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler", *words]
     work = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
     processes = [
