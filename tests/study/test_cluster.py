@@ -326,6 +326,7 @@ def test_a_scheduler_that_is_killed(config, study, whole, tmp_path, monkeypatch)
         jaxnet.run(study, out, cluster=address)
     monkeypatch.undo()
     with scheduler(tmp_path) as (address, _):
+        awaited(lambda: nthreads(address))
         assert_same(jaxnet.run(study, out, cluster=address), whole)
 
 
