@@ -98,7 +98,6 @@ def create(
             shape=shape,
             chunks=(1, chunk, *shape[2:]),
             compressors=(ZstdCodec(), Crc32cCodec()),
-            config={"write_empty_chunks": True},
             dtype=dtype,
             fill_value=np.nan,
             dimension_names=dims,
@@ -131,10 +130,11 @@ def label_cells(group: zarr.Group, cells: Sequence[Cell]) -> None:
 
 
 def write(group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]) -> None:
-    """Store the series of consecutive samples of one cell."""
+    """Store the series of consecutive samples of one cell, also what is not a number in every lane."""
     for name, values in series.items():
+        array = member(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
         stored = wrapped(values) if name == "state" else values
-        member(group, name)[cell, samples] = stored.astype(member(group, name).dtype)
+        array[cell, samples] = stored.astype(array.dtype)
 
 
 def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int) -> bool:

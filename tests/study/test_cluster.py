@@ -10,14 +10,16 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 import yaml
 from distributed import Client
+from upath import UPath
 
 import jaxnet
-from jaxnet.study import cluster
+from jaxnet.study import arrays, cluster, layout
 from jaxnet.study.cluster import ClusterError
 from jaxnet.study.folder import FolderError
 
@@ -185,6 +187,17 @@ def test_a_store_that_cannot_be_read_is_made_anew(study, whole, tmp_path):
     (tmp_path / "out" / "errors.zarr" / "tracking" / "zarr.json").write_bytes(b"")
     assert told_by(study, tmp_path / "out")[0][0] == 0
     assert_same(jaxnet.open(tmp_path / "out"), whole)
+
+
+def test_lanes_that_failed_at_once_are_stored_like_others(study, tmp_path):
+    """A chunk of nothing but not-a-number is there, and is not taken for one that is gone."""
+    place, cells = UPath(tmp_path / "errors.zarr"), study.cells
+    arrays.prepare(place, layout.ERRORS, cells, samples=4, chunk=2)
+    store = arrays.opened(place)
+    blank = np.full((2, 51), np.nan)
+    arrays.write(store, 3, slice(2, 4), dict.fromkeys(layout.ERRORS, blank))
+    assert arrays.intact(place, layout.ERRORS, cell=3, block=1)
+    assert not arrays.intact(place, layout.ERRORS, cell=3, block=0)
 
 
 def test_parts_of_a_longer_study(study, whole, tmp_path):

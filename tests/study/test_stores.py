@@ -65,14 +65,14 @@ def url(request, tmp_path) -> str:
     """A URL with nothing at it."""
     if request.param == "file":
         return f"file://{tmp_path}/study"
-    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://root"
+    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://there"
     return f"{root}/{uuid.uuid4().hex}/study"
 
 
 @pytest.fixture(params=["s3", "memory"])
 def objects(request) -> str:
     """A URL where there are objects, with none at it."""
-    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://root"
+    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://there"
     return f"{root}/{uuid.uuid4().hex}/study"
 
 
@@ -283,7 +283,7 @@ def test_what_cannot_be_reached_is_said(bucket, study, config, monkeypatch):
             )
     assert [each["Name"] for each in boto3.client("s3").list_buckets()["Buckets"]] == ["bucket"]
     with pytest.raises(ClusterError, match="seen by this process alone"):
-        jaxnet.run(study, "memory://root/alone", workers=2)
+        jaxnet.run(study, "memory://there/alone", workers=2)
 
 
 def test_a_server_that_is_not_there_is_not_waited_for(bucket, monkeypatch):
