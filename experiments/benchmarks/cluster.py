@@ -1,11 +1,12 @@
 """What processes of their own cost, and what a second one brings.
 
 Whole commands on 10⁵ lanes of the flat engine, trimmed, horizon 30 s: one process on two cores, one worker
-with one core, two workers with one core each. Every command is run into an empty folder, in turn, with a warm
-compilation cache. Printed are the least and the median wall times with all that a command does, and lanes per
-second from the first to the last shard, which leave the start out.
+with one core, two workers with one core each, and two such workers of a scheduler that runs already. Every
+command is run into an empty folder, in turn, with a warm compilation cache. Printed are the least and the
+median wall times with all that a command does, and lanes per second from the first to the last shard, which
+leave the start out.
 
-Run it with `python experiments/benchmarks/cluster.py`; three rounds take about six minutes.
+Run it with `python experiments/benchmarks/cluster.py`; three rounds take about ten minutes.
 """
 
 import os
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import click
 import yaml
+from distributed import LocalCluster
 
 from jaxnet.study.layout import SHARDS
 
@@ -28,6 +30,7 @@ WAYS = {
     "one process, two cores": ("--devices", "2"),
     "one worker of one core": ("--workers", "1", "--devices", "1"),
     "two workers of one core": ("--workers", "2", "--devices", "2"),
+    "two that run already": ("--cluster",),
 }
 POLL = 0.01  # [s]
 
@@ -47,7 +50,7 @@ def main(lanes: int, rounds: int, defence: str) -> None:
         times: dict[str, list[tuple[float, float]]] = {name: [] for name in WAYS}
         for _ in range(rounds):
             for name, way in WAYS.items():
-                times[name].append(timed(config, way))
+                times[name].append(timed_there(config) if way == ("--cluster",) else timed(config, way))
     print(f"{'':26}{'least [s]':>10}{'median [s]':>12}{'lanes/s':>10}{'after the first':>17}")
     seconds, rates = {}, {}
     for name, seen in times.items():
@@ -55,11 +58,18 @@ def main(lanes: int, rounds: int, defence: str) -> None:
         seconds[name], rates[name] = statistics.median(whole), statistics.median(after)
         rate = lanes / seconds[name]
         print(f"{name:26}{min(whole):10.1f}{seconds[name]:12.1f}{rate:10.0f}{rates[name]:17.0f}")
-    process, one, two = WAYS
+    process, one, two, there = WAYS
     print(f"\ntwo workers over one: {seconds[one] / seconds[two]:.2f} × as fast,", end=" ")
     print(f"{rates[two] / rates[one]:.2f} × after the first shard")
-    print(f"two workers take {seconds[two] / seconds[process]:.2f} × the time of one process,", end=" ")
-    print(f"{rates[process] / rates[two]:.2f} × after the first shard")
+    for way, what in ((two, "two workers"), (there, "two that run already")):
+        print(f"{what} take {seconds[way] / seconds[process]:.2f} × the time of one process,", end=" ")
+        print(f"{rates[process] / rates[way]:.2f} × after the first shard")
+
+
+def timed_there(config: Path) -> tuple[float, float]:
+    """As `timed`, given to two new workers of a scheduler of this process."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, memory_limit=None) as cluster:
+        return timed(config, ("--cluster", str(cluster.scheduler_address)))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def timed(config: Path, way: tuple[str, ...], *overrides: str) -> tuple[float, float]:

@@ -5,10 +5,12 @@ that dies costs what it had under way, which others are given; a scheduler or a 
 was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
 """
 
+import asyncio
 import contextlib
 import functools
 import importlib.util
 import logging
+import multiprocessing
 import os
 import pkgutil
 import signal
@@ -19,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from importlib import metadata
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upath import UPath
@@ -89,12 +91,11 @@ class Cluster:
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         if not todo:
             return
-        client = self.client.result()
         from distributed import KilledWorker
         from distributed.comm.core import CommClosedError
 
         try:
-            refuse_strangers(client)
+            client = self.client.result()
             for done in answers(client, functools.partial(simulate, work, versions(), self.chunk), todo):
                 load_done(done.lanes)
                 yield done
@@ -121,25 +122,30 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
 
     client.subscribe_topic("all", lambda event: tell(losses(event[1], run)))
     futures = client.map(task, todo, key=[f"shard {shard.number} of {run}" for shard in todo])
-    for _, answer in as_completed(futures, with_results=True, loop=client.loop):
-        if isinstance(answer, ImportError) or "deserialization" in str(answer):
-            raise ClusterError(f"the same jaxnet is needed by scheduler and workers: {answer}")
-        if isinstance(answer, BaseException):
-            raise answer
-        tell(answer.said)
-        yield answer.done
+    try:
+        for _, answer in as_completed(futures, with_results=True, loop=client.loop):
+            if isinstance(answer, ImportError) or "deserialization" in str(answer):
+                raise ClusterError(f"the same jaxnet is needed by scheduler and workers: {answer}")
+            if isinstance(answer, BaseException):
+                raise answer
+            tell(answer.said)
+            yield answer.done
+    finally:
+        client.unsubscribe_topic("all")  # it would be told of its own leaving
 
 
 @contextlib.contextmanager
 def workers_here(number: int, cores: int) -> Iterator[Any]:
     """A client of so many workers, processes of this machine that share its cores."""
+    quiet_tracker()
+    start_server()
     import distributed
     from dask import config
 
     each = max(1, cores // number)
-    quiet_tracker()
+    settings = {"scheduler.allowed-failures": LIVES, "worker.multiprocessing-method": "forkserver"}
     with (
-        config.set({"distributed.scheduler.allowed-failures": LIVES}),
+        config.set({f"distributed.{key}": value for key, value in settings.items()}),
         distributed.LocalCluster(
             n_workers=number,
             threads_per_worker=each,
@@ -152,6 +158,16 @@ def workers_here(number: int, cores: int) -> Iterator[Any]:
         contextlib.closing(distributed.Client(cluster, set_as_default=False)) as client,
     ):
         yield client
+
+
+def start_server() -> None:
+    """Spawn the process that workers are split off from.
+
+    It imports what they need, once and while this one is about other things, and no more: JAX is not started
+    in it, which would not survive the fork.
+    """
+    multiprocessing.get_context("forkserver").set_forkserver_preload(["distributed", "jaxnet.study.shards"])
+    forkserver.ensure_running()
 
 
 def quiet_tracker() -> None:
@@ -177,6 +193,8 @@ def workers_at(address: str) -> Iterator[Any]:
         except (OSError, ValueError) as error:
             raise ClusterError(f"no scheduler answers at {address}: {error}") from error
         stack.callback(client.close)
+        refuse_strangers(client)
+        client.run(get_ready, wait=False, on_error="ignore")
         if not client.nthreads():
             warnings.warn(f"the scheduler at {address} has no workers yet: waiting for them", stacklevel=2)
         yield client
@@ -262,11 +280,17 @@ def settle_in(threads: int) -> deque[str]:
     return said
 
 
-def dask_setup(worker: Any) -> None:
+async def get_ready(dask_worker: Any) -> None:
+    """On a worker: do what is done once, before the first shard comes."""
+    with SETTLING:
+        settle_in(dask_worker.state.nthreads)
+    await asyncio.to_thread(importlib.import_module, "jaxnet.study.shards")
+
+
+async def dask_setup(worker: Any) -> None:
     """On a worker of this machine, as it starts: get ready, and leave Ctrl-C to the client.
 
     The whole process group is sent it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    settle_in(worker.state.nthreads)
-    importlib.import_module("jaxnet.study.shards")
+    await get_ready(worker)
