@@ -302,7 +302,7 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
         "samples=300",
         "save={}",
         "sweep={gain: [[1, 3, 3], [2, 4, 4], [3, 5, 5]]}",
-        "horizon=20",
+        "horizon=10",
     ]
     command = [
         sys.executable,
