@@ -78,7 +78,7 @@ class Campaign:
             [sys.executable, "-m", "jaxnet", *command], stderr=subprocess.PIPE, text=True
         )
         while process.poll() is None:
-            workers = children(process.pid)
+            workers = workers_of(process.pid)
             for kind, pids in ((command[0], [process.pid]), ("worker", workers)):
                 self.peak[kind] = max([self.peak[kind], *map(resident, pids)])
             at, who = kills[len(self.killed)] if len(self.killed) < len(kills) else (np.inf, "nobody")
@@ -108,15 +108,14 @@ class Campaign:
         return cells * -(-manifest["samples"] // manifest["shard_size"])
 
 
-def children(pid: int) -> list[int]:
-    """The worker processes of a command."""
-    found = []
+def workers_of(command: int) -> list[int]:
+    """The worker processes of a command: children of the child that they are split off from."""
+    parents = dict[int, int]()
     for entry in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # it has just ended
             parent = re.search(r"^PPid:\s+(\d+)", (entry / "status").read_text(), re.MULTILINE)
-            if parent and int(parent[1]) == pid and b"spawn_main" in (entry / "cmdline").read_bytes():
-                found.append(int(entry.name))
-    return found
+            parents[int(entry.name)] = int(parent[1]) if parent else 0
+    return [process for process, parent in parents.items() if parents.get(parent) == command]
 
 
 def resident(pid: int) -> int:
