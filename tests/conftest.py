@@ -3,7 +3,6 @@
 import atexit
 import os
 import shutil
-import sys
 import tempfile
 
 os.environ.setdefault("JAX_ENABLE_X64", "true")
@@ -16,7 +15,6 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compil
     atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the same goes for Python's, a command's too
-sys.dont_write_bytecode = False
 
 from hypothesis import settings
 from jaxtyping import install_import_hook
