@@ -10,11 +10,11 @@ Run it with `python experiments/accuracy.py`; it takes a minute or two.
 from typing import Any
 
 import jaxnet
+from jaxnet.config.cells import Cell
 from jaxnet.engine.batch import simulate
-from jaxnet.study.cache import enable
-from jaxnet.study.exactness import deviations, ticked
-from jaxnet.study.lanes import job
-from jaxnet.study.sweep import Cell
+from jaxnet.lanes.jobs import job
+from jaxnet.runs.cache import enable
+from jaxnet.runs.exactness import deviations, ticked
 
 TOPOLOGIES = ["star", "path", "cyclic"]
 DIGRAPH = [[i, j, 1 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, 5 * i % 13} - {i}]

@@ -25,9 +25,9 @@ import numpy as np
 import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
+from jaxnet.lanes.jobs import job
 from jaxnet.model import hearing
-from jaxnet.study.cache import enable
-from jaxnet.study.lanes import job
+from jaxnet.runs.cache import enable
 
 TOPOLOGIES = ("star", "path", "cyclic")
 ENGINES = ("chassis", "flat")

@@ -26,11 +26,11 @@ import pandas as pd
 
 import jaxnet
 from jaxnet.engine import batch
-from jaxnet.study import rows
-from jaxnet.study.api import Results
-from jaxnet.study.cache import enable
-from jaxnet.study.folder import Folder
-from jaxnet.study.lanes import job
+from jaxnet.lanes.jobs import job
+from jaxnet.runs.cache import enable
+from jaxnet.store import rows
+from jaxnet.store.folder import Folder
+from jaxnet.store.results import Results
 
 CONFIG = Path(__file__).parents[1] / "configs" / "campaign.yaml"
 KILLS = [(0.15, "worker"), (0.35, "worker"), (0.5, "command"), (0.75, "worker")]  # share of shards done, who

@@ -16,8 +16,8 @@ import numpy as np
 from scipy import special
 
 from jaxnet.engine.cores import cores
-from jaxnet.study import fit
-from jaxnet.study.cache import enable
+from jaxnet.runs.cache import enable
+from jaxnet.statistics import fits as fit
 
 SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "lanes": (0.05, 0.8)}
 

@@ -18,9 +18,9 @@ import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
+from jaxnet.lanes.jobs import job
 from jaxnet.model import robot
-from jaxnet.study.cache import enable
-from jaxnet.study.lanes import job
+from jaxnet.runs.cache import enable
 
 LANES = 1000
 FAULTS = {17: Status.nonfinite, 400: Status.singular, 999: Status.max_steps}

@@ -16,9 +16,10 @@ import numpy as np
 import pandas as pd
 
 import jaxnet
-from jaxnet.study.cache import enable
-from jaxnet.study.exactness import deviations, ticked
-from jaxnet.view import figures, progress
+from jaxnet.runs.cache import enable
+from jaxnet.runs.exactness import deviations, ticked
+from jaxnet.view.figures import every as figures
+from jaxnet.view.text import progress
 
 CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"
 

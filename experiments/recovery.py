@@ -16,10 +16,10 @@ from typing import Any
 import click
 
 import jaxnet
-from jaxnet.study.api import Results
-from jaxnet.study.cache import enable
-from jaxnet.study.replay import replay, worst
-from jaxnet.view import progress
+from jaxnet.runs.cache import enable
+from jaxnet.runs.replay import replay, worst
+from jaxnet.store.results import Results
+from jaxnet.view.text import progress
 
 CONFIG = Path(__file__).parents[1] / "configs" / "recovery.yaml"
 RESULTS = Path("results")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import click
 import numpy as np
 
-from jaxnet.study import recovery
+from jaxnet.statistics import recovery
 
 CONFIDENCE = 0.95
 SHARD = 64  # lanes between looks

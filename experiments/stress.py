@@ -19,14 +19,14 @@ import click
 import numpy as np
 
 import jaxnet
+from jaxnet.config.keys import Scenario
+from jaxnet.config.network import navigator_of
 from jaxnet.engine.batch import Machine, simulate
 from jaxnet.engine.status import Status
+from jaxnet.lanes.jobs import job, outputs_of
 from jaxnet.model import graph
-from jaxnet.study.bounds import limits_of, tail_of
-from jaxnet.study.cache import enable
-from jaxnet.study.config import Scenario
-from jaxnet.study.lanes import job, outputs_of
-from jaxnet.study.network import navigator_of
+from jaxnet.runs.cache import enable
+from jaxnet.statistics.limits import limits_of, tail_of
 
 VEHICLES, HEARD = 8, 5
 LANES = 256  # of a cell

@@ -14,8 +14,8 @@ import numpy as np
 import jaxnet
 from jaxnet.engine.batch import simulate
 from jaxnet.engine.status import Status
-from jaxnet.study.cache import enable
-from jaxnet.study.lanes import job
+from jaxnet.lanes.jobs import job
+from jaxnet.runs.cache import enable
 
 TICKS = (0.1, 0.05, 0.025, 0.0125)
 HORIZON = 30.0

@@ -19,10 +19,11 @@ from pathlib import Path
 import pandas as pd
 
 import jaxnet
-from jaxnet.study.api import Results
-from jaxnet.study.cache import enable
-from jaxnet.view import progress, report, slopes
-from jaxnet.view.curves import Curve, curves
+from jaxnet.runs.cache import enable
+from jaxnet.statistics.curves import Curve, curves
+from jaxnet.store.results import Results
+from jaxnet.view import report
+from jaxnet.view.text import progress, slopes
 
 CONFIG = Path(__file__).parents[1] / "configs" / "bound.yaml"
 EXACT = {"star": 1.0, "path": 4.0, "cyclic": 3.1034}  # tail_max per ā, untrimmed, the bias in phase

@@ -55,9 +55,9 @@ def interrupts() -> Iterator[None]:
 @contextlib.contextmanager
 def user_errors() -> Iterator[None]:
     """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
-    from jaxnet.study.cluster import ClusterError
-    from jaxnet.study.document import ConfigError
-    from jaxnet.study.folder import FolderError
+    from jaxnet.config.document import ConfigError
+    from jaxnet.runs.cluster import ClusterError
+    from jaxnet.store.folder import FolderError
 
     try:
         with interrupts(), warnings.catch_warnings():
@@ -144,7 +144,7 @@ def run(
         raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view import progress, tables
+        from jaxnet.view.text import progress, tables
 
         start_jax()
         if shard is not None:
@@ -168,7 +168,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view import check
+        from jaxnet.view.text import check
 
         click.echo(check.text(study))
 
@@ -176,7 +176,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
 @main.command()
 def schema() -> None:
     """Print the config's JSON schema, for editors."""
-    from jaxnet.study.schema import schema_text
+    from jaxnet.config.schema import schema_text
 
     click.echo(schema_text(), nl=False)
 
@@ -190,8 +190,8 @@ def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.study.replay import replay as again
-        from jaxnet.view import tables
+        from jaxnet.runs.replay import replay as again
+        from jaxnet.view.text import tables
 
         start_jax()
         path, row = again(opened, cell, sample, engine)
@@ -205,7 +205,7 @@ def show(results: str) -> None:
     """Print the summary table again."""
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.view import tables
+        from jaxnet.view.text import tables
 
         click.echo(tables.summary(opened))
 
@@ -219,9 +219,10 @@ def fit(results: str) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.study.folder import Folder
-        from jaxnet.study.ultimate import analyse
-        from jaxnet.view import figures, slopes
+        from jaxnet.statistics.ultimate import analyse
+        from jaxnet.store.folder import Folder
+        from jaxnet.view.figures import every as figures
+        from jaxnet.view.text import slopes
 
         start_jax()
         with Folder(results).writing():
@@ -239,7 +240,7 @@ def report(results: str) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.study.folder import Folder
+        from jaxnet.store.folder import Folder
         from jaxnet.view import report
 
         start_jax()
@@ -250,6 +251,6 @@ def report(results: str) -> None:
 
 def start_jax() -> None:
     """Keep compiled programs between runs, in a folder for this machine type and version of XLA."""
-    from jaxnet.study.cache import enable
+    from jaxnet.runs.cache import enable
 
     enable()

@@ -8,12 +8,13 @@ import pandas as pd
 from upath import UPath
 
 import jaxnet
+from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import SERIES
 from jaxnet.engine.plan import Outcome
-from jaxnet.study.api import Results, Study
-from jaxnet.study.lanes import job
+from jaxnet.lanes.jobs import job
+from jaxnet.store.results import Results
 
 EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from experiments.benchmarks import peers
-from jaxnet.study.lanes import job
+from jaxnet.lanes.jobs import job
 from tests import systems
 
 BENCHMARKS = Path(peers.__file__).parent

@@ -9,34 +9,30 @@ import pytest
 import yaml
 
 import jaxnet
-from jaxnet.study.document import Document
-from jaxnet.study.schema import schema_text
+from jaxnet.config.document import Document
+from jaxnet.config.schema import schema_text
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
 
-# Each layer may import itself and those named here (DESIGN, section 2).
-LAYERS = {
-    "model": set(),
-    "theory": {"model"},
-    "engine": {"model"},
-    "study": {"model", "engine", "theory"},
-    "view": {"model", "engine", "theory", "study"},
-    "cli": {"study", "view"},
-}
+# Each room may import itself and the rooms before it (docs/architecture.md).
+ROOMS = [
+    *("model", "kinds", "theory", "engine", "config", "lanes", "store", "statistics", "runs"),
+    *("view", "api", "cli"),
+]
 
 
-def layer(module: str) -> str:
+def room(module: str) -> str:
     """The part of the package that a module belongs to."""
     return module.split(".")[1] if "." in module else ""
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "jaxnet").rglob("*.py")), ids=lambda path: path.stem)
 def test_imports_run_one_way(path):
-    """Model ← engine ← study ← view ← cli, and theory rests on model alone."""
+    """From every room to those before it, never back."""
     ours = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    home = layer(ours)
-    if home not in LAYERS:
+    home = room(ours)
+    if home not in ROOMS:
         return
     for node in ast.walk(ast.parse(path.read_text())):
         modules = []
@@ -45,8 +41,8 @@ def test_imports_run_one_way(path):
         elif isinstance(node, ast.Import):
             modules = [name.name for name in node.names]
         for module in modules:
-            if module.startswith("jaxnet.") and layer(module) in LAYERS:
-                assert layer(module) in LAYERS[home] | {home}, f"{ours} imports {module}"
+            if module.startswith("jaxnet.") and room(module) in ROOMS:
+                assert ROOMS.index(room(module)) <= ROOMS.index(home), f"{ours} imports {module}"
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
@@ -74,7 +70,7 @@ def test_the_schema_beside_the_configs_is_current():
 
 def test_the_stored_study_fits_the_schema(tmp_path):
     """With every default written out."""
-    from jaxnet.study.sweep import plain
+    from jaxnet.config.cells import plain
 
     study = jaxnet.load(ROOT / "configs" / "paper.yaml")
     text = yaml.safe_dump(plain(study.config))

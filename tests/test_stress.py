@@ -4,8 +4,8 @@ import numpy as np
 
 import jaxnet
 from experiments import stress
+from jaxnet.lanes.jobs import job
 from jaxnet.model.defence import TrustedTrim
-from jaxnet.study.lanes import job
 
 
 def test_no_lane_is_over_a_bound_that_holds_for_it():

@@ -23,7 +23,7 @@ import click
 import yaml
 from distributed import LocalCluster
 
-from jaxnet.study.layout import SHARDS
+from jaxnet.store.layout import SHARDS
 
 STUDY = {"name": "cluster", "samples": 0, "engine": "flat", "sweep": {"attack.magnitude": [1, 5]}}
 WAYS = {

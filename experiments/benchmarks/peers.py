@@ -29,7 +29,7 @@ from scipy.integrate import solve_ivp
 from scipy.io import loadmat, savemat
 
 from jaxnet.engine.batch import Job
-from jaxnet.study import exactness
+from jaxnet.runs import exactness
 
 RTOL, ATOL = 1e-7, 1e-9
 

@@ -71,8 +71,8 @@ def measure(what: str, keys: Mapping[str, Any], lanes: int, seconds: float = 0, 
     """
     import peers
 
-    from jaxnet.study.cache import enable
-    from jaxnet.study.lanes import job
+    from jaxnet.lanes.jobs import job
+    from jaxnet.runs.cache import enable
 
     enable()
     scenario, (run, warm) = scenario_of(keys), simulator(what)
@@ -115,8 +115,8 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
     """Greatest distance [m] from the exact solution over the first lanes, simulated once more."""
     import peers
 
-    from jaxnet.study import exactness
-    from jaxnet.study.lanes import job
+    from jaxnet.lanes.jobs import job
+    from jaxnet.runs import exactness
 
     if scenario.defence.kind != "none":
         return float(exactness.deviations(exactness.ticked(scenario, SEED, range(lanes))).max())

@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from row import apart, spread
 
-from jaxnet.view import style
+from jaxnet.view.figures import style
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 LEAST = 16  # lanes of a call, enough for some chunks of the largest fleets

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 from upath import UPath
 
-from jaxnet.study import ultimate
-from jaxnet.study.api import Results
-from jaxnet.study.replay import replay_worst
-from jaxnet.view import figures, page
+from jaxnet.runs.replay import replay_worst
+from jaxnet.statistics import ultimate
+from jaxnet.store.results import Results
+from jaxnet.view import page
+from jaxnet.view.figures import every as figures
 
 
 def write(results: Results) -> Iterator[UPath]:

@@ -1,6 +1,6 @@
 """What `check` says of the paper's scenarios."""
 
-from jaxnet.view import check
+from jaxnet.view.text import check
 from tests import systems
 
 

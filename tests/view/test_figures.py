@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.view import panels, tails, topology
+from jaxnet.view.figures import panels, tails, topology
 from tests import systems
 
 

@@ -11,9 +11,12 @@ import pandas as pd
 import pytest
 
 import jaxnet
-from jaxnet.study.api import Results
-from jaxnet.study.replay import replay
-from jaxnet.view import bands, curves, figures, page, style, ultimate, unrecovered
+from jaxnet.runs.replay import replay
+from jaxnet.statistics import curves
+from jaxnet.store.results import Results
+from jaxnet.view import page
+from jaxnet.view.figures import bands, style, ultimate, unrecovered
+from jaxnet.view.figures import every as figures
 from jaxnet.view.page import plots, sections
 from tests import systems
 

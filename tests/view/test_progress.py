@@ -2,7 +2,7 @@
 
 import time
 
-from jaxnet.view import progress
+from jaxnet.view.text import progress
 
 
 def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypatch):

@@ -12,9 +12,9 @@ from string import Template
 from plotly.offline import get_plotlyjs
 from upath import UPath
 
-from jaxnet.study.api import Results
-from jaxnet.study.folder import Folder
-from jaxnet.view import style
+from jaxnet.store.folder import Folder
+from jaxnet.store.results import Results
+from jaxnet.view.figures import style
 from jaxnet.view.page import sections
 
 HERE = Path(__file__).parent

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.view import tables
-from jaxnet.view.multiples import columns, title
+from jaxnet.view.figures.multiples import columns, title
+from jaxnet.view.text import tables
 
 
 def folded(name: str, text: str) -> str:

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.study.api import Results
-from jaxnet.study.groups import Group
-from jaxnet.view.curves import (
+from jaxnet.statistics.curves import (
     BOUND_NAMES,
     FLOOR,
     METRICS,
@@ -21,7 +19,9 @@ from jaxnet.view.curves import (
     size_of_lie,
     span,
 )
-from jaxnet.view.multiples import title
+from jaxnet.statistics.groups import Group
+from jaxnet.store.results import Results
+from jaxnet.view.figures.multiples import title
 
 Grid = dict[str, Any]  # `layouts` by choice, `panels` by panel and choice
 

@@ -8,12 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from jaxnet.study import recovery
-from jaxnet.study.api import Results, read_table
-from jaxnet.study.bounds import unchecked
-from jaxnet.study.replay import worst_of_cells
-from jaxnet.view import check, tables
-from jaxnet.view.curves import (
+from jaxnet.runs.replay import worst_of_cells
+from jaxnet.statistics import recovery
+from jaxnet.statistics.curves import (
     BOUND_NAMES,
     FLOOR,
     METRICS,
@@ -26,8 +23,11 @@ from jaxnet.view.curves import (
     shares,
     size_of_lie,
 )
+from jaxnet.statistics.limits import unchecked
+from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import plots, trajectories
 from jaxnet.view.page.elements import folded, grid, key, stroke, table
+from jaxnet.view.text import check, tables
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200

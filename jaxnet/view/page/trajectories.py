@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 from upath import UPath
 
-from jaxnet.study.api import Results
-from jaxnet.study.arrays import store_at
-from jaxnet.view.curves import size_of
-from jaxnet.view.multiples import title
+from jaxnet.statistics.curves import size_of
+from jaxnet.store.arrays import store_at
+from jaxnet.store.results import Results
+from jaxnet.view.figures.multiples import title
+from jaxnet.view.figures.panels import attacked_vehicles
 from jaxnet.view.page.plots import packed
-from jaxnet.view.panels import attacked_vehicles
 
 MOST_FRAMES = 100
 MOST_LANES = 60

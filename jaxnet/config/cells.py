@@ -1,0 +1,319 @@
+"""A document becomes a study: one validated config, and the cells that its sweep spans."""
+
+import functools
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from jaxnet.config import faults as checks
+from jaxnet.config import keys as config
+from jaxnet.config import wording
+from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
+from jaxnet.config.keys import KINDS, Config, Scenario
+
+Place = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
+
+MOST_CELLS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One point of the sweep's grid: its number from 0, its swept keys as tables show them, its scenario."""
+
+    number: int
+    labels: dict[str, Any]
+    scenario: Scenario
+
+    def __str__(self) -> str:
+        """How messages name it."""
+        return cell_name(self.number, self.labels)
+
+
+def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
+    """The study that a document describes; raises ConfigError with everything that is wrong."""
+    name_kinds(document)
+    settled, problems = validate(Config, document.data, document.place)
+    given, _ = validate(SweepAlone, document.data, document.place)
+    values = {} if given is None else {key: spread(each) for key, each in given.sweep.items()}
+    wrong = list(refuse_sweep(settled, values))
+    problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
+    problems += [*document.problems, *idle_overrides(document, list(values))]
+    spanned = {key: listed for key, listed in values.items() if is_known(key)}
+    cells: tuple[Cell, ...] = ()
+    if math.prod(map(len, values.values())) <= MOST_CELLS:
+        base = document.data if settled is None else plain(settled)
+        cells, faults = span(document, base, spanned, known=set(problems))
+        problems += faults
+    if settled is not None:
+        problems += [
+            located(fault, document.place)
+            for fault in checks.study_objections(settled, [cell.scenario for cell in cells])
+        ]
+    if settled is None or problems:
+        raise ConfigError(sorted(problems, key=line_order))
+    return settled, cells
+
+
+def line_order(problem: Problem) -> tuple[int, ...]:
+    """Orders problems as they stand in the file, the command line's last."""
+    match = re.search(r":([0-9]+):([0-9]+)$", problem.place)
+    return (int(match[1]), int(match[2])) if match else (2**62,)
+
+
+def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem]:
+    """Overrides that the sweep would silently replace."""
+    for key in document.overridden:
+        for other in swept:
+            if key == other or key.startswith(f"{other}."):
+                message = f"has no effect, {other} is swept; override sweep.{other} instead"
+                yield Problem(document.place(split(key)), key, message)
+
+
+class SweepAlone(BaseModel):
+    """The sweep of a config whose other keys may be wrong."""
+
+    model_config = config.Record.model_config | {"extra": "ignore"}
+
+    sweep: config.Sweep = {}
+
+
+def located(fault: checks.Objection, place: Place) -> Problem:
+    """An objection with the place of the first of its keys that was written."""
+    return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
+
+
+def name_kinds(document: Document) -> None:
+    """Write out what a kind's bare name, or a mapping without one, stands for."""
+    for field in KINDS:
+        if field in document.data:
+            document.data[field] = with_kind(field, document.data[field])
+            place = document.place((field, "kind"), (field,))
+            document.places.setdefault((field, "kind"), place)
+
+
+def with_kind(field: str, value: Any) -> Any:
+    """The mapping that a value of a kind's field means."""
+    if isinstance(value, str):
+        return {"kind": value}
+    if isinstance(value, dict) and "kind" not in value:
+        return {"kind": Scenario.model_fields[field].default.kind, **value}
+    return value
+
+
+def validate(model: type[Any], data: Mapping[str, Any], place: Place) -> tuple[Any, list[Problem]]:
+    """The model, or what is wrong with each key."""
+    try:
+        return model.model_validate(dict(data)), []
+    except ValidationError as error:
+        problems = []
+        for one in error.errors(include_url=False):
+            keys = written(one)
+            problems.append(Problem(place(keys), dotted(keys), wording.explain(one)))
+        return None, problems
+
+
+def written(error: Any) -> Keys:
+    """Keys of an error's place as the user writes them: the marks of unions taken out."""
+    keys = tuple(part for part in error["loc"] if not str(part).startswith((config.MARK, "[key]")))
+    if error["type"] == "missing" and isinstance(keys[-1], int):
+        return keys[:-1]
+    in_mapping = error["type"] in ("kind", "union_tag_invalid") and isinstance(error["input"], dict)
+    return (*keys, "kind") if in_mapping else keys
+
+
+def spread(given: Any) -> list[Any]:
+    """Values of one swept key; a spacing of whole numbers gives whole numbers."""
+    if isinstance(given, list):
+        return given
+    with np.errstate(all="ignore"):
+        spaced = (
+            np.linspace(*given.linspace)
+            if isinstance(given, config.Linspace)
+            else np.geomspace(*given.geomspace)
+        ).tolist()
+    return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
+
+
+def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Iterator[tuple[str, str]]:
+    """What is wrong with a sweep before its cells are looked at: key and message."""
+    if math.prod(map(len, values.values())) > MOST_CELLS:
+        yield list(values)[-1], f"spans more than {MOST_CELLS:,} cells"
+    saves = settled is not None and (settled.save.errors or settled.save.trajectories != "none")
+    for number, (key, listed) in enumerate(values.items()):
+        root = key.split(".")[0]
+        if root not in Scenario.model_fields:
+            wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
+            yield key, wrong + wording.suggestion(root, list(Scenario.model_fields))
+        elif root in KINDS and key == f"{root}.kind":
+            yield key, f"sweep {root} instead: a kind comes with keys of its own"
+        elif not is_known(key):
+            yield key, "unknown key" + wording.suggestion(key.split(".")[1], known_inside(root))
+        if any(other.startswith(f"{key}.") for other in list(values)[:number]):
+            yield key, "must stand before the dotted keys that set into it"
+        if saves and key in ("vehicles", "horizon", "output_step"):
+            yield key, "cannot be swept while save stores errors or trajectories"
+        named = names(key, listed)
+        twice = [name for n, name in enumerate(named) if name in named[:n]]
+        if twice:
+            remedy = "; give each a label" if key in KINDS else ""
+            yield key, f"two values are named {twice[0]}{remedy}"
+
+
+def is_known(key: str) -> bool:
+    """Whether some scenario has this dotted key."""
+    root, *inside = key.split(".")
+    return root in Scenario.model_fields and (not inside or inside[0] in known_inside(root))
+
+
+def known_inside(root: str) -> list[str]:
+    """Keys that kinds of a field have besides `kind`, or the field's own mapping; none for a plain value."""
+    models = KINDS.get(root) or ((config.Initial,) if root == "initial" else ())
+    return list(dict.fromkeys(key for model in models for key in model.model_fields if key != "kind"))
+
+
+def names(key: str, listed: list[Any]) -> list[Any]:
+    """What tables call the values of one swept key: all by a number, or all by text.
+
+    A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
+    """
+    if key not in KINDS:
+        if all(isinstance(value, int | float) for value in listed):
+            return listed
+        return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
+    kinds = [full_kind(key, with_kind(key, value)) for value in listed]
+    return [kind_label(kind, kinds) for kind in kinds]
+
+
+def full_kind(field: str, value: Any) -> Any:
+    """The mapping of a kind with its defaults written out."""
+    if not isinstance(value, dict):
+        return value
+    models = {config.kind_name(kind): kind for kind in KINDS[field]}
+    if not isinstance(value["kind"], str) or value["kind"] not in models:
+        return value
+    fields = models[value["kind"]].model_fields
+    defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
+    return {key: tidy(each) for key, each in (defaults | value).items()}
+
+
+def kind_label(kind: Any, among: list[Any]) -> str:
+    """Name of one swept kind among the others."""
+    if not isinstance(kind, dict):
+        return wording.shown(kind)
+    if isinstance(kind.get("label"), str):
+        return kind["label"]
+    alike = [other for other in among if isinstance(other, dict) and other["kind"] == kind["kind"]]
+    telling = [
+        f"{key}={wording.shown(value)}"
+        for key, value in kind.items()
+        if key not in ("kind", "label", "edges") and any(other.get(key) != value for other in alike)
+    ]
+    return str(kind["kind"]) + (f"({', '.join(telling)})" if telling else "")
+
+
+def span(
+    document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]], known: set[Problem]
+) -> tuple[tuple[Cell, ...], list[Problem]]:
+    """The cells, first key slowest, and what is wrong with them but was not known, each fault once.
+
+    The values are set into the study, with its defaults written out if nothing is wrong with it, as it is
+    stored: so that the stored study has the same cells.
+    """
+    base = {key: value for key, value in study.items() if key in Scenario.model_fields}
+    labels = {key: names(key, listed) for key, listed in values.items()}
+    cells: list[Cell] = []
+    faults: dict[Problem, list[str]] = {}
+    grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
+    for number, indices in enumerate(grid):
+        chosen = dict(zip(values, indices, strict=True))
+        data = deepcopy(base)
+        named = {key: labels[key][index] for key, index in chosen.items()}
+        try:
+            for key, index in chosen.items():
+                set_swept(data, key, deepcopy(values[key][index]))
+        except LookupError as error:
+            key, reason = error.args
+            problem = Problem(document.place(("sweep", key)), f"sweep.{key}", reason)
+            faults.setdefault(problem, []).append(cell_name(number, named))
+            continue
+        scenario, problems = judge(data, functools.partial(place_in_cell, document, chosen))
+        if scenario is not None:
+            cells.append(Cell(number, named, scenario))
+        for problem in dict.fromkeys(problems):
+            if problem not in known:
+                faults.setdefault(problem, []).append(cell_name(number, named))
+    roots = {key.split(".")[0] for key in values}
+    return tuple(cells), [
+        problem._replace(message=f"{problem.message}, in {where[0]}")
+        if len(where) < len(grid) or problem.key.split(".")[0] in roots
+        else problem
+        for problem, where in faults.items()
+    ]
+
+
+def judge(data: Mapping[str, Any], place: Place) -> tuple[Scenario | None, list[Problem]]:
+    """A cell's scenario, or all that is wrong with it.
+
+    Where single keys are wrong, what several must fulfil together is still asked of the others.
+    """
+    scenario, problems = validate(Scenario, data, place)
+    wrong = {problem.key.split(".")[0] for problem in problems}
+    rest = scenario
+    if rest is None:
+        rest, _ = validate(Scenario, {key: each for key, each in data.items() if key not in wrong}, place)
+    if rest is not None:
+        problems += [
+            located(fault, place)
+            for fault in checks.scenario_objections(rest)
+            if not wrong & {key.split(".")[0] for key in fault.keys}
+        ]
+    return scenario, problems
+
+
+def cell_name(number: int, labels: Mapping[str, Any]) -> str:
+    """How messages name a cell."""
+    swept = ", ".join(f"{key}={value}" for key, value in labels.items())
+    return f"cell {number}" + (f" ({swept})" if swept else "")
+
+
+def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it."""
+    root = key.split(".")[0]
+    try:
+        put(data, split(key), value)
+    except LookupError as error:
+        raise LookupError(key, error.args[0]) from error
+    if root in KINDS:
+        data[root] = with_kind(root, data[root])
+
+
+def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
+    """Where a cell's fault stands: at the swept value that set the key, else where the key is written."""
+    for keys in candidates:
+        for key in sorted(chosen, key=lambda key: -key.count(".")):
+            swept, here = split(key), ("sweep", key, chosen[key])
+            if swept[: len(keys)] == keys[: len(swept)]:
+                inside = (*here, *keys[len(swept) :])
+                return document.place(inside, here)
+    return document.place(*candidates)
+
+
+def plain(model: BaseModel) -> dict[str, Any]:
+    """A model as plain data, for YAML and JSON."""
+    return tidy(model.model_dump(mode="python"))
+
+
+def tidy(value: Any) -> Any:
+    """Plain data of models, mappings and lists, without labels that nobody gave."""
+    if isinstance(value, BaseModel):
+        return plain(value)
+    if isinstance(value, dict):
+        return {key: tidy(each) for key, each in value.items() if not (key == "label" and each is None)}
+    return [tidy(each) for each in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,96 @@
+"""Random numbers that belong to what they are for, and to nothing else.
+
+One uniform number belongs to (seed, the quantity's dotted name, sample, vehicle, component): it does not
+change with the number of samples, the order in which lanes run, or any other key. Every distribution is its
+inverse CDF of that number, so cells that differ in anything share their draws (common random numbers).
+"""
+
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float, UInt32
+
+from jaxnet.config import keys as config
+
+COMPONENTS = 4  # of a vehicle whose slots are side by side
+PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
+BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
+
+Place = tuple[int, int]  # vehicle (0: the lane's own) and component
+Draws = Float[np.ndarray, "samples places"]
+
+
+def draw(
+    number: Any,
+    seed: int,
+    name: str,
+    samples: Sequence[int],
+    vehicles: Sequence[int],
+    components: int = 1,
+) -> Float[np.ndarray, "samples vehicles components"]:
+    """Values of a number or distribution for each sample, vehicle (0: the lane's own) and component."""
+    shape = (len(samples), len(vehicles), components)
+    if not config.is_drawn(number):
+        return np.full(shape, float(number))
+    places = [(vehicle, component) for vehicle in vehicles for component in range(components)]
+    return quantile(number, uniforms(seed, name, samples, places)).reshape(shape)
+
+
+def draw_each(
+    numbers: Sequence[Any], seed: int, name: str, samples: Sequence[int], places: Sequence[Place]
+) -> Draws:
+    """Values for each sample of several numbers or distributions, each with its own place."""
+    if not any(map(config.is_drawn, numbers)):
+        return np.tile(np.array(numbers, float), (len(samples), 1))
+    columns = uniforms(seed, name, samples, places).T
+    return np.stack([quantile(number, u) for number, u in zip(numbers, columns, strict=True)], axis=1)
+
+
+def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """The inverse CDF of a distribution; a number wherever it is asked."""
+    match number:
+        case float() | int():
+            return np.full(u.shape, float(number))
+        case config.Uniform(uniform=[low, high]):
+            return low + (high - low) * u
+        case config.Normal(normal=[mean, deviation]):
+            with jax.enable_x64(True):
+                return mean + deviation * np.asarray(jax.scipy.special.ndtri(u))
+        case config.Choice(choice=values):
+            return np.array(values)[(u * len(values)).astype(int)]
+    raise TypeError(f"not a number or distribution: {number!r}")
+
+
+def uniforms(seed: int, name: str, samples: Sequence[int], places: Sequence[Place]) -> Draws:
+    """Uniform numbers inside (0, 1), in steps of 2⁻⁵³."""
+    rows, columns = in_blocks(samples, BLOCK[0]), in_blocks([slot(*place) for place in places], BLOCK[1])
+    with jax.enable_x64(True):
+        key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
+        drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
+    return ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
+
+
+def slot(vehicle: int, component: int) -> int:
+    """The number below 2³² that a place has to itself."""
+    page, component = divmod(component, COMPONENTS)
+    return page * PAGE + vehicle * COMPONENTS + component
+
+
+def in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
+    """Numbers in rows of this size, the last one filled up with zeros."""
+    padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
+    padded[: len(numbers)] = numbers
+    return padded.reshape(-1, size)
+
+
+@jax.jit
+def bits(key: Any, samples: Any, slots: Any) -> Any:
+    """64 random bits for each sample and slot."""
+
+    def one(sample: Any, slot: Any) -> Any:
+        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64")
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)

@@ -1,0 +1,66 @@
+"""How far simulated lanes are from the exact solution of the closed loop, given their own kept sets."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxnet.config.keys import Scenario
+from jaxnet.engine import batch
+from jaxnet.lanes.jobs import job
+from jaxnet.model import robot
+from jaxnet.model.hearing import Hearing
+from jaxnet.theory import exact
+
+
+def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
+    """Lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
+    if scenario.tick == 0:
+        raise ValueError("the exact solution needs kept sets that are held between ticks")
+    return job(scenario.model_copy(update={"output_step": scenario.tick}), seed, samples, ("state", "kept"))
+
+
+def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
+    """Greatest distance [m] over ticks and vehicles from the solution (SCIENCE, O1 and O2), lane by lane.
+
+    The lanes are `ticked` ones. A failed lane's is not-a-number.
+    """
+    outcome = batch.simulate(lanes)
+    with jax.enable_x64(True):
+        return np.array(
+            [
+                worst(
+                    jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs),
+                    lanes.network.hearing,
+                    float(lanes.clock.interval),
+                    {name: values[n] for name, values in outcome.series.items()},
+                )
+                for n in range(lanes.size)
+            ]
+        )
+
+
+def worst(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, Any]) -> float:
+    """Greatest distance of one lane."""
+    lane = one.lane
+    times = np.arange(len(series["kept"])) * interval
+    signals = [np.asarray(jet) for jet in jax.vmap(lane.attack.jets)(jnp.asarray(times))]
+    navigator = type(lane.navigator)(*map(np.asarray, lane.navigator)).jets(times)
+    own = robot.output_jets(lane.initial)
+    start = np.stack([(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)])
+    sources, attacked = np.asarray(hearing.sources), np.asarray(hearing.attacked)
+    listeners = np.arange(sources.shape[1])
+
+    def corruption(t: float, weights: Any) -> np.ndarray:
+        mixing = np.zeros((len(listeners), len(listeners)))
+        for slot, lies in zip(sources, attacked, strict=True):
+            liar = np.where(slot > 0, slot - 1, listeners)
+            mixing[listeners[lies], liar[lies]] += weights[listeners[lies], slot[lies]]
+        return np.stack([mixing @ jet[round(t / interval)].T for jet in signals])
+
+    known = exact.tracking_errors(start, corruption, series["kept"], np.asarray(lane.gain), interval)
+    ours = series["state"][:, :, :2] - navigator[0].T[:, None]
+    return float(np.linalg.norm(ours - known, axis=2).max())

@@ -1,0 +1,233 @@
+"""A run: bring a folder to hold every lane of a study; what is there already is not done again.
+
+Who simulates the shards is the crew's business: this process (`shards.simulate`) or others (`cluster`).
+Nobody has to hold more than one cell's rows for the tables at the end.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import numpy as np
+import pandas as pd
+
+from jaxnet.config import keys as config
+from jaxnet.config.cells import Cell, plain
+from jaxnet.config.keys import Config
+from jaxnet.engine import batch
+from jaxnet.engine.batch import Machine
+from jaxnet.lanes.jobs import job
+from jaxnet.runs import shards
+from jaxnet.runs.shards import Done, Work
+from jaxnet.statistics import recovery, summary
+from jaxnet.store import arrays, layout, rows
+from jaxnet.store.folder import DERIVED, Folder, FolderError, digest, versions
+from jaxnet.store.layout import Shard
+
+Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
+Crew = Callable[[Work, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
+READERS = 16  # files looked over at a time
+CHOSEN = "trajectories.zarr"
+
+
+def alone(machine: Machine) -> Crew:
+    """The crew of this process."""
+    return lambda work, todo, load_done: shards.simulate(work, todo, machine, load_done)
+
+
+class Run:
+    """One study's way into one folder, which is held by its writer."""
+
+    def __init__(
+        self,
+        study: Config,
+        cells: Sequence[Cell],
+        folder: Folder,
+        progress: Progress,
+        machine: Machine,
+        crew: Crew | None = None,
+    ):
+        self.began, self.before = time.monotonic(), folder.manifest
+        if isinstance(study.samples, int):
+            study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
+        self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
+        self.crew = crew or alone(machine)
+        self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
+        self.progress = progress
+
+    def whole(self) -> None:
+        """Simulate what is missing, and make the tables and arrays."""
+        looks = looks_of(self.study, self.before.get("samples", 0), self.size)
+        tally = Tally(len(self.cells) * looks[-1], self.progress)
+        self.folder.remove_torn()
+        self.folder.write_study(self.study)
+        counts, simulated, samples = recovery.nobody(self.cells), 0, 0
+        for look in looks:
+            new = layout.shards_of(self.cells, look, self.size)[len(self.cells) * (samples // self.size) :]
+            self.begin(look)
+            simulated += self.simulate(new, self.work(self.prepare(look)), tally)
+            samples = look
+            if isinstance(self.study.samples, config.Sequential):
+                assert self.study.recovery is not None
+                for number, lanes in rows.scan(self.folder, new, ("tail_mean",), rows.OK):
+                    counts.add(self.cells[number], lanes["tail_mean"].to_numpy(), self.study.recovery.tau)
+                if recovery.settled(counts, self.cells, look // self.size, self.study.samples.until):
+                    break
+        self.finish(samples, simulated)
+
+    def part(self, number: int, of: int) -> tuple[int, int, int]:
+        """Simulate what is missing of every `of`-th shard from `number` on.
+
+        Rows alone are written, and arrays beside them, so that others can do the same with the other shards.
+        How many shards these are, how many were simulated, and how many lanes failed.
+        """
+        if isinstance(self.study.samples, config.Sequential):
+            raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
+        mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
+        tally = Tally(sum(len(shard.samples) for shard in mine), self.progress)
+        simulated = self.simulate(mine, self.work(None), tally)
+        return len(mine), simulated, tally.failed
+
+    def begin(self, samples: int) -> None:
+        """Say in the manifest what is going to be in the folder."""
+        save = plain(self.study.save)
+        same = self.folder.manifest.get("save") == save and self.folder.manifest.get("samples") == samples
+        self.folder.write_manifest(
+            hash=digest(self.study),
+            seed=self.study.seed,
+            versions=versions(),
+            device=jax.devices()[0].device_kind,
+            chunk=self.machine.chunk,
+            samples=samples,
+            shard_size=self.size,
+            save=save,
+            finished=same and self.folder.manifest["finished"],
+        )
+
+    def prepare(self, samples: int) -> dict[str, str]:
+        """Make room for so many samples in the stores that are filled shard by shard; their identities."""
+        stores = layout.filled_stores(self.cells, self.study.save)
+        return {
+            name: arrays.identity(
+                arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
+            )
+            for name, variables in stores.items()
+        }
+
+    def work(self, filled: dict[str, str] | None) -> Work:
+        """What every shard takes."""
+        return Work(
+            Folder(self.folder.path.absolute()),
+            digest(self.study),
+            self.study.seed,
+            self.size,
+            rows.column_types(self.study, self.cells),
+            layout.filled_stores(self.cells, self.study.save),
+            filled,
+        )
+
+    def simulate(self, wanted: Sequence[Shard], work: Work, tally: "Tally") -> int:
+        """Simulate and store those shards that are not there yet; how many there were."""
+        with ThreadPoolExecutor(READERS) as pool:
+            found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
+        todo = [shard for shard, done in zip(wanted, found, strict=True) if done is None]
+        self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
+        tally.found([done for done in found if done is not None])
+        if work.filled is not None and (todo or not self.folder.manifest["finished"]):
+            self.folder.clear((*DERIVED, "cells.csv"))
+        for done in self.crew(work, todo, tally.load_done):
+            tally.shard_done(done)
+        return len(todo)
+
+    def finish(self, samples: int, simulated: int) -> None:
+        """The chosen trajectories, and the tables of all rows."""
+        every = layout.shards_of(self.cells, samples, self.size)
+        if not isinstance(self.study.save.trajectories, str):
+            lanes = rows.scan(self.folder, every, ("sample", "status", "tail_mean"))
+            chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
+            if simulated or not self.folder.manifest["finished"] or not self.stored(chosen):
+                self.store_chosen(chosen, samples)
+        table = summary.summarise(self.folder, every, self.cells, self.study, samples // self.size)
+        self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
+        total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
+        for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
+            taken.unlink()
+        self.folder.write_manifest(
+            lanes={"total": total, "ok": total - failed, "failed": failed},
+            wall_seconds=round(self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3),
+            finished=True,
+        )
+
+    def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
+        """Whether the chosen lanes' trajectories are there as they were written."""
+        path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
+        lanes = ((cell, sample) for cell, samples in chosen.items() for sample in samples)
+        return all(arrays.intact(path, variables, *lane) for lane in lanes)
+
+    def store_chosen(self, chosen: Mapping[int, Sequence[int]], samples: int) -> None:
+        """Simulate the chosen lanes again with their trajectories, into a new store."""
+        self.folder.remove(CHOSEN)
+        variables = layout.trajectory_variables(self.cells)
+        store = arrays.prepare(self.folder.path / CHOSEN, variables, self.cells, samples, chunk=1)
+        for cell, mine in chosen.items():
+            if not mine:
+                continue
+            one = job(self.cells[cell].scenario, self.study.seed, mine, tuple(variables))
+            outcome = batch.simulate(one, self.machine)
+            for place, sample in enumerate(mine):
+                series = {name: values[place : place + 1] for name, values in outcome.series.items()}
+                arrays.write(store, cell, slice(sample, sample + 1), series)
+
+
+def looks_of(study: Config, there: int, size: int) -> list[int]:
+    """Samples a cell after which to look whether they are enough, the last in any case; `there` are begun.
+
+    A fixed number is one look. A criterion looks after whole shards, so that each number of shards is
+    looked at once, whatever was there.
+    """
+    if not isinstance(study.samples, config.Sequential):
+        return [study.samples]
+    least, most = max(1, -(-there // size)), study.samples.until.at_most // size
+    if least * size > max(study.samples.until.at_most, there):
+        raise FolderError(
+            f"the folder's shards hold {size} samples, so at least {least * size} are simulated: allow them"
+            " by samples.until.at_most, give another folder with --out, or replace its results with --fresh"
+        )
+    return [shards * size for shards in range(least, max(least, most) + 1)]
+
+
+class Tally:
+    """Counts lanes for the progress report; lanes of an unfinished shard count once it is stored."""
+
+    def __init__(self, total: int, progress: Progress):
+        self.total, self.progress = total, progress
+        self.done = self.failed = 0
+
+    def found(self, there: Sequence[Done]) -> None:
+        """These shards were there."""
+        self.done += sum(done.lanes for done in there)
+        self.failed += sum(done.failed for done in there)
+        self.progress(self.done, self.total, self.failed)
+
+    def load_done(self, lanes: int) -> None:
+        """So many lanes came to their end."""
+        self.done += lanes
+        self.progress(self.done, self.total, self.failed)
+
+    def shard_done(self, done: Done) -> None:
+        """A shard was stored."""
+        self.failed += done.failed
+        self.progress(self.done, self.total, self.failed)
+
+
+def chosen_samples(save: config.Save, lanes: pd.DataFrame) -> list[int]:
+    """Samples of one cell whose trajectories are asked for."""
+    match save.trajectories:
+        case config.Samples(samples=samples):
+            return samples
+        case config.Worst(worst=count):
+            ok: Any = lanes[lanes["status"] == "ok"]
+            return ok.nlargest(count, "tail_mean")["sample"].tolist()
+    return []

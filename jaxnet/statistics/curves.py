@@ -1,0 +1,233 @@
+"""What figures and page both show: δ̂(ā), its bounds and fits, the share unrecovered, ẽ(t) over lanes.
+
+What another command has not written yet is left out: `bounds.csv` and `fit.csv` come from `jaxnet fit`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Float
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.keys import is_drawn
+from jaxnet.statistics.groups import Group, attacked_groups, shared
+from jaxnet.store.results import Results
+
+MOST = 24  # panels that one figure takes
+MOST_TIMES = 300  # of a band
+FLOOR = 1e-9  # [m] below it a log axis shows rounding
+FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
+SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
+METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
+
+BOUND_NAMES = {
+    "static": "static",
+    "peak_gain": "peak gain",
+    "star_norm": "star norm",
+    "lyapunov_best": "Lyapunov, best Q",
+    "lyapunov_corrected": "Lyapunov, corrected",
+    "lyapunov_printed": "Lyapunov, as printed",
+}
+
+
+class Curve(NamedTuple):
+    """One group's errors against ā > 0: rows of `cells.csv` indexed by ā, bounds and fits as lines s·ā."""
+
+    group: Group
+    cells: pd.DataFrame
+    bounds: Mapping[tuple[str, str], float]  # slope by bound and vehicle (1 to m, worst, fleet)
+    fits: Mapping[tuple[str, float | None], tuple[float, float, float]]  # s, low, high by metric and quantile
+
+    @property
+    def sizes(self) -> Float[np.ndarray, " cells"]:
+        """ā, ascending [m]."""
+        return self.cells.index.to_numpy(dtype=float)
+
+    def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
+        """Statistics of a metric over lanes, by ascending ā [m]."""
+        return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
+
+    def shares(self) -> list[Float[np.ndarray, " cells"]]:
+        """Share unrecovered with its interval's ends, by ascending ā [%]."""
+        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE]
+
+    @property
+    def worst(self) -> float:
+        """The greatest error of any vehicle in any lane, per ā."""
+        return float(np.fmax.reduce(self.spread("tail_max", "max")[0] / self.sizes))
+
+    def slope(self, bound: str, vehicle: str) -> float:
+        """A bound per ā; not-a-number where it says nothing."""
+        return self.bounds.get((bound, vehicle), np.nan)
+
+    def limits(self, metric: str) -> dict[str, float]:
+        """Finite slopes to hold a metric against: of the worst vehicle, of `tail_mean` the vehicles' mean."""
+        slopes = {
+            bound: self.mean_slope(bound) if metric == "tail_mean" else self.slope(bound, "worst")
+            for bound in BOUND_NAMES
+        }
+        return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
+
+    def mean_slope(self, bound: str) -> float:
+        """A bound per ā of the mean over vehicles; not-a-number where it has none for each of them."""
+        each = [
+            slope for (name, vehicle), slope in self.bounds.items() if name == bound and vehicle.isdigit()
+        ]
+        return float(np.mean(each)) if each else np.nan
+
+    def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
+        """Slope s of the proportional model with its interval: of least squares, or of a quantile."""
+        return self.fits.get((metric, quantile))
+
+
+def curves(results: Results) -> list[Curve]:
+    """A curve per group of attacked cells whose ā is not drawn; raises FolderError for an unfinished run."""
+    cells, bounds, fits = results.cells, table(results, "bounds"), table(results, "fit")
+    found = []
+    for group in attacked_groups(results.study.cells):
+        if not group.attacked:
+            continue
+        rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
+        lines = slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
+        found.append(Curve(group, rows, *lines))
+    return found
+
+
+def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
+    """Rows of `bounds.csv` by bound and vehicle."""
+    return {
+        (bound, vehicle): float(slope)
+        for bound, vehicle, slope in zip(rows["bound"], rows["vehicle"], rows["slope"], strict=True)
+    }
+
+
+def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
+    """Slopes s·ā of `fit.csv` with their intervals, by metric and quantile (None: least squares)."""
+    wanted = (rows["model"] == "proportional") & (rows["parameter"] == "s") & rows["estimate"].notna()
+    proportional: Any = rows[wanted]
+    return {
+        (row.metric, None if np.isnan(row.quantile) else row.quantile): (row.estimate, row.low, row.high)
+        for row in proportional.itertuples()
+    }
+
+
+COLUMNS = {
+    "bounds": ("bound", "vehicle", "slope"),
+    "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
+}
+TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
+    ("slope", "quantile", "estimate", "low", "high"), float
+)
+
+
+def table(results: Results, name: str) -> pd.DataFrame:
+    """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
+    file = results.path / f"{name}.csv"
+    if not file.exists():
+        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
+        return empty.astype({key: TYPES[key] for key in COLUMNS[name]})
+    with file.open("rb") as held:
+        return pd.read_csv(held, dtype=TYPES, keep_default_na=False, na_values=[""])
+
+
+def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
+    """Rows whose swept keys have these values."""
+    mine = np.ones(len(rows), bool)
+    for key, label in labels.items():
+        mine &= np.array([alike(value) == alike(label) for value in rows[key]], bool)
+    return rows.iloc[np.flatnonzero(mine)]
+
+
+def alike(value: Any) -> str:
+    """A swept value so that it is the same read from a CSV file: 1, 1.0 and "1" are."""
+    try:
+        return repr(float(value))
+    except ValueError:
+        return str(value)
+
+
+def span(found: Sequence[Curve], metric: str) -> tuple[float, float]:
+    """Ends of a log axis for a metric [m], with all that is drawn but what is far too small to see."""
+    low, high = [], []
+    for curve in found:
+        most = curve.sizes.max()
+        low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
+        high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
+    faint = FAINT * min(curve.sizes.min() for curve in found)
+    return decades(max(faint, min(low, default=faint)), max(filter(np.isfinite, high), default=faint))
+
+
+def decades(low: float, high: float) -> tuple[float, float]:
+    """The powers of ten around a range."""
+    first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
+    return float(10.0**first), float(10.0 ** max(last, first + 1))
+
+
+def magnitude_is_swept(found: Sequence[Curve]) -> bool:
+    """Whether some curve has more than one point."""
+    return any(len(curve.cells) > 1 for curve in found)
+
+
+def shares(results: Results) -> pd.DataFrame:
+    """Share unrecovered and its interval's ends, of the cells that have one, by number."""
+    cells: Any = results.cells
+    return cells[SHARE].dropna() if set(SHARE) <= set(cells) else pd.DataFrame(columns=SHARE)
+
+
+class Band(NamedTuple):
+    """ẽ(t) over the ok lanes of a cell [m]."""
+
+    time: Float[np.ndarray, " times"]
+    low: Float[np.ndarray, " times"]
+    median: Float[np.ndarray, " times"]
+    high: Float[np.ndarray, " times"]
+    greatest: Float[np.ndarray, " times"]
+
+
+def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
+    """5 %, median, 95 % and maximum over samples at MOST_TIMES instants at most; None if no lane is ok."""
+    times = tracking.sizes["time"]
+    chosen = np.unique(np.linspace(0, times - 1, min(times, MOST_TIMES)).round().astype(int))
+    values = tracking.isel(cell=cell.number).values[:, chosen]
+    values = values[~np.isnan(values).any(axis=1)]
+    if not len(values):
+        return None
+    return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
+
+
+def all_bands(results: Results) -> dict[int, Band]:
+    """Bands of the cells of the first MOST scenes, by number of the cell."""
+    cells = [cell for group in scenes(results.study.cells)[:MOST] for cell in group.cells]
+    tracking = results.errors["tracking"]
+    found = {cell.number: band(tracking, cell) for cell in cells}
+    return {number: each for number, each in found.items() if each is not None}
+
+
+def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
+    """Ends of a log axis for bands [m]."""
+    low = min(float(each.low.min()) for each in found.values())
+    return decades(max(FLOOR, low), max(FLOOR, *(float(each.greatest.max()) for each in found.values())))
+
+
+def scenes(cells: Sequence[Cell]) -> list[Group]:
+    """Cells that differ in ā alone, whether or not they have a fixed one, in the study's order."""
+    members: dict[tuple[Any, ...], list[Cell]] = {}
+    for cell in cells:
+        members.setdefault(tuple(shared(cell).items()), []).append(cell)
+    return [Group(dict(labels), tuple(group)) for labels, group in members.items()]
+
+
+def size_of(cell: Cell) -> Any:
+    """ā as the config has it, 0 without an attack."""
+    return getattr(cell.scenario.attack, "magnitude", 0)
+
+
+def size_of_lie(cell: Cell) -> str:
+    """ā of a cell in words."""
+    amount = size_of(cell)
+    if is_drawn(amount):
+        return "ā drawn"
+    return f"ā = {amount:.3g} m" if amount else "no attack"

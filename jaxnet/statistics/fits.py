@@ -1,0 +1,226 @@
+"""δ̂(ā), the fleet's ultimate error against the size of the attack: `fit.csv`.
+
+Each group of cells that differ in ā alone, and each of tail_mean and tail_max, is fitted with the curves of
+`curves` by the estimators of `regression`; cells with ā = 0 and failed lanes take no part. Intervals are the
+2.5 and 97.5 % points of fits to samples drawn again with replacement: samples and not rows, for sample s is
+the same random draw in every cell. The envelope has none, as the bootstrap fails for a maximum:
+`envelope_share` says what is known of it.
+"""
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import pandas as pd
+from scipy.sparse import csr_array
+
+from jaxnet.engine.cores import cores
+from jaxnet.statistics.families import MODELS, value
+from jaxnet.statistics.groups import Group, attacked_groups
+from jaxnet.statistics.regression import Data, Effort, least_squares, quantile_regression
+from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED
+from jaxnet.store import rows
+from jaxnet.store.folder import FolderError
+from jaxnet.store.results import Results
+
+COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
+QUANTILES = (0.5, 0.95)
+ENVELOPE = 1.0
+RESAMPLES = 1000
+SEED = 0
+EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
+RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
+BINS = 4096  # of lanes of one magnitude with a weight of their own; of more lanes, neighbours share one
+ROWS = 25  # resamples fitted side by side
+ROOM = 2**22  # weights of theirs
+FEWEST, FEWEST_BEYOND = 30, 10  # draws for an interval of a mean; draws beyond a quantile for one of it
+EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
+ROUNDING = 1e-12
+
+Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model: a row per resample
+
+
+class Errors(NamedTuple):
+    """What is fitted: errors [m] at magnitudes x > 0, by sample; not-a-number where a lane failed."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Those that have no more parameters than there are magnitudes."""
+        known = np.isfinite(self.y).any(axis=1).sum()
+        return tuple(model for model, names in MODELS.items() if len(names) <= known)
+
+    def ranked(self) -> "Ranked":
+        """For the estimators."""
+        ratios = self.y / self.x[:, None]
+        there = np.isfinite(ratios)
+        magnitudes, samples = ratios.shape
+        width = -(-samples // BINS)
+        bins = -(-samples // width)
+        ratios = np.where(there, ratios, np.inf)
+        order = np.argsort(ratios, axis=1, kind="stable")
+        ordered = np.full((magnitudes, bins * width), np.inf)
+        ordered[:, :samples] = np.take_along_axis(ratios, order, axis=1)
+        ordered = ordered.reshape(magnitudes, bins, width)
+        sums = np.zeros((magnitudes, bins, width + 1))
+        np.cumsum(np.where(np.isfinite(ordered), ordered, 0.0), axis=2, out=sums[:, :, 1:])
+        firsts = np.add.outer(np.arange(magnitudes) * samples, np.arange(bins) * width)
+        members = (
+            np.take_along_axis(there, order, axis=1).ravel().astype(np.int16),
+            order.ravel(),
+            np.append(firsts, there.size),
+        )
+        return Ranked(
+            Data(self.x, ordered, sums),
+            csr_array(members, shape=(magnitudes * bins, samples)),
+            np.concatenate([there, np.where(there, ratios, 0.0)]).T,
+        )
+
+
+class Ranked(NamedTuple):
+    """Errors as the estimators take them, and what makes of the samples' weights those that they need."""
+
+    data: Data
+    bins: csr_array  # of all magnitudes' bins, the samples in each
+    lanes: np.ndarray  # by sample, of each magnitude whether there is a lane; then the error per ā of each
+
+
+def table(results: Results) -> pd.DataFrame:
+    """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
+
+    Models with more parameters than a group has magnitudes are left out, and so are intervals of too few
+    draws. Raises FolderError where no cell has an attack with ā > 0 that is fixed or swept.
+    """
+    groups = [(group, group.attacked) for group in fitted_groups(results)]
+    asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
+
+    def of(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
+        labels, cells, metric = one
+        errors = observed(results, cells, metric)
+        return [labels | {"metric": metric} | row for row in fits(errors)]
+
+    with ThreadPoolExecutor(cores()) as pool:
+        found = [row for rows_of_one in pool.map(of, asked) for row in rows_of_one]
+    return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *COLUMNS]))
+
+
+def fitted_groups(results: Results) -> list[Group]:
+    """Groups with an ā > 0; raises FolderError if there is none."""
+    groups = [group for group in attacked_groups(results.study.cells) if group.attacked]
+    if not groups:
+        raise FolderError(
+            f"{results.path}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
+        )
+    return groups
+
+
+def observed(results: Results, cells: dict[int, float], metric: str) -> Errors:
+    """Errors of some cells' lanes."""
+    place = {cell: row for row, cell in enumerate(cells)}
+    y = np.full((len(cells), results.manifest["samples"]), np.nan)
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=cells):
+        y[place[cell], lanes["sample"]] = lanes[metric]
+    return Errors(np.array(list(cells.values())), y)
+
+
+def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
+    """How often each sample is drawn in each resample, so many of these at once."""
+    random = np.random.default_rng(SEED)
+    for first in range(0, RESAMPLES, at_once):
+        drawn = (random.integers(samples, size=samples) for _ in range(min(at_once, RESAMPLES - first)))
+        yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
+
+
+def fits(errors: Errors) -> Iterator[dict[str, Any]]:
+    """Rows on one set of errors."""
+    if not errors.models:
+        return
+    samples, models, ranked = errors.y.shape[1], errors.models, errors.ranked()
+    once = np.ones((1, samples), np.int16)
+    points = estimates(ranked, once, (*QUANTILES, ENVELOPE), models, EXACT)
+    at_once = max(1, min(ROWS, ROOM // ranked.data.ratios[:, :, 0].size))
+    drawn = bootstrap(ranked, resamples(samples, at_once), models)
+    for quantile, estimated in points.items():
+        for model, (estimate,) in estimated.items():
+            blank = np.full_like(estimate, np.nan)
+            known = quantile in drawn and enough(errors, quantile)
+            low, high = interval(drawn[quantile][model]) if known else (blank, blank)
+            low, high = (
+                np.minimum(low, estimate),
+                np.maximum(high, estimate),
+            )  # resamples are searched coarser
+            score = aicc(errors, model, estimate) if quantile is None else np.nan
+            for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
+                row = (model, quantile, name, *numbers, score)
+                yield dict(zip(COLUMNS[1:], row, strict=True))
+
+
+def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:
+    """Estimates of all resamples."""
+    parts = [estimates(ranked, some, QUANTILES, models, RESAMPLED) for some in counts]
+    return {
+        quantile: {model: np.concatenate([part[quantile][model] for part in parts]) for model in models}
+        for quantile in parts[0]
+    }
+
+
+def estimates(
+    ranked: Ranked, counts: np.ndarray, quantiles: tuple[float, ...], models: tuple[str, ...], effort: Effort
+) -> Estimates:
+    """Parameters of some models by row of counts, by least squares (None) and at quantiles.
+
+    In double precision whatever the process's default is.
+    """
+    bins = (ranked.bins @ np.ascontiguousarray(counts.T)).T.reshape(-1, *ranked.data.ratios.shape[:2])
+    weights, sums = np.split(counts.astype(float) @ ranked.lanes, 2, axis=1)
+    with jax.enable_x64(True):
+        means = least_squares(ranked.data.x, weights, sums / np.maximum(weights, 1.0), effort, models)
+        rest = quantile_regression(ranked.data, bins.astype(float), np.array(quantiles), effort, models)
+    found = {model: [np.asarray(means[model]), *np.asarray(rest[model])] for model in models}
+    return {each: {model: found[model][n] for model in models} for n, each in enumerate((None, *quantiles))}
+
+
+def enough(errors: Errors, quantile: float | None) -> bool:
+    """Whether the draws suffice for an interval that holds what it says: with fewer it covers too little."""
+    draws = np.isfinite(errors.y).any(axis=0).sum()
+    return bool(draws >= FEWEST if quantile is None else draws * min(quantile, 1 - quantile) >= FEWEST_BEYOND)
+
+
+def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The percentile interval of each parameter; a resample of none but failed lanes counts for nothing."""
+    ordered, counted = np.sort(drawn, axis=0), np.isfinite(drawn[:, 0]).sum()
+    outside = int((1 - CONFIDENCE) / 2 * counted)
+    return ordered[outside], ordered[counted - 1 - outside]
+
+
+def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
+    """Akaike's criterion with its correction for few rows, of (y − f)/x; nan where that is rounding.
+
+    `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, k counting the variance too (Hurvich and Tsai 1989).
+    """
+    ratios = errors.y / errors.x[:, None]
+    residuals = ratios - (value(model, errors.x, parameters) / errors.x)[:, None]
+    n, k = np.isfinite(ratios).sum(), len(parameters) + 1
+    spread, size = np.sqrt(np.nanmean(residuals**2)), np.sqrt(np.nanmean(ratios**2))
+    if n <= k + 1 or spread < max(EXACT_FIT * size, ROUNDING):
+        return np.nan
+    return float(2 * n * np.log(spread) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
+
+
+def envelope_share(draws: int) -> float:
+    """Share of draws that, with 95 % confidence, stay below the envelope s·ā at every ā: 0.05^(1/n).
+
+    Samples are the independent units, for cells share their draws: the envelope is the greatest of their n
+    independent maxima (an order statistic; Wilks, 1941).
+    """
+    return float((1 - CONFIDENCE) ** (1 / draws))
+
+
+def whole_draws(results: Results, group: Group) -> int:
+    """Samples whose lanes ended at every ā of a group."""
+    errors = observed(results, group.attacked, SUMMARISED[0])
+    return int(np.isfinite(errors.y).all(axis=0).sum())

@@ -1,0 +1,46 @@
+"""Cells that differ in the size of the lie alone: what δ̂(ā) is asked of."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from jaxnet.config import keys as config
+from jaxnet.config.cells import Cell
+
+MAGNITUDE = "attack.magnitude"
+
+
+class Group(NamedTuple):
+    """Cells by ascending ā, and the swept keys that they share."""
+
+    labels: dict[str, Any]
+    cells: tuple[Cell, ...]
+
+    @property
+    def attacked(self) -> dict[int, float]:
+        """ā of the cells in which it is positive, by their number."""
+        return {cell.number: magnitude(cell) for cell in self.cells if magnitude(cell) > 0}
+
+    def __str__(self) -> str:
+        """How tables and messages name it."""
+        return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
+
+
+def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
+    """Groups of the cells with an attack whose ā is not drawn."""
+    members: dict[tuple[Any, ...], list[Cell]] = {}
+    for cell in cells:
+        attack = cell.scenario.attack
+        if isinstance(attack, config.Attacked) and not config.is_drawn(attack.magnitude):
+            members.setdefault(tuple(shared(cell).items()), []).append(cell)
+    return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
+
+
+def shared(cell: Cell) -> dict[str, Any]:
+    """The swept keys of a cell other than its ā."""
+    return {key: label for key, label in cell.labels.items() if key != MAGNITUDE}
+
+
+def magnitude(cell: Cell) -> float:
+    """ā of an attacked cell, if it is not drawn."""
+    attack: Any = cell.scenario.attack
+    return attack.magnitude

@@ -1,0 +1,120 @@
+"""How often the defence fails, as the share of lanes whose mean error stays above τ ā (SCIENCE O6).
+
+And when enough lanes were simulated to say so.
+
+One interval serves both. With a fixed number of lanes it is the exact binomial one of Clopper and Pearson
+(1934). Where lanes are added until it is narrow enough, it is looked at again and again, and an interval
+honest for one look is not for many; so the i-th look, after i shards, has the error α / (i (i + 1)). These
+sum to α: with probability 1 - α all intervals that are ever looked at hold at once, wherever one stops.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int
+from scipy import special
+
+from jaxnet.config import keys as config
+from jaxnet.config.cells import Cell
+from jaxnet.statistics.groups import magnitude, shared
+
+CONFIDENCE = 0.95
+
+
+class Counts(NamedTuple):
+    """Of each cell, the lanes that ended and those of them that did not recover."""
+
+    unrecovered: Int[np.ndarray, " cells"]
+    ended: Int[np.ndarray, " cells"]
+
+    def add(self, cell: Cell, errors: Float[np.ndarray, " lanes"], tau: float) -> None:
+        """Count the mean errors [m] of a cell's ok lanes."""
+        self.unrecovered[cell.number] += np.count_nonzero(errors > threshold(cell, tau))
+        self.ended[cell.number] += len(errors)
+
+
+def nobody(cells: Sequence[Cell]) -> Counts:
+    """Counts before the first lane."""
+    return Counts(np.zeros(len(cells), int), np.zeros(len(cells), int))
+
+
+def threshold(cell: Cell, tau: float) -> float:
+    """`τ ā` [m], above which a lane of the cell has not recovered; not-a-number where nobody lies."""
+    attacked = isinstance(cell.scenario.attack, config.Attacked) and magnitude(cell) > 0
+    return tau * magnitude(cell) if attacked else np.nan
+
+
+def clopper_pearson(
+    successes: Int[np.ndarray, "*n"], trials: Int[np.ndarray, "*n"], confidence: float
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """Both ends of the exact interval of a share; 0 to 1 where there was no trial."""
+    tail = (1.0 - confidence) / 2
+    with np.errstate(invalid="ignore"):
+        low = special.betaincinv(successes, trials - successes + 1.0, tail)
+        high = special.betaincinv(successes + 1.0, trials - successes, 1.0 - tail)
+    return np.where(successes == 0, 0.0, low), np.where(successes == trials, 1.0, high)
+
+
+def confidence_at(look: int, confidence: float) -> float:
+    """Confidence of one look, so that all looks hold at once with `confidence`."""
+    return 1.0 - (1.0 - confidence) / (look * (look + 1))
+
+
+def confidence_of(samples: int | config.Sequential, look: int) -> float:
+    """Confidence of the interval to be told: the ordinary one, or that of the look that ended the run."""
+    if not isinstance(samples, config.Sequential):
+        return CONFIDENCE
+    return confidence_at(look, samples.until.confidence)
+
+
+def confidence_told(samples: int | config.Sequential) -> float:
+    """Confidence that the intervals of `cells.csv` have, however often was looked."""
+    return samples.until.confidence if isinstance(samples, config.Sequential) else CONFIDENCE
+
+
+def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: config.Criterion) -> bool:
+    """Whether, at this look, the widest interval of the attacked cells is narrow enough.
+
+    A cell none of whose lanes ended is not waited for.
+    """
+    low, high = clopper_pearson(*counts, confidence_at(look, criterion.confidence))
+    asked = attacked(cells) & (counts.ended > 0)
+    return bool((high - low)[asked].max(initial=0.0) <= 2 * criterion.half_width)
+
+
+def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
+    """Cells in which somebody lies."""
+    return np.array([threshold(cell, 1.0) > 0 for cell in cells])
+
+
+def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
+    """Columns of `cells.csv`; not-a-number where nobody lies, or no lane ended."""
+    low, high = clopper_pearson(*counts, confidence)
+    asked = attacked(cells) & (counts.ended > 0)
+    share = counts.unrecovered / np.maximum(counts.ended, 1)
+    columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
+    return pd.DataFrame({name: np.where(asked, values, np.nan) for name, values in columns.items()})
+
+
+def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
+    """Cell and sample of those of some ok lanes that have the greatest mean error for their ā.
+
+    First the worst lane of each group of cells that differ in ā alone, then the second of each, and so on:
+    otherwise one group would often fill the list with lanes that are all alike.
+    """
+    scale = np.array([threshold(cell, 1.0) for cell in cells])
+    groups = np.array([str(shared(cell)) for cell in cells])
+    lanes = pd.DataFrame(
+        {
+            "cell": rows["cell"],
+            "sample": rows["sample"],
+            "ratio": rows["tail_mean"] / scale[rows["cell"]],
+            "group": groups[rows["cell"]],
+        }
+    ).dropna()
+    lanes = lanes.sort_values("ratio", ascending=False, kind="stable")
+    lanes["place"] = lanes.groupby("group").cumcount()
+    chosen: Any = lanes.sort_values(["place", "ratio"], ascending=[True, False], kind="stable").head(number)
+    return list(zip(chosen["cell"].tolist(), chosen["sample"].tolist(), strict=True))

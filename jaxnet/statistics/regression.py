@@ -1,0 +1,285 @@
+"""The best curve through errors of samples at magnitudes: least squares, pinball, envelope.
+
+All of it minimises Σ_j G_j(u_j) over the curves u of `curves`, where G_j collects the errors per ā,
+r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
+
+    least squares  G_j(u) = Σ_s n_s (r_js − u)²/2            of y with weights 1/x²
+    pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
+    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   what pinball comes to as q → 1: its "quantile 1"
+
+Of many lanes, neighbours in the order of r_js share their mean weight, a bin of them at a time. That leaves
+Σ_{r ≤ u} n_s as it is at the edges of bins; in one of w lanes it is off by √w/2 at most (standard deviation),
+where resamples scatter by √(q (1 − q)) of the root of all lanes. Least squares see the samples' own weights.
+
+A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
+no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
+cross once; so a curve bent more than all those through two of the points (x_j, m_j) gains at every magnitude
+when it is bent less, about the place where it crosses them.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float, Int, Shaped
+
+from jaxnet.statistics.families import BENT, Curve, Number, Values
+
+Index = Int[Array, ""]
+Ranks = Int[Array, " j"]
+Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, and how many ratios are at most each curve
+
+STRIDES = 64  # from the least shape that may be best to the greatest
+
+
+class Effort(NamedTuple):
+    """How closely a minimum is sought."""
+
+    stride: Index | int  # a shape is looked at every so many STRIDES first, for there may be several minima
+    shapes: Index | int  # halvings of the bracket of the best shape then
+    scales: Index | int  # halvings of the bracket of the best scale for a shape
+
+
+class Data(NamedTuple):
+    """Errors per ā by magnitude, ascending, in bins of lanes; inf where a lane failed or there is none."""
+
+    x: Float[Any, " j"]
+    ratios: Float[Any, "j bins lanes"]
+    sums: Float[Any, "j bins lanes+1"]  # of the first ratios of a bin
+
+
+class Best(NamedTuple):
+    """The best scale for some offset and growth."""
+
+    scale: Number
+    loss: Number
+    pull: Values  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
+
+
+class Loss(NamedTuple):
+    """What is minimised."""
+
+    weights: Values
+    least: Values  # minimisers m_j of the G_j
+    best: Callable[[Values, Values], Best]  # of offset and growth
+
+
+def squares(weights: Values, means: Values) -> Loss:
+    """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
+
+    def best(offset: Values, growth: Values) -> Best:
+        scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
+        residual = offset + scale * growth - means
+        return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
+
+    return Loss(weights, means, best)
+
+
+def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
+    """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
+
+    Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
+    first term is left out: beside a few great errors it would drown what many small ones differ by. The
+    envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    """
+    width, ratios, sums = data.ratios.shape[2], flat(data.ratios), flat(data.sums)
+    lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
+    mean = bins / jnp.maximum(lanes, 1).astype(float)
+    # Weights and weighted ratios up to a bin: [:, k] is the sum of the first k.
+    weight, ratio = (
+        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
+    )
+    weights = weight[:, -1]
+
+    def last_bin(rank: Ranks) -> Ranks:
+        return jnp.minimum(rank // width, bins.shape[1] - 1)
+
+    def weight_of(rank: Ranks) -> Values:
+        last = last_bin(rank)
+        return at(weight, last) + at(mean, last) * (rank - last * width).astype(float)
+
+    def ratio_of(rank: Ranks) -> Values:
+        last = last_bin(rank)
+        return at(ratio, last) + at(mean, last) * at(sums, rank + last)  # a bin has one sum more than lanes
+
+    wanted = quantile * weights
+    last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
+    missing = wanted - at(weight, last)
+    further = jnp.ceil(missing / jnp.where(missing > 0, at(mean, last), 1.0)).astype(int)
+    first = last * width + jnp.clip(further, 1, jnp.maximum(at(lanes, last), 1)) - 1
+    least = at(ratios, first)
+
+    def best(offset: Values, growth: Values) -> Best:
+        own = (least - offset) / growth
+
+        def rank_of(scale: Number) -> Ranks:
+            return ranks(ratios, offset + scale * growth)
+
+        def halve(_: Index, bracket: Bracket) -> Bracket:
+            low, high, under, over = bracket
+            between = (own > low) & (own < high) & (weights > 0)
+            scale = jnp.mean(own, where=between | ~between.any())
+            scale = jnp.where(between.any(), scale, (low + high) / 2)
+            rank = rank_of(scale)
+            short = jnp.sum(growth * (weight_of(rank) - wanted)) < 0
+            return (
+                jnp.where(short, scale, low),
+                jnp.where(short, high, scale),
+                jnp.where(short, rank, under),
+                jnp.where(short, over, rank),
+            )
+
+        there = weights > 0
+        low, high = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
+        begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
+        low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
+        falling, rising = (weight_of(rank) - wanted for rank in (under, over))
+        rising = jnp.where(quantile < 1, rising, weights)
+        short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
+        share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
+        scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
+        u = offset + scale * growth
+        loss = jnp.where(quantile < 1, u * falling - ratio_of(under), u * weights)
+        return Best(scale, jnp.sum(loss), rising + share * falling)
+
+    return Loss(weights, least, best)
+
+
+def flat(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
+    """Bins side by side."""
+    return bins.reshape(len(bins), -1)
+
+
+def ranks(ratios: Float[Array, "j s"], u: Values) -> Ranks:
+    """How many ratios of each magnitude are at most u, by bisection."""
+    width = ratios.shape[1]
+    bits = width.bit_length()
+
+    def step(number: Index, rank: Ranks) -> Ranks:
+        further = rank + (1 << (bits - 1 - number))
+        reached = at(ratios, jnp.minimum(further, width) - 1) <= u
+        return jnp.where((further <= width) & reached, further, rank)
+
+    return lax.fori_loop(0, bits, step, jnp.zeros(u.shape, int))
+
+
+def at(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
+    """One column of each row."""
+    return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
+
+
+class Search(NamedTuple):
+    """A bracket of the best shape, the lowest loss of a row, and where the search looked last."""
+
+    low: Number
+    high: Number
+    loss: Number
+    shape: Number
+    scale: Number
+
+
+def fitted(
+    x: Values, loss: Loss, effort: Effort, models: tuple[str, ...]
+) -> dict[str, Float[Array, " parameters"]]:
+    """Parameters of the best curve of some models."""
+    straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
+    curves = [BENT[model] for model in models if model in BENT]
+    if not curves:
+        return {"proportional": straight[None]}
+    found = jax.vmap(lambda kind: search(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
+    ends = zip(curves, found.shape, found.scale, strict=True)
+    read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
+    return dict(zip(models, [straight[None], *read], strict=True))
+
+
+def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
+    """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
+
+    Where all slopes point to an end of the bracket, that end is the answer.
+    """
+    every = shapes(curves, kind, x, loss)
+    looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
+    first = STRIDES // effort.stride - 1
+    last = first + effort.shapes
+
+    def step(number: Index, search: Search) -> Search:
+        in_row = number < first
+        middle = (search.low + search.high) / 2
+        end = jnp.where(search.low == every[0], every[0], middle)
+        end = jnp.where(search.high == every[-1], every[-1], end)
+        in_turn = every[jnp.minimum((number + 1) * effort.stride, STRIDES)]
+        shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
+        best, slope = look(curves, kind, x, loss, shape)
+        lowest = in_row & (best.loss < search.loss)
+        below = jnp.max(every, initial=every[0], where=looked_at & (every < shape))
+        above = jnp.min(every, initial=every[-1], where=looked_at & (every > shape))
+        return Search(
+            jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
+            jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
+            jnp.where(lowest, best.loss, search.loss),
+            shape,
+            best.scale,
+        )
+
+    begin = Search(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
+    return lax.fori_loop(0, last + 1, step, begin)
+
+
+def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " shapes"]:
+    """Shapes of the curves through two minimisers: STRIDES quantiles, from the least; 0 if there are none.
+
+    Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
+    """
+    pairs = np.triu_indices(len(x), 1)
+    there = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
+    through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)[pairs]
+    greatest = jnp.max(through, initial=-jnp.inf, where=there)
+    ascending = jnp.sort(jnp.where(there, through, greatest))
+    last = jnp.maximum(jnp.sum(there) - 1, 0).astype(float)
+    quantiles = jnp.interp(
+        last * jnp.linspace(0, 1, STRIDES + 1), jnp.arange(len(ascending), dtype=float), ascending
+    )
+    return jnp.where(there.any(), quantiles, 0.0)
+
+
+def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
+    """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
+
+    def bent(shape: Number) -> tuple[Values, Values]:
+        return lax.switch(kind, [curve.bent for curve in curves], x, shape)
+
+    (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
+    best = loss.best(offset, growth)
+    return best, jnp.sum(best.pull * (offset_bends + best.scale * growth_bends))
+
+
+@functools.partial(jax.jit, static_argnames="models")
+def least_squares(
+    x: Values,
+    weights: Float[Array, "n j"],
+    means: Float[Array, "n j"],
+    effort: Effort,
+    models: tuple[str, ...],
+) -> dict[str, Float[Array, "n parameters"]]:
+    """Parameters of some models, the proportional one first, for each row of weights and weighted means."""
+    return jax.vmap(lambda *row: fitted(x, squares(*row), effort, models))(weights, means)
+
+
+@functools.partial(jax.jit, static_argnames="models")
+def quantile_regression(
+    data: Data,
+    bins: Float[Array, "n j bins"],
+    quantiles: Float[Array, " q"],
+    effort: Effort,
+    models: tuple[str, ...],
+) -> dict[str, Float[Array, "q n parameters"]]:
+    """As `least_squares`, at quantiles up to 1, for each row of bins' weights."""
+
+    def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
+        return fitted(data.x, pinball(data, bins, quantile, effort.scales), effort, models)
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)

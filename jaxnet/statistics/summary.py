@@ -1,0 +1,61 @@
+"""Statistics of rows: one line per cell."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.keys import Config
+from jaxnet.statistics import recovery
+from jaxnet.store import rows
+from jaxnet.store.folder import Folder
+from jaxnet.store.layout import Shard
+
+SUMMARISED = ("tail_mean", "tail_max")
+CONFIDENCE = 0.95
+
+
+def summarise(
+    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, look: int
+) -> pd.DataFrame:
+    """`cells.csv`: swept keys, lanes, ok, failed, the spread of the tail errors over ok lanes.
+
+    And, if asked for, the share that did not recover; `look` is the one that ended a sequential run.
+    """
+    table, counts = [], recovery.nobody(cells)
+    for number, lanes in rows.scan(folder, shards, ("status", *SUMMARISED)):
+        ok: Any = lanes[lanes["status"] == "ok"]
+        row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
+        for metric in SUMMARISED:
+            row |= {f"{metric}_{name}": value for name, value in spread(ok[metric].to_numpy()).items()}
+        table.append(row)
+        if study.recovery is not None:
+            counts.add(cells[number], ok["tail_mean"].to_numpy(), study.recovery.tau)
+    cells_table = pd.DataFrame(table)
+    if study.recovery is None:
+        return cells_table
+    return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
+
+
+def spread(values: np.ndarray) -> dict[str, float]:
+    """Mean with its t interval, median, quantiles and maximum; not-a-number where there is no lane."""
+    count = len(values)
+    if count == 0:
+        return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
+    mean, half = values.mean(), np.nan
+    if count > 1:
+        quantile = special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)
+        half = quantile * values.std(ddof=1) / np.sqrt(count)
+    q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
+    return {
+        "mean": mean,
+        "low": mean - half,
+        "high": mean + half,
+        "median": median,
+        "q05": q05,
+        "q95": q95,
+        "max": values.max(),
+    }

@@ -1,0 +1,35 @@
+"""The ultimate error against the size of the lie: what the lanes say of it, and what theory does."""
+
+from collections.abc import Callable, Iterator
+
+import pandas as pd
+from upath import UPath
+
+from jaxnet.statistics import fits as fit
+from jaxnet.statistics import limits as bounds
+from jaxnet.statistics.groups import attacked_groups
+from jaxnet.store.folder import Folder
+from jaxnet.store.results import Results
+
+
+def analyse(results: Results) -> Iterator[UPath]:
+    """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
+
+    Raises FolderError for an unfinished run, and where no ā is fixed or swept.
+    """
+    fit.fitted_groups(results)
+    _ = results.cells
+    tables: dict[str, Callable[[], pd.DataFrame]] = {
+        "bounds.csv": lambda: bounds.table(results.study.cells),
+        "violations.csv": lambda: bounds.violations(results),
+        "fit.csv": lambda: fit.table(results),
+    }
+    folder = Folder(results.path)
+    for name, table in tables.items():
+        made = table()
+        yield folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
+
+
+def asked(results: Results) -> bool:
+    """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
+    return any(group.attacked for group in attacked_groups(results.study.cells))

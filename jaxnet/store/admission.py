@@ -1,0 +1,78 @@
+"""Which folders a study may go into: an empty one, or one that holds the same study, by the same version."""
+
+import re
+from typing import Any
+
+import jaxnet
+from jaxnet.config.cells import plain
+from jaxnet.config.document import Document
+from jaxnet.config.keys import Config
+from jaxnet.store import rows
+from jaxnet.store.folder import UNHASHED, Folder, FolderError, digest
+
+MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
+REMEDY = "give another folder with --out, or replace its results with --fresh"
+LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
+
+
+def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
+    """Refuse a folder that holds another study, or one by another version, or something else.
+
+    With `fresh`, earlier results are removed instead, and nothing but results. Raises FolderError.
+    """
+    written_by, holds = held(folder)
+    if fresh:
+        folder.clear()
+    elif written_by not in (None, jaxnet.__version__):
+        raise FolderError(
+            f"{folder.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {REMEDY}"
+        )
+    elif holds not in (None, digest(config)):
+        raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {REMEDY}")
+
+
+def held(folder: Folder) -> tuple[str | None, str | None]:
+    """By which version and of which study the results are that a folder holds; None where there are none.
+
+    Raises FolderError if something else is there.
+    """
+    if manifest := folder.manifest:
+        if not set(manifest) >= MANIFEST:
+            raise FolderError(f"{folder.path / 'manifest.json'} is not a manifest of ours")
+        return manifest["versions"]["jaxnet"], manifest["hash"]
+    names = sorted(path.name for path in folder.path.iterdir()) if folder.path.exists() else []
+    strangers = [name for name in names if not name.startswith(".") and name not in ("study.yaml", "lanes")]
+    if not strangers and "lanes" in names:
+        inside = (path.name for path in (folder.path / "lanes").iterdir())
+        strangers = [f"lanes/{name}" for name in inside if not LANES.fullmatch(name)]
+    if strangers:
+        raise FolderError(f"{folder.path} is not a results folder: it holds {strangers[0]}")
+    stamp = rows.any_stamp(folder)
+    return (stamp.jaxnet, stamp.study) if stamp else (None, None)
+
+
+def difference(folder: Folder, config: Config) -> str:
+    """Keys in which the folder's study differs from a config, where it is known."""
+    file = folder.path / "study.yaml"
+    if not file.exists():
+        return ""
+    theirs, ours = flat(Document.read(file).data), flat(plain(config))
+    keys = [
+        key
+        for key in dict.fromkeys([*theirs, *ours])
+        if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
+    ]
+    if not keys:
+        return ": its sweep has another order"
+    apart = (f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
+    return ": " + ", ".join(apart)
+
+
+def flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested mappings as one with dotted keys."""
+    if not isinstance(value, dict) or not value:
+        return {prefix: value}
+    joined = {}
+    for key, each in value.items():
+        joined |= flat(each, f"{prefix}.{key}" if prefix else str(key))
+    return joined

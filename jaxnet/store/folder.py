@@ -1,0 +1,209 @@
+"""The results folder (DESIGN, section 5): where it is, what belongs to whom, and who may write.
+
+It is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`, `gs://…`).
+A file is written under a temporary name and then renamed, an object is put whole, so a reader sees it whole
+or not at all.
+"""
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import platform
+import shutil
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import yaml
+from upath import UPath
+
+import jaxnet
+from jaxnet.config.cells import plain
+from jaxnet.config.document import Loader
+from jaxnet.config.keys import Config
+from jaxnet.store import lock
+
+UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
+DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
+OURS = (
+    "study.yaml",
+    "manifest.json",
+    "cells.csv",
+    "lanes",
+    "errors.zarr",
+    "trajectories.zarr",
+    "replays",
+    *DERIVED,
+)
+ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes
+PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
+
+
+class Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.2 would read as something else."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+
+class FolderError(ValueError):
+    """A results folder that cannot be used for what was asked."""
+
+
+def digest(config: Config) -> str:
+    """Hash of everything in a config that changes rows."""
+    kept = {key: value for key, value in plain(config).items() if key not in UNHASHED}
+    kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the rows may depend on."""
+    packages = {package: metadata.version(package) for package in PACKAGES}
+    return {"jaxnet": jaxnet.__version__, **packages, "python": platform.python_version()}
+
+
+def place(path: str | Path | UPath) -> UPath:
+    """Where a folder is: a path of the local disk, or an object store's URL; raises FolderError.
+
+    What is listed there is looked up each time, for other processes write there too.
+    """
+    try:
+        found = UPath(path)
+        if found.protocol in ("", "file", "local"):
+            return found if isinstance(found, Path) else UPath(found.path)
+        ours = found.storage_options.get("use_listings_cache") is False
+        found = UPath(found, use_listings_cache=False)
+        _ = found.fs
+    except (ImportError, ValueError) as error:  # no such protocol, or its package is not installed
+        raise FolderError(f"{path}: {error}") from error
+    if not ours:
+        reach(found)
+    return found
+
+
+def reach(path: UPath) -> None:
+    """Raise FolderError if nothing answers at a URL, we may not look there, or there is no such bucket."""
+    root = path.parents[-1] if path.parents else path
+    patience = {"timeout": ANSWER} if path.fs.async_impl else {}
+    try:
+        try:
+            path.fs.info(path.path, **patience)
+        except FileNotFoundError:
+            with contextlib.suppress(PermissionError):  # of who may use but a part of a bucket
+                path.fs.info(root.path, **patience)
+    except FileNotFoundError as error:
+        raise FolderError(f"{path}: there is no {root}") from error
+    except TimeoutError as error:
+        raise FolderError(f"{path}: no answer within {ANSWER} s") from error
+    except Exception as error:  # each file system has its own
+        raise FolderError(f"{path}: {error}") from error
+
+
+def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
+    """Have a file written under a temporary name, and rename it."""
+    final.parent.mkdir(parents=True, exist_ok=True)
+    temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        with temporary.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.rename(final)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Folder:
+    """One results folder."""
+
+    def __init__(self, path: str | Path | UPath):
+        self.path = place(path)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What `manifest.json` says; empty before a run."""
+        file = self.path / "manifest.json"
+        try:
+            return json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
+        except (FileNotFoundError, NotADirectoryError):
+            return {}
+        except ValueError as error:
+            raise FolderError(f"{file}: not a manifest: {error}") from error
+
+    def write_manifest(self, **entries: Any) -> None:
+        """Change entries of the manifest."""
+        text = json.dumps(self.manifest | entries, indent=2) + "\n"
+        self.put("manifest.json", lambda file: file.write(text.encode()))
+
+    def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
+        """Have `write` make a file that has its name once it is whole and on the disk; its path."""
+        final = self.path / name
+        if isinstance(final, Path):
+            put_file(final, write)
+        else:
+            content = io.BytesIO()
+            write(content)
+            final.fs.pipe_file(final.path, content.getvalue())
+        return final
+
+    @contextlib.contextmanager
+    def writing(self, alone: bool = True) -> Iterator[None]:
+        """Hold the folder, as its one writer or as one of those that write some shards each.
+
+        Raises FolderError if another one holds it.
+        """
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(lock.held(self.path, alone))
+            except lock.HeldError as error:
+                raise FolderError(f"{self.path} is being written by {error}") from error
+            except (OSError, NotImplementedError) as error:
+                raise FolderError(
+                    f"{self.path} cannot be a results folder: {getattr(error, 'strerror', None) or error}"
+                ) from error
+            yield
+
+    def remove_torn(self) -> None:
+        """Remove what a writer that was killed had not yet given its name; objects have theirs at once."""
+        if not isinstance(self.path, Path):
+            return
+        files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
+        for name in (*(f".{name}.*" for name in files), "lanes/.*.*.*"):
+            for torn in self.path.glob(name):
+                torn.unlink(missing_ok=True)
+
+    def clear(self, names: Sequence[str] = OURS) -> None:
+        """Remove results, and nothing else."""
+        for name in names:
+            self.remove(name)
+
+    def remove(self, name: str) -> None:
+        """Remove a file, or a folder with all that is in it, if it is there."""
+        target = self.path / name
+        if target.is_dir():
+            target.fs.rm(target.path, recursive=True)
+        else:
+            target.unlink(missing_ok=True)
+
+    def write_study(self, config: Config) -> None:
+        """`study.yaml`, the study with every default written out, runnable as it is."""
+        data = plain(config)
+        ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
+        body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
+        text = f"# jaxnet run study.yaml\n{body}"
+        self.put("study.yaml", lambda file: file.write(text.encode()))
+
+    def need(self, wanted: int) -> None:
+        """Refuse to begin what the disk has no room for; where it is no disk, nothing is known of room."""
+        if not isinstance(self.path, Path):
+            return
+        free = shutil.disk_usage(self.path).free
+        if wanted > free:
+            raise FolderError(
+                f"{self.path} may need {wanted / 2**20:,.0f} MiB, and {free / 2**20:,.0f} MiB are free there:"
+                " save less, take fewer samples, or give another folder with --out"
+            )

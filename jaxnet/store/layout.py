@@ -1,0 +1,123 @@
+"""What a study leaves in its folder, and how its lanes are parted into shards; known before anything runs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxnet.config import keys as config
+from jaxnet.config.cells import Cell
+
+SHARDS = {"chassis": 512, "flat": 4096}  # lanes, fewer where their arrays would take more than SHARD_BYTES
+SHARD_BYTES = 2**27
+ROW_BYTES = 120  # of a row in a file, at most
+
+STATE_NAMES = ("x", "y", "heading", "speed", "turn_rate", "force")
+
+
+class Variable(NamedTuple):
+    """An array of a store: its dimensions, type and meaning."""
+
+    dims: tuple[str, ...]
+    dtype: str
+    meaning: str
+
+
+LANE_TIME = ("cell", "sample", "time")
+ERRORS = {
+    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]"),
+    "disagreement": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]"),
+}
+TRAJECTORIES = {
+    "state": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]"),
+    "attack": Variable((*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]"),
+    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force"),
+}
+NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]")
+
+
+def trajectory_series(cells: Sequence[Cell]) -> tuple[str, ...]:
+    """Series of a trajectory: `kept` only where a defence trims."""
+    trims = any(isinstance(cell.scenario.defence, config.TrustedTrim) for cell in cells)
+    return ("state", "attack", "kept") if trims else ("state", "attack")
+
+
+def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
+    """Labels along every dimension."""
+    scenario = cells[0].scenario
+    outputs = round(scenario.horizon / scenario.output_step)
+    return {
+        "cell": np.arange(len(cells)),
+        "sample": np.arange(samples),
+        "time": np.arange(outputs + 1) * scenario.output_step,
+        "vehicle": np.arange(1, scenario.vehicles + 1),
+        "source": np.arange(scenario.vehicles + 1),
+        "axis": np.array(["x", "y"], dtype=object),
+        "state": np.array(STATE_NAMES, dtype=object),
+    }
+
+
+class Shard(NamedTuple):
+    """Consecutive samples of one cell; numbered so that more samples leave the numbers as they are."""
+
+    number: int
+    cell: Cell
+    samples: range
+
+
+def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
+    """All shards of a study: first every cell's first samples, then every cell's next."""
+    blocks = enumerate(range(0, samples, size))
+    return [
+        Shard(block * len(cells) + cell.number, cell, range(start, min(start + size, samples)))
+        for block, start in blocks
+        for cell in cells
+    ]
+
+
+def shard_size(cells: Sequence[Cell], study: config.Config) -> int:
+    """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
+    most = min(SHARDS[cell.scenario.engine.kind] for cell in cells)
+    if isinstance(study.samples, config.Sequential):
+        most = min(most, study.samples.until.at_most)  # whole shards are looked at, one at least
+    return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
+
+
+def filled_stores(cells: Sequence[Cell], save: config.Save) -> dict[str, dict[str, Variable]]:
+    """Variables of the stores that are filled shard by shard, by the stores' names."""
+    stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
+    if save.trajectories == "all":
+        stores["trajectories.zarr"] = trajectory_variables(cells)
+    return stores
+
+
+def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:
+    """Bytes of arrays that one lane leaves behind in the folder, at most."""
+    return sum(variable_bytes(variables, cells) for variables in filled_stores(cells, save).values())
+
+
+def disk_bytes(study: config.Config, cells: Sequence[Cell], lanes: int) -> int:
+    """Bytes that so many lanes of a study, and the trajectories it chooses, take on the disk, at most."""
+    match study.save.trajectories:
+        case config.Samples(samples=samples):
+            chosen = len(samples) * len(cells)
+        case config.Worst(worst=count):
+            chosen = count * len(cells)
+        case _:
+            chosen = 0
+    chosen_bytes = variable_bytes(trajectory_variables(cells), cells) if chosen else 0
+    return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen * chosen_bytes
+
+
+def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
+    """Arrays of a trajectory."""
+    return {name: TRAJECTORIES[name] for name in trajectory_series(cells)}
+
+
+def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
+    """Bytes of one lane's part of some arrays."""
+    coords = coordinates(cells, 1)
+    return sum(
+        int(np.prod([len(coords[dim]) for dim in variable.dims[2:]])) * np.dtype(variable.dtype).itemsize
+        for variable in variables.values()
+    )

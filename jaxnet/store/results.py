@@ -1,0 +1,151 @@
+"""Results: what a run has left in its folder, read when it is asked for."""
+
+import shlex
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+import pandas as pd
+import xarray as xr
+from upath import UPath
+
+from jaxnet.config.study import Study, load
+from jaxnet.store import layout, rows
+from jaxnet.store.arrays import store_at
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.layout import Shard
+
+
+@dataclass(frozen=True)
+class Results:
+    """A results folder, read when asked."""
+
+    path: UPath
+
+    @cached_property
+    def study(self) -> Study:
+        """The study that was run."""
+        return load(self.path / "study.yaml")
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What `manifest.json` says."""
+        return Folder(self.path).manifest
+
+    @cached_property
+    def lanes(self) -> pd.DataFrame:
+        """One row per lane, all in memory; see `by_cell`."""
+        return rows.read_all(Folder(self.path), self.shards)
+
+    def by_cell(
+        self, *columns: str, where: Any = None, cells: Container[int] | None = None
+    ) -> Iterator[tuple[int, pd.DataFrame]]:
+        """Cell by cell, these columns of its lanes by sample; one cell's are in memory at a time.
+
+        `where` is a condition of pyarrow's datasets on the rows, `cells` are the numbers of those wanted;
+        cells without rows are passed over.
+        """
+        shards = [shard for shard in self.shards if cells is None or shard.cell.number in cells]
+        return rows.scan(Folder(self.path), shards, columns, where)
+
+    def failed(self, most: int) -> tuple[int, pd.DataFrame]:
+        """How many lanes failed, and cell, sample and status of the first of them."""
+        empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
+        if not self.manifest["lanes"]["failed"]:
+            return 0, empty
+        found = [lanes for _, lanes in self.by_cell("sample", "status", where=~rows.OK)]
+        return sum(map(len, found)), pd.concat(found, ignore_index=True).head(most)
+
+    def row(self, cell: int, sample: int) -> Any:
+        """One lane's row, a pandas Series; None if it is not there."""
+        mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
+        for _, lanes in rows.scan(Folder(self.path), mine):
+            return lanes[lanes["sample"] == sample].iloc[0]
+        return None
+
+    @cached_property
+    def shards(self) -> list[Shard]:
+        """Shards whose rows are there."""
+        there = {path.name for path in self.path.glob("lanes/*.parquet")}
+        samples, size = self.manifest["samples"], self.manifest["shard_size"]
+        shards = layout.shards_of(self.study.cells, samples, size)
+        return [shard for shard in shards if PurePath(rows.name_of(shard.number)).name in there]
+
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        """One row per cell."""
+        if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
+            raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
+        return read_table(self.path / "cells.csv")
+
+    @cached_property
+    def fits(self) -> pd.DataFrame:
+        """Fits of the ultimate error against ā."""
+        return self.table("fit.csv")
+
+    @cached_property
+    def bounds(self) -> pd.DataFrame:
+        """Bounds on the ultimate error."""
+        return self.table("bounds.csv")
+
+    @cached_property
+    def violations(self) -> pd.DataFrame:
+        """Lanes above a bound that claims to hold for them."""
+        return self.table("violations.csv")
+
+    def table(self, name: str) -> pd.DataFrame:
+        """One of the tables of `jaxnet fit`; raises FolderError if it is not there."""
+        if not (self.path / name).exists():
+            raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it")
+        return read_table(self.path / name)
+
+    def replay_command(self, cell: int, sample: int, engine: str | None = None) -> str:
+        """What to type to see one lane again."""
+        words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
+        return shlex.join(words + (["--engine", engine] if engine else []))
+
+    @property
+    def errors(self) -> xr.Dataset:
+        """`ẽ` and `ε̃` over time."""
+        return self.arrays("errors.zarr", "save.errors=true")
+
+    @property
+    def trajectories(self) -> xr.Dataset:
+        """States, navigator, attack signals and kept weights over time."""
+        return self.arrays("trajectories.zarr", "save.trajectories=all")
+
+    def arrays(self, name: str, remedy: str) -> xr.Dataset:
+        """One of the stores; raises FolderError if the study did not save it."""
+        if not (self.path / name).exists():
+            raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
+        return xr.open_zarr(store_at(self.path / name))
+
+
+class Part(NamedTuple):
+    """What a part of a run came to: its shards, those of them simulated now, and its failed lanes."""
+
+    path: UPath
+    shards: int
+    simulated: int
+    failed: int
+
+
+def read_table(path: UPath) -> pd.DataFrame:
+    """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
+    with path.open("rb") as file:
+        return pd.read_csv(file, keep_default_na=False, na_values=[""])
+
+
+def open(path: str | Path) -> Results:
+    """Results of a folder that a run has made; raises FolderError."""
+    folder = Folder(path)
+    rows_there = any(folder.path.glob("lanes/*.parquet"))
+    if not folder.manifest and not rows_there:
+        raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    if not folder.manifest or not rows_there:
+        raise FolderError(
+            f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
+        )
+    return Results(folder.path)

@@ -1,0 +1,148 @@
+"""Rows: one per lane, `lanes/NNNNN.parquet` per shard, with a stamp that says what the file holds.
+
+A file is read as if anything may have happened to it: one that was cut short, that has a page whose checksum
+is wrong or that holds another study's lanes is none.
+"""
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+from upath import UPath
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.keys import Config
+from jaxnet.engine.metrics import Metrics
+from jaxnet.engine.plan import Outcome
+from jaxnet.engine.status import Status
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.layout import Shard
+
+STAMP = b"jaxnet.shard"  # in a file's metadata
+OK: Any = ds.field("status") == "ok"
+
+
+class TornError(Exception):
+    """A row file that cannot be used; says why."""
+
+
+class Stamp(NamedTuple):
+    """What a row file says of itself."""
+
+    jaxnet: str  # version that wrote it
+    study: str  # hash
+    cell: int
+    first: int  # sample
+    size: int  # samples of a whole shard
+    filled: dict[str, str]  # stores that its lanes are in, by name, and their identities
+
+
+def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:
+    """Types of the swept keys' columns, the same in every shard."""
+    return {key: column_type(study, key, label) for key, label in cells[0].labels.items()}
+
+
+def column_type(study: Config, key: str, label: Any) -> pa.DataType:
+    """Type of a swept key's column."""
+    if isinstance(label, str):
+        return pa.string()
+    given = study.sweep[key]
+    whole = isinstance(given, list) and all(isinstance(value, int) for value in given)
+    return pa.int64() if whole else pa.float64()
+
+
+def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> pa.Table:
+    """One row per lane, columns as the contract orders them."""
+    count = len(shard.samples)
+    columns: dict[str, Any] = {
+        "cell": np.full(count, shard.cell.number, dtype=np.int64),
+        "sample": np.array(shard.samples, dtype=np.int64),
+    }
+    for key, label in shard.cell.labels.items():
+        columns[key] = pa.array([label] * count, type=types[key])
+    columns["status"] = [Status(code).name for code in outcome.status]
+    columns |= {name: getattr(outcome.metrics, name) for name in Metrics._fields}
+    columns |= {
+        "steps": outcome.steps.astype(np.int64),
+        "switches": outcome.switches.astype(np.int64),
+    }
+    return pa.table(columns)
+
+
+def column_names(types: Mapping[str, pa.DataType]) -> list[str]:
+    """Names of a row file's columns, in their order."""
+    return ["cell", "sample", *types, "status", *Metrics._fields, "steps", "switches"]
+
+
+def name_of(number: int) -> str:
+    """The row file of a shard."""
+    return f"lanes/{number:05d}.parquet"
+
+
+def write(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
+    """Write a shard's rows, stamped."""
+    stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
+    folder.put(
+        name_of(number),
+        lambda file: pq.write_table(stamped, file, compression="zstd", write_page_checksum=True),
+    )
+
+
+def read(path: UPath) -> tuple[pa.Table, Stamp]:
+    """A row file, every page checked, and its stamp; raises FileNotFoundError or TornError."""
+    content = pa.BufferReader(path.fs.cat_file(path.path))
+    try:
+        rows = pq.read_table(content, page_checksum_verification=True)
+        return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
+    except (pa.ArrowException, OSError) as error:
+        raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
+    except (KeyError, ValueError, TypeError) as error:
+        raise TornError("not a row file of ours") from error
+
+
+def any_stamp(folder: Folder) -> Stamp | None:
+    """Stamp of some row file that can be read, if there is one."""
+    for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
+        try:
+            return read(path)[1]
+        except TornError:
+            continue
+    return None
+
+
+def scan(
+    folder: Folder, shards: Sequence[Shard], columns: Sequence[str] | None = None, where: Any = None
+) -> Iterator[tuple[int, pd.DataFrame]]:
+    """Cell by cell in their order, its rows by sample: these columns of those that a condition holds for.
+
+    One pass over the shards' files, with one cell's rows in memory; cells without rows are passed over, and
+    so are samples beyond those of the shards, which a part of a longer run may have written.
+    Raises FolderError if a file cannot be read.
+    """
+    if not shards:
+        return
+    ordered = sorted(shards, key=lambda shard: (shard.cell.number, shard.number))
+    files = [(folder.path / name_of(shard.number)).path for shard in ordered]
+    wanted = None if columns is None else list(dict.fromkeys(["cell", *columns]))
+    within = ds.field("sample") < max(shard.samples.stop for shard in shards)
+    options = ds.ParquetFragmentScanOptions(page_checksum_verification=True, pre_buffer=True)
+    form = ds.ParquetFileFormat(default_fragment_scan_options=options)
+    try:
+        data = ds.dataset(files, filesystem=folder.path.fs, format=form)
+        found = data.to_batches(columns=wanted, filter=within if where is None else within & where)
+        batches = (batch for batch in found if batch.num_rows)
+        for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
+            yield cell, pa.Table.from_batches(mine).to_pandas()
+    except (pa.ArrowException, OSError) as error:
+        raise FolderError(f"{folder.path}: {error}; jaxnet run simulates again what is torn") from error
+
+
+def read_all(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:
+    """All rows of some shards by cell and sample."""
+    return pd.concat([rows for _, rows in scan(folder, shards)], ignore_index=True)

@@ -1,0 +1,1 @@
+"""Figures for print, as PNG and PDF."""

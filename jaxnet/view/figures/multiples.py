@@ -1,0 +1,70 @@
+"""Small multiples: a panel per group of cells, all on the same axes, rows by the first swept key."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxnet.config.keys import KINDS
+from jaxnet.view.figures import style
+
+PANEL_HEIGHT = 1.45  # [in]
+ACROSS = 4  # panels in a row
+
+
+def columns(labels: Sequence[dict[str, Any]]) -> int:
+    """How many panels stand in a row: those that share the first swept value, if they are few."""
+    firsts = [next(iter(each.values()), None) for each in labels]
+    run = firsts.count(firsts[0])
+    return run if 2 <= run <= ACROSS and len(firsts) % run == 0 else min(len(firsts), ACROSS)
+
+
+def title(labels: dict[str, Any]) -> str:
+    """A panel's or row's name: the values that it is about, with their keys where they do not say which."""
+    return ", ".join(called(key, value) for key, value in labels.items())
+
+
+def sizes_axis(panel: Axes, sizes: Sequence[float]) -> None:
+    """Have a log axis of ā, with ticks between the powers of ten only where there are few of them."""
+    panel.set_xscale("log")
+    if max(sizes) > 100 * min(sizes):
+        panel.xaxis.minorticks_off()
+
+
+def as_text(words: str) -> str:
+    """Words in which matplotlib finds no formula."""
+    return words.replace("$", r"\$")
+
+
+def called(key: str, value: Any) -> str:
+    """One swept value."""
+    if not isinstance(value, str):
+        return f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}"
+    if value == "none":
+        return f"no {key}"
+    return value if key in KINDS else f"{key} = {value}"
+
+
+def panels(
+    labels: Sequence[dict[str, Any]], x: str, y: str, height: float = PANEL_HEIGHT
+) -> tuple[Figure, list[Axes]]:
+    """A figure with a titled panel for each of these labels, its outer axes named."""
+    across = columns(labels)
+    rows = -(-len(labels) // across)
+    drawn = Figure(figsize=(style.WIDTH, height * rows + 0.7))
+    grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
+    for panel, each in zip(grid, labels, strict=False):
+        wrapped = textwrap.fill(as_text(title(each)), 120 // across)
+        panel.set_title(wrapped, pad=3, fontsize=7.5)
+        panel.grid(True, color="0.92", linewidth=0.5)
+        panel.set_axisbelow(True)
+    for number, panel in enumerate(grid[len(labels) :], len(labels)):
+        panel.axis("off")
+        grid[number - across].tick_params(labelbottom=True)
+    for panel in grid[::across]:
+        panel.set_ylabel(y)
+    for panel in grid[max(0, len(labels) - across) : len(labels)]:
+        panel.set_xlabel(x)
+    return drawn, grid[: len(labels)]

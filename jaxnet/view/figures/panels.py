@@ -1,0 +1,186 @@
+"""The paper's figure: a row per attack, trajectories of each topology, and the errors of all of them."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+
+from jaxnet.config import keys as config
+from jaxnet.config.cells import Cell
+from jaxnet.statistics.curves import FLOOR
+from jaxnet.store.results import Results
+from jaxnet.view.figures import style
+
+MOST = 4  # rows, and columns of trajectories, that a page takes
+ROW_HEIGHT = 1.95  # [in]
+ROW_LETTERS = 30  # that a line along a row's height takes
+SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
+
+
+def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
+    """Rows are what is swept besides topology, the first MOST of each; the last column has the errors."""
+    rows = layout(results.study.cells)
+    columns = max(map(len, rows)) if trajectories else 0
+    drawn = Figure(figsize=(style.WIDTH, ROW_HEIGHT * len(rows) + 0.35))
+    widths = [1.0] * columns + ([1.35] if errors else [])
+    grid = GridSpec(len(rows), len(widths), figure=drawn, width_ratios=widths)
+    if trajectories:
+        data = results.trajectories
+        reach = farthest(data)
+        for number, cells in enumerate(rows):
+            draw_trajectories(drawn, grid, number, cells, data, reach)
+    if errors:
+        for number, cells in enumerate(rows):
+            title = f"({chr(ord('a') + number * len(widths) + columns)}) errors"
+            draw_errors(drawn, grid[number, columns], cells, results.errors, title, key=number == 0)
+    if trajectories:
+        drawn.legend(handles=legend(rows), loc="outside lower center", ncols=6, handlelength=2.2)
+    return drawn
+
+
+def farthest(data: xr.Dataset) -> float:
+    """Greatest coordinate of any vehicle or the navigator, rounded up for a frame [m]."""
+    positions = np.nan_to_num(np.abs(data["state"].isel(state=slice(0, 2)).values))
+    return float(np.ceil(1.04 * max(positions.max(), np.abs(data["navigator"].values).max())))
+
+
+def layout(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """Cells by row and column."""
+    rows: dict[Any, list[Cell]] = {}
+    for cell in cells:
+        rows.setdefault(others(cell), []).append(cell)
+    return [row[:MOST] for row in list(rows.values())[:MOST]]
+
+
+def others(cell: Cell) -> tuple[Any, ...]:
+    """What is swept besides topology."""
+    return tuple(value for key, value in cell.labels.items() if key != "topology")
+
+
+def name(cell: Cell) -> str:
+    """Name of a cell's topology."""
+    return str(cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind))
+
+
+def setting(cell: Cell) -> str:
+    """What a row is about, in a few words."""
+    attack = cell.scenario.attack
+    if attack.kind == "none" or getattr(attack, "magnitude", None) == 0:
+        words = ["no attack"]
+    else:
+        magnitude = attack.magnitude  # pyright: ignore[reportAttributeAccessIssue]
+        amount = f"{magnitude:g} m" if isinstance(magnitude, float) else "random"
+        words = [f"{attack.kind} attack, " + rf"$\bar{{a}}$ = {amount}"]
+    words += [
+        f"{key} = {value}"
+        for key, value in cell.labels.items()
+        if key not in ("topology", "attack", "attack.magnitude")
+    ]
+    return ", ".join(words)
+
+
+def draw_trajectories(
+    drawn: Figure, grid: GridSpec, row: int, cells: Sequence[Cell], data: xr.Dataset, reach: float
+) -> None:
+    """Paths in the plane, a panel per topology, all from -reach to reach [m]."""
+    for column, cell in enumerate(cells):
+        panel = drawn.add_subplot(grid[row, column])
+        draw_plane(panel, cell, data.isel(cell=cell.number))
+        letter = chr(ord("a") + row * grid.ncols + column)
+        panel.set_title(f"({letter}) {name(cell)}", pad=3)
+        panel.set_xlabel("x [m]")
+        if column == 0:
+            panel.set_ylabel(f"{textwrap.fill(setting(cell), ROW_LETTERS)}\ny [m]")
+        else:
+            panel.tick_params(labelleft=False)
+        panel.set_xlim(-reach, reach)
+        panel.set_ylim(-reach, reach)
+        panel.set_aspect("equal")
+        panel.locator_params(nbins=5)
+
+
+def draw_plane(panel: Axes, cell: Cell, data: xr.Dataset) -> None:
+    """One lane in the plane: the first that was stored."""
+    states = data["state"]
+    filled = np.flatnonzero(~np.isnan(states.isel(time=0, vehicle=0, state=0).values))
+    path = data["navigator"].values
+    panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
+    if not len(filled):
+        panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
+        return
+    positions = states.isel(sample=int(filled[0])).values[:, :, :2]
+    lying = attacked_vehicles(cell)
+    for vehicle in range(positions.shape[1]):
+        look = LYING if vehicle + 1 in lying else HONEST
+        x, y = positions[:, vehicle].T
+        panel.plot(x, y, **look, zorder=2 if vehicle + 1 in lying else 1)
+        panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
+        panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
+
+
+HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
+LYING: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
+
+
+def attacked_vehicles(cell: Cell) -> list[int]:
+    """Vehicles that the attack of a cell names, if it has any size."""
+    attack = cell.scenario.attack
+    if not isinstance(attack, config.Attacked) or attack.magnitude == 0:
+        return []
+    return attack.vehicles
+
+
+def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
+    """What is what in the plane."""
+    handles = [
+        Line2D([], [], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), label="navigator"),
+        Line2D([], [], **HONEST, label="vehicle"),
+    ]
+    if any(attacked_vehicles(cell) for row in rows for cell in row):
+        handles.append(Line2D([], [], **LYING, label="attacked vehicle"))
+    look = {"color": "0.3", "linestyle": "", "markersize": 3}
+    handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="start", **look))
+    handles.append(Line2D([], [], marker="s", label="end", **look))
+    return handles
+
+
+def draw_errors(
+    drawn: Figure, place: Any, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
+) -> None:
+    """`ẽ` above `ε̃` on log axes: the lane, or the median over lanes with a band from 5 to 95 %."""
+    inner = place.subgridspec(2, 1, hspace=0.0)
+    upper: Axes | None = None
+    for number, (variable, symbol) in enumerate(SYMBOLS.items()):
+        panel = drawn.add_subplot(inner[number], sharex=upper)
+        for cell, look in zip(cells, style.SERIES, strict=False):
+            values = data[variable].isel(cell=cell.number).values
+            draw_band(panel, data["time"].values, values, look, name(cell))
+        panel.set_yscale("log")
+        panel.set_ylabel(symbol)
+        panel.grid(True, axis="y", color="0.9", linewidth=0.5)
+        if number == 0:
+            upper = panel
+            panel.tick_params(labelbottom=False)
+            panel.set_title(title, pad=3)
+            if key:
+                panel.legend(loc="lower left", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
+        else:
+            panel.set_xlabel("t [s]")
+            panel.locator_params(axis="x", nbins=4)
+
+
+def draw_band(panel: Axes, time: np.ndarray, values: np.ndarray, look: Any, label: str) -> None:
+    """Median over samples (rows), and where most of them lie; failed lanes are left out."""
+    values = values[~np.isnan(values).any(axis=1)]
+    if not len(values):
+        return
+    low, median, high = np.maximum(FLOOR, np.quantile(values, [0.05, 0.5, 0.95], axis=0))
+    panel.plot(time, median, label=label, **look)
+    if len(values) > 1:
+        panel.fill_between(time, low, high, color=look["color"], alpha=0.2, linewidth=0)

@@ -1,0 +1,48 @@
+"""Where the lanes of each cell end: their tail errors, with median and 5 to 95 %."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from jaxnet.statistics.curves import FLOOR
+from jaxnet.store import rows
+from jaxnet.store.results import Results
+from jaxnet.view.figures import multiples, style
+
+MOST = 24  # cells that one figure takes
+DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
+
+
+def figure(results: Results) -> Figure:
+    """`tail_mean` of the ok lanes of the first MOST cells."""
+    cells = results.study.cells[:MOST]
+    drawn = Figure(figsize=(style.WIDTH, 0.28 * len(cells) + 1.0))
+    panel = drawn.add_subplot()
+    for number, lanes in results.by_cell("tail_mean", where=rows.OK, cells=range(len(cells))):
+        values = np.maximum(FLOOR, lanes["tail_mean"].to_numpy())
+        dots = some(values)
+        jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(dots))
+        panel.plot(dots, number + jitter, ".", color=style.SKY, markersize=3, zorder=1)
+        low, median, high = np.quantile(values, [0.05, 0.5, 0.95])
+        panel.plot([low, high], [number] * 2, color=style.BLACK, zorder=2)
+        panel.plot(median, number, "D", color=style.BLACK, markersize=4, zorder=3)
+    panel.set_xscale("log")
+    dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
+    panel.set_xlabel(f"mean error over the tail and the vehicles, {dot} [m]")
+    panel.set_yticks(
+        [cell.number for cell in cells],
+        [multiples.as_text(multiples.title(cell.labels)) for cell in cells],
+    )
+    panel.set_ylim(len(cells) - 0.4, -0.6)
+    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    title = "median and 5 to 95 %"
+    if len(results.study.cells) > MOST:
+        title += f"; the first {MOST} of {len(results.study.cells)} cells"
+    panel.set_title(title, loc="left")
+    return drawn
+
+
+def some(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:
+    """DOTS of them at most, evenly by rank, with the least and the greatest."""
+    ranks = np.linspace(0, len(values) - 1, min(len(values), DOTS)).round().astype(int)
+    return np.sort(values)[ranks]

@@ -1,0 +1,82 @@
+"""The ultimate error δ̂(ā): what simulation finds, under what theory allows."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from jaxnet.statistics.curves import BOUND_NAMES, MOST, Curve, span
+from jaxnet.view.figures import multiples, style
+
+BOUND_STYLE: dict[str, Any] = {
+    "static": {"color": style.GREEN, "linestyle": "-"},
+    "peak_gain": {"color": style.BLUE, "linestyle": (0, (6, 2))},
+    "star_norm": {"color": style.PURPLE, "linestyle": (0, (1, 1.2))},
+    "lyapunov_best": {"color": style.ORANGE, "linestyle": (0, (3, 1.2))},
+    "lyapunov_corrected": {"color": style.RED, "linestyle": (0, (6, 1.5, 1, 1.5))},
+    "lyapunov_printed": {"color": style.SKY, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
+}
+FITTED: dict[str, Any] = {"color": "0.45", "linewidth": 0.7, "linestyle": "-"}
+POINT: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}
+LONG: dict[str, Any] = POINT | {"markersize": 6}
+
+
+def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
+    """A panel per group, the first MOST: quantiles over lanes, bounds, and the fitted proportion."""
+    shown = found[:MOST]
+    low, high = span(found, metric)
+    word = "greatest" if metric == "tail_max" else "mean"
+    labels = [curve.group.labels for curve in shown]
+    drawn, panels = multiples.panels(labels, "size of the lie ā [m]", f"{word} tail error [m]")
+    for panel, curve in zip(panels, shown, strict=True):
+        draw_bounds(panel, curve, metric)
+        draw_lanes(panel, curve, metric, low)
+    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set(yscale="log", ylim=(low, high))
+    panels[0].yaxis.minorticks_off()
+    drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
+    return drawn
+
+
+def draw_bounds(panel: Axes, curve: Curve, metric: str) -> None:
+    """Bounds and the least-squares proportion as lines through the origin."""
+    sizes = curve.sizes
+    for bound, slope in curve.limits(metric).items():
+        panel.plot(sizes, slope * sizes, **BOUND_STYLE[bound])
+    fitted = curve.fit(metric)
+    if fitted is not None:
+        panel.plot(sizes, fitted[0] * sizes, **FITTED, zorder=1)
+
+
+def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
+    """Median, 5 to 95 % and maximum; what lies below the axis stands on it as a triangle."""
+    sizes = curve.sizes
+    low, median, high, greatest = (
+        np.maximum(floor, values) for values in curve.spread(metric, "q05", "median", "q95", "max")
+    )
+    panel.vlines(sizes, low, high, color=style.BLACK, linewidth=0.9)
+    for marker, chosen in (("o", median > floor), ("v", median <= floor)):
+        if chosen.any():
+            panel.plot(sizes[chosen], median[chosen], marker, **POINT, clip_on=False)
+    panel.plot(sizes, greatest, "_", **LONG)
+
+
+def legend(shown: Sequence[Curve], metric: str) -> list[Line2D]:
+    """What is what, of what is there."""
+    present = {bound for curve in shown for bound in curve.limits(metric)}
+    handles = [
+        Line2D([], [], marker="o", label="median of lanes", **POINT),
+        Line2D([], [], marker="|", label="5 to 95 %", **LONG),
+        Line2D([], [], marker="_", label="maximum", **LONG),
+        Line2D([], [], marker="v", label="median below the axis", **POINT),
+    ]
+    if any(curve.fit(metric) for curve in shown):
+        handles.append(Line2D([], [], label="least squares s·ā", **FITTED))
+    return handles + [
+        Line2D([], [], label=f"{BOUND_NAMES[bound]}", **look)
+        for bound, look in BOUND_STYLE.items()
+        if bound in present
+    ]

@@ -1,0 +1,60 @@
+"""The share of lanes that do not recover, with its interval: what a median hides."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxnet.statistics.curves import MOST, Curve, magnitude_is_swept, shares
+from jaxnet.store.results import Results
+from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.multiples import as_text, title
+
+LOOK: dict[str, Any] = {
+    "color": style.BLUE,
+    "ecolor": style.BLUE,
+    "markersize": 3,
+    "fmt": "o",
+    "elinewidth": 0.9,
+    "capsize": 1.5,
+}
+
+
+def figure(results: Results, found: Sequence[Curve]) -> Figure:
+    """Against ā, a panel per group, where ā is swept; else a row per cell; the first MOST."""
+    if not magnitude_is_swept(found):
+        return rows(results)
+    shown = found[:MOST]
+    labels = [curve.group.labels for curve in shown]
+    drawn, panels = multiples.panels(labels, "size of the lie ā [m]", "unrecovered [%]", height=1.15)
+    for panel, curve in zip(panels, shown, strict=True):
+        draw(panel, curve)
+    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set_ylim(-4, 104)
+    return drawn
+
+
+def draw(panel: Axes, curve: Curve) -> None:
+    """One group's share against ā."""
+    share, low, high = curve.shares()
+    sizes = curve.sizes
+    panel.errorbar(sizes, share, np.stack([share - low, high - share]), **LOOK)
+
+
+def rows(results: Results) -> Figure:
+    """A row per cell."""
+    found = shares(results).head(MOST)
+    share, low, high = (100 * found[name].to_numpy() for name in found)
+    places = np.arange(len(found))
+    drawn = Figure(figsize=(style.WIDTH, 0.28 * len(found) + 0.7))
+    panel = drawn.add_subplot()
+    panel.errorbar(share, places, xerr=np.stack([share - low, high - share]), **LOOK)
+    names = [title(results.study.cells[int(number)].labels) for number in found.index]
+    panel.set_yticks(places, [as_text(name) for name in names])
+    panel.set_ylim(len(found) - 0.4, -0.6)
+    panel.set_xlim(-2, 102)
+    panel.set_xlabel("lanes unrecovered, with interval [%]")
+    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    return drawn

@@ -1,0 +1,105 @@
+"""What `jaxnet fit` prints: the ultimate error per ā as simulated and fitted, and what theory allows."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.statistics.curves import Curve, curves, of_group, table
+from jaxnet.statistics.fits import envelope_share, whole_draws
+from jaxnet.statistics.limits import unchecked
+from jaxnet.store.results import Results
+from jaxnet.view.text.check import ranges
+
+MOST_VIOLATIONS = 20
+RECOVERED = 1e-6  # of ā; less is a transient or rounding
+QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": 1.0}
+# Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
+BOUNDS = {
+    "static": ("static", "worst"),
+    "peak gain": ("peak_gain", "worst"),
+    "star norm": ("star_norm", "worst"),
+    **{
+        f"{kind} {vehicle}": (f"lyapunov_{kind}", vehicle)
+        for kind in ("printed", "corrected", "best")
+        for vehicle in ("worst", "fleet")
+    },
+}
+
+
+def text(results: Results) -> str:
+    """All of it."""
+    return "\n\n".join([slopes(results), conservatism(results), violations(results)])
+
+
+def slopes(results: Results) -> str:
+    """Slopes of s·ā with their 95 % intervals, and how straight the line is."""
+    fits = table(results, "fit")
+    rows = [
+        {**curve.group.labels, "metric": metric}
+        | {name: interval(curve.fit(metric, quantile)) for name, quantile in QUANTILES.items()}
+        | {"p": interval(exponent(of_group(fits, curve.group.labels), metric))}
+        for curve in curves(results)
+        for metric in ("tail_mean", "tail_max")
+    ]
+    text = (
+        "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p\n"
+        f"{pd.DataFrame(rows).to_string(index=False)}"
+    )
+    draws = min(whole_draws(results, curve.group) for curve in curves(results))
+    if draws:
+        text += (
+            f"\nenvelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
+            f" below it at every ā simulated ({draws} draws)"
+        )
+    return text
+
+
+def exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
+    """The power law's p by least squares, with its interval."""
+    mine: Any = fits[(fits["metric"] == metric) & (fits["parameter"] == "p") & fits["quantile"].isna()]
+    return tuple(mine[["estimate", "low", "high"]].iloc[0]) if len(mine) else None
+
+
+def interval(found: tuple[float, float, float] | None) -> str:
+    """An estimate with its interval, if there is one."""
+    if found is None:
+        return "-"
+    estimate, low, high = found
+    return f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(low) else f"{estimate:.4g}"
+
+
+def ratios(results: Results) -> pd.DataFrame:
+    """Of each group the worst error found per ā, and each bound over it, blank where all lanes recovered."""
+    return pd.DataFrame([{**curve.group.labels} | ratio_row(curve) for curve in curves(results)])
+
+
+def ratio_row(curve: Curve) -> dict[str, float]:
+    """Of one group."""
+    over = curve.worst if curve.worst > RECOVERED else np.nan
+    return {"worst error / ā": curve.worst} | {
+        name: curve.slope(*bound) / over for name, bound in BOUNDS.items()
+    }
+
+
+def conservatism(results: Results) -> str:
+    """The same as text."""
+    shown = ratios(results).to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
+    return f"each bound over the worst error found, of the worst vehicle or of the whole fleet\n{shown}"
+
+
+def violations(results: Results) -> str:
+    """Lanes above a bound that claims to hold for them."""
+    found: Any = results.violations
+    lines = [
+        f"VIOLATION: {results.study.cells[row.cell]}, sample {row.sample}: tail_max"
+        f" {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m ({row.command})"
+        for row in found.head(MOST_VIOLATIONS).itertuples()
+    ]
+    if len(found) > MOST_VIOLATIONS:
+        lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.path / 'violations.csv'}")
+    lines = lines or ["no lane is above a bound that claims to hold for it"]
+    skipped = unchecked(results.study.cells)
+    if skipped:
+        lines.append(f"not held to any bound, for weights or gains are drawn: cells {ranges(skipped)}")
+    return "\n".join(lines)

@@ -1,0 +1,107 @@
+"""Results as text for a terminal."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.config.keys import Sequential
+from jaxnet.store.results import Part, Results
+
+MOST_ROWS = 60
+MOST_FAILURES = 20
+SUMMARY = {
+    "tail_mean_mean": "tail mean [m]",
+    "tail_mean_low": "low",
+    "tail_mean_high": "high",
+    "tail_mean_median": "median",
+    "tail_mean_q95": "q95",
+    "tail_max_max": "worst [m]",
+}
+RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "share low", "unrecovered_high": "share high"}
+
+
+def summary_rows(results: Results) -> pd.DataFrame:
+    """The summary: a row per cell."""
+    cells: Any = results.cells
+    swept = list(results.study.cells[0].labels)
+    shown = SUMMARY | (RECOVERY if "unrecovered" in cells else {})
+    table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
+    table.insert(0, "cell", range(len(table)))
+    return table
+
+
+def summary(results: Results) -> str:
+    """The summary table: a line per cell."""
+    table = summary_rows(results)
+    text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
+    if len(table) > MOST_ROWS:
+        text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
+    return text
+
+
+def number(value: float) -> str:
+    """A number to four significant digits."""
+    return f"{value:.4g}"
+
+
+def written(results: Results) -> str:
+    """What a run wrote where."""
+    lanes = results.manifest["lanes"]
+    names = ["cells.csv", "lanes/"]
+    names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
+    return (
+        f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
+        f" wrote {results.path}: {', '.join(names)}" + stopped(results)
+    )
+
+
+def part(run: Part) -> str:
+    """What a part of a run wrote where."""
+    return (
+        f"{run.simulated} shards simulated, {run.shards - run.simulated} were there; {run.failed} lanes"
+        f" failed; wrote {run.path}: lanes/\n"
+        "when all parts are done, the same command without --shard makes the tables"
+    )
+
+
+def stopped(results: Results) -> str:
+    """Why a run that takes as many lanes as it needs has stopped; empty for another."""
+    samples = results.study.config.samples
+    if not isinstance(samples, Sequential):
+        return ""
+    cells: Any = results.cells
+    half = (cells["unrecovered_high"] - cells["unrecovered_low"]).max() / 2
+    if np.isnan(half):
+        return (
+            f"\nstopped after {results.manifest['samples']} samples a cell: no attacked lane came to its end"
+        )
+    why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
+    return (
+        f"\nstopped after {results.manifest['samples']} samples a cell: the widest interval of the share"
+        f" unrecovered is ± {half:.2g}, {why}"
+    )
+
+
+def failures(results: Results) -> str:
+    """The failed lanes, each with the command that replays it; empty if there is none."""
+    count, failed = results.failed(MOST_FAILURES)
+    rows: Any = failed.itertuples()
+    lines = [
+        f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
+        f" ({results.replay_command(row.cell, row.sample)})"
+        for row in rows
+    ]
+    if count > MOST_FAILURES:
+        lines.append(f"… {count - MOST_FAILURES} more; see the column status in lanes/")
+    return "\n".join(lines)
+
+
+def lane(results: Results, row: Any) -> str:
+    """One lane's row, and whether it is the one that the folder holds."""
+    stored = results.row(int(row["cell"]), int(row["sample"]))
+    if stored is None:
+        return f"{row.to_string()}\nno such row is stored"
+    apart = stored.compare(row, result_names=("stored", "replayed"))
+    verdict = "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
+    return f"{row.to_string()}\n{verdict}"

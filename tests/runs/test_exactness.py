@@ -1,0 +1,31 @@
+"""The distance from the exact solution is one, and would show a simulation that is off."""
+
+import pytest
+
+from jaxnet.runs.exactness import deviations, ticked
+from tests import systems
+
+
+def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
+    """With trimming under attack; a tolerance of 1e-3 is seen at once."""
+    keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1}
+    sound, coarse = (
+        ticked(systems.study(engine=engine, **keys).cells[0].scenario, 0, range(3))
+        for engine in ({}, {"rtol": 1e-3, "atol": 1e-3})
+    )
+    assert deviations(sound).max() < 1e-5
+    assert deviations(coarse).max() > 1e-4
+
+
+def test_trimming_in_the_vector_field_has_no_such_solution():
+    """It is refused, not compared with something else."""
+    with pytest.raises(ValueError, match="held between ticks"):
+        ticked(systems.study(tick=0).cells[0].scenario, 0, [0])
+
+
+def test_drawn_numbers_are_each_lane_s_own():
+    """The chassis engine's gains and weights, drawn lane by lane, are those of the solution."""
+    keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "gain": [{"uniform": [0.5, 1.5]}, 3, 3]}
+    topology = {"navigator_weight": {"uniform": [0.1, 0.4]}}
+    (cell,) = systems.study(topology=topology, **keys).cells
+    assert deviations(ticked(cell.scenario, 0, range(3))).max() < 1e-5

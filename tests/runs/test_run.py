@@ -1,0 +1,408 @@
+"""The results folder: what the contract says is in it, and that no interruption changes it."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+import yaml
+from click.testing import CliRunner
+
+import jaxnet
+from jaxnet.cli import main
+from jaxnet.config.document import ConfigError
+from jaxnet.runs.replay import replay
+from jaxnet.store.admission import admit
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.results import Results
+from jaxnet.view.text.tables import lane
+from tests import systems
+
+STUDY = {
+    "name": "small",
+    "samples": 3,
+    "horizon": 2.0,
+    "tail": 1.0,
+    "sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [0, 5.5]},
+    "save": {"errors": True, "trajectories": "all"},
+}
+COLUMNS = [
+    *("cell", "sample", "topology", "attack.magnitude", "status", "tail_mean", "tail_max"),
+    *("tail_disagreement", "peak_error", "min_speed", "peak_turn_rate", "steps", "switches"),
+]
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory) -> Path:
+    """The study's file."""
+    path = tmp_path_factory.mktemp("config") / "small.yaml"
+    path.write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    return path
+
+
+@pytest.fixture(scope="module")
+def results(config, tmp_path_factory) -> Results:
+    """The study's results, undisturbed."""
+    return jaxnet.run(jaxnet.load(config), tmp_path_factory.mktemp("results") / "small")
+
+
+def test_rows_have_the_contract_s_columns(results):
+    """Names, order and types; one row per lane."""
+    rows = results.lanes
+    assert rows.columns.tolist() == COLUMNS
+    assert rows[["cell", "sample", "steps", "switches"]].dtypes.eq(np.int64).all()
+    assert rows["attack.magnitude"].tolist() == [0, 0, 0, 5.5, 5.5, 5.5] * 2
+    assert rows["topology"].tolist() == ["star"] * 6 + ["cyclic"] * 6
+    assert rows["sample"].tolist() == [0, 1, 2] * 4
+    assert (rows["status"] == "ok").all()
+    files = sorted(path.name for path in (results.path / "lanes").iterdir())
+    assert files == [f"{number:05d}.parquet" for number in range(4)]
+
+
+def test_cells_summarise_the_rows(results):
+    """One row per cell, statistics recomputed with pandas."""
+    cells, rows = results.cells, results.lanes
+    assert cells.columns[:5].tolist() == ["topology", "attack.magnitude", "lanes", "ok", "failed"]
+    for number, cell in cells.iterrows():
+        mine = rows[rows["cell"] == number]
+        for metric in ("tail_mean", "tail_max"):
+            assert cell[f"{metric}_mean"] == pytest.approx(mine[metric].mean(), rel=1e-12)
+            assert cell[f"{metric}_median"] == pytest.approx(mine[metric].median(), rel=1e-12)
+            assert cell[f"{metric}_max"] == mine[metric].max()
+            half = 4.302652729749464 * mine[metric].sem()  # Student's t, 2 degrees of freedom
+            assert cell[f"{metric}_high"] - cell[f"{metric}_mean"] == pytest.approx(half, rel=1e-9)
+
+
+def test_arrays_are_labelled_as_the_contract_says(results):
+    """Dimensions, coordinates, types, and agreement with the rows."""
+    errors, paths = results.errors, results.trajectories
+    assert errors["tracking"].dims == ("cell", "sample", "time")
+    assert errors["tracking"].dtype == np.float32
+    assert paths["state"].dims == ("cell", "sample", "time", "vehicle", "state")
+    assert paths["state"].dtype == np.float64
+    assert paths["state_name"].values.tolist() == [
+        "x",
+        "y",
+        "heading",
+        "speed",
+        "turn_rate",
+        "force",
+    ]
+    assert paths["navigator"].dims == ("cell", "time", "axis")
+    assert paths["attack"].dims == ("cell", "sample", "time", "vehicle", "axis")
+    assert paths["kept"].dims == ("cell", "sample", "time", "vehicle", "source")
+    assert paths["kept"].dtype == np.float32
+    assert paths["vehicle"].values.tolist() == list(range(1, 13))
+    assert paths["source"].values.tolist() == list(range(13))
+    np.testing.assert_allclose(paths["time"].values, np.arange(21) * 0.1)
+    np.testing.assert_allclose(paths["kept"].sum("source").values, 1.0, atol=1e-6)
+    heading = paths["state"].isel(state=2).values
+    assert (heading > -np.pi).all()
+    assert (heading <= np.pi).all()
+    position = paths["state"].isel(state=slice(0, 2)).values
+    apart = np.linalg.norm(position - paths["navigator"].values[:, None, :, None], axis=-1)
+    np.testing.assert_allclose(apart[:, :, 10:].mean(axis=(2, 3)).ravel(), results.lanes["tail_mean"])
+    np.testing.assert_allclose(errors["tracking"].values, apart.mean(axis=3), rtol=1e-6)
+    attack = np.linalg.norm(paths["attack"].values, axis=-1)
+    np.testing.assert_allclose(attack[1][:, :, [1, 4, 7, 10]], 5.5)
+    assert not attack[1][:, :, [0, 2, 3, 5, 6, 8, 9, 11]].any()
+
+
+def test_the_stored_study_runs_as_it_is(results):
+    """`study.yaml` says everything and describes the same rows."""
+    again = jaxnet.load(results.path / "study.yaml")
+    manifest = results.manifest
+    assert manifest["lanes"] == {"total": 12, "ok": 12, "failed": 0}
+    assert manifest["hash"] == json.loads((results.path / "manifest.json").read_text())["hash"]
+    assert [str(cell) for cell in again.cells] == [str(cell) for cell in results.study.cells]
+    admit(Folder(results.path), again.config)
+    assert {"jaxnet", "jax", "jaxlib", "diffrax", "numpy", "python"} == set(manifest["versions"])
+
+
+def test_more_samples_extend_a_folder(config, results, tmp_path):
+    """The first samples are what they were, rows and arrays, to the last bit."""
+    shutil.copytree(results.path, tmp_path / "more")
+    more = jaxnet.run(jaxnet.load(config, {"samples": 5}), tmp_path / "more")
+    rows = more.lanes
+    assert rows.groupby("cell").size().tolist() == [5] * 4
+    first = rows[rows["sample"] < 3].reset_index(drop=True)
+    pd.testing.assert_frame_equal(first, results.lanes, check_exact=True)
+    old = results.trajectories["state"].values
+    np.testing.assert_array_equal(more.trajectories["state"].values[:, :3], old)
+    assert more.errors["sample"].size == 5
+    assert not np.isnan(more.errors["tracking"].values).any()
+
+
+def test_a_missing_shard_is_made_again_as_it_was(config, results, tmp_path):
+    """A run that was cut short goes on, and only what is missing is simulated."""
+    shutil.copytree(results.path, tmp_path / "cut")
+    (tmp_path / "cut" / "lanes" / "00002.parquet").unlink()
+    kept = (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns
+    told = []
+    (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").touch()
+    again = jaxnet.run(jaxnet.load(config), tmp_path / "cut", progress=lambda *now: told.append(now))
+    assert told[0] == (9, 12, 0)
+    assert told[-1] == (12, 12, 0)
+    pd.testing.assert_frame_equal(again.lanes, results.lanes, check_exact=True)
+    assert not (tmp_path / "cut" / "lanes" / ".00002.parquet.4711").exists()
+    assert (tmp_path / "cut" / "lanes" / "00001.parquet").stat().st_mtime_ns == kept
+
+
+def test_another_study_is_refused_and_loses_nothing(config, results, tmp_path):
+    """The message names the key that differs; `fresh` replaces."""
+    shutil.copytree(results.path, tmp_path / "taken")
+    other = jaxnet.load(config, {"gain": [6, 11, 6]})
+    with pytest.raises(FolderError, match=r"gain is \[1.0, 3.0, 3.0\] there and \[6.0, 11.0, 6.0\] here"):
+        jaxnet.run(other, tmp_path / "taken")
+    kept = jaxnet.open(tmp_path / "taken")
+    pd.testing.assert_frame_equal(kept.lanes, results.lanes, check_exact=True)
+    replaced = jaxnet.run(other, tmp_path / "taken", fresh=True)
+    assert not replaced.lanes["tail_mean"].equals(results.lanes["tail_mean"])
+
+
+def test_a_folder_by_another_version_or_of_something_else_is_refused(config, results, tmp_path):
+    """Neither is touched."""
+    shutil.copytree(results.path, tmp_path / "old")
+    Folder(tmp_path / "old").write_manifest(versions={"jaxnet": "0.0.1"})
+    with pytest.raises(FolderError, match=r"written by jaxnet 0\.0\.1"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "old")
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter1.tex").touch()
+    (tmp_path / "thesis" / ".notes.1").touch()
+    for fresh in (False, True):
+        with pytest.raises(FolderError, match=r"chapter1\.tex"):
+            jaxnet.run(jaxnet.load(config), tmp_path / "thesis", fresh=fresh)
+    assert (tmp_path / "thesis" / ".notes.1").exists()
+    with pytest.raises(FolderError, match="not a results folder"):
+        jaxnet.open(tmp_path / "thesis")
+
+
+def test_the_order_of_a_sweep_is_part_of_the_study(config, results, tmp_path):
+    """It numbers the cells."""
+    swapped = dict(reversed(STUDY["sweep"].items()))
+    with pytest.raises(FolderError, match="another order"):
+        jaxnet.run(jaxnet.load(config, {"sweep": swapped}), results.path)
+
+
+def test_fresh_removes_results_and_nothing_else(config, tmp_path):
+    """Not a folder of the same name that no run has made."""
+    (tmp_path / "mine" / "figures").mkdir(parents=True)
+    (tmp_path / "mine" / "figures" / "photo.png").touch()
+    with pytest.raises(FolderError, match="holds figures"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "mine", fresh=True)
+    assert (tmp_path / "mine" / "figures" / "photo.png").exists()
+
+
+def test_swept_attacks_stand_beside_their_signals(config, tmp_path):
+    """The label of a swept attack does not take the name of the array; odd names read back."""
+    keys = {"sweep": {"attack": ["none", "rotating"]}, "name": "1e5", "save.errors": False, "samples": 1}
+    results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "odd")
+    assert results.trajectories["attack_name"].values.tolist() == ["none", "rotating"]
+    assert results.trajectories["attack"].ndim == 5
+    assert results.study.config.name == "1e5"
+
+
+def test_a_file_is_no_results_folder(config, tmp_path):
+    """Neither to write into nor to read from."""
+    (tmp_path / "file").write_text("mine")
+    for path in (tmp_path / "file", tmp_path / "file" / "inside"):
+        with pytest.raises(FolderError, match="cannot be a results folder"):
+            jaxnet.run(jaxnet.load(config), path)
+        with pytest.raises(FolderError, match="not a results folder"):
+            jaxnet.open(path)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_one_writer_at_a_time(config, tmp_path):
+    """The second is told who the first is."""
+    folder = Folder(tmp_path / "busy")
+    with folder.writing(), pytest.raises(FolderError, match=f"process {os.getpid()} on"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "busy")
+
+
+def test_chosen_trajectories(config, tmp_path):
+    """The worst lane of each cell, or named samples, are filled and equal to the whole's; others are not."""
+    keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5]}
+    whole = jaxnet.run(jaxnet.load(config, keys), tmp_path / "all")
+    states = whole.trajectories["state"].values
+    choices = {
+        "worst": ({"worst": 1}, [int(whole.lanes["tail_mean"].argmax())]),
+        "samples": ({"samples": [0, 2]}, [0, 2]),
+    }
+    for name, (choice, samples) in choices.items():
+        given = jaxnet.load(config, {**keys, "save.trajectories": choice})
+        part = jaxnet.run(given, tmp_path / name).trajectories["state"].values
+        assert part.shape == states.shape
+        filled = [sample for sample in range(3) if not np.isnan(part[0, sample]).any()]
+        assert filled == samples
+        np.testing.assert_array_equal(part[0, samples], states[0, samples])
+
+
+def test_saving_more_later_keeps_the_rows(config, tmp_path):
+    """`save` is not part of the study's identity."""
+    keys = {"sweep.topology": ["star"], "sweep.attack.magnitude": [5.5]}
+    bare = jaxnet.run(jaxnet.load(config, {**keys, "save": {}}), tmp_path / "later")
+    rows = bare.lanes
+    with pytest.raises(FolderError, match=r"no errors\.zarr"):
+        _ = bare.errors
+    fuller = jaxnet.run(jaxnet.load(config, keys), tmp_path / "later")
+    pd.testing.assert_frame_equal(fuller.lanes, rows, check_exact=True)
+    assert not np.isnan(fuller.errors["tracking"].values).any()
+
+
+def test_what_is_saved_may_change_at_any_time(config, tmp_path):
+    """All trajectories, then the worst alone, then all again, cut short in between: none is missing."""
+    keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5], "save.errors": False}
+    out = tmp_path / "changing"
+    first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
+    assert np.isnan(worst.trajectories["state"].values).any(axis=(2, 3, 4)).sum() == 2
+
+    def stop(done: int, total: int, failed: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        jaxnet.run(jaxnet.load(config, keys), out, progress=stop)
+    again = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    np.testing.assert_array_equal(again, first)
+
+
+def test_a_failed_lane_keeps_its_row(config, tmp_path):
+    """With its status, NaN metrics, NaN arrays from where it failed, and is counted."""
+    given = jaxnet.load(config, {"engine.max_steps": 60, "sweep": {}, "samples": 6})
+    results = jaxnet.run(given, tmp_path / "failing")
+    failed = results.lanes[results.lanes["status"] == "max_steps"]
+    assert 0 < len(failed) <= 6
+    assert failed[["tail_mean", "peak_error", "min_speed"]].isna().all(axis=None)
+    assert (failed["steps"] == 60).all()
+    assert results.manifest["lanes"]["failed"] == len(failed) == results.cells["failed"][0]
+    assert np.isnan(results.errors["tracking"].values[0, failed["sample"], -1]).all()
+    assert not np.isnan(results.errors["tracking"].values[0, failed["sample"], 0]).any()
+
+
+def test_overrides_of_a_swept_key_are_refused(config):
+    """They would change nothing, silently."""
+    with pytest.raises(ConfigError, match=r"sweep\.attack\.magnitude"):
+        jaxnet.load(config, ["attack.magnitude=3"])
+
+
+def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
+    """Status 130; the same command then completes the study as if nothing had happened."""
+    overrides = [
+        "samples=300",
+        "save={}",
+        "sweep={gain: [[1, 3, 3], [2, 4, 4], [3, 5, 5]]}",
+        "horizon=10",
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "jaxnet",
+        "run",
+        str(config),
+        *overrides,
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("out/lanes/*.parquet")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=120)
+    assert process.returncode == 130, stderr
+    assert "interrupted" in stderr
+    finished = sorted(path.name for path in tmp_path.glob("out/lanes/*"))
+    assert 0 < len(finished) < 6
+    stamps = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("out/lanes/*"))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    assert "900 of 900 lanes ok" in done.stderr
+    kept = [(tmp_path / "out" / "lanes" / name).stat().st_mtime_ns for name in finished]
+    assert kept == stamps
+
+
+def test_arrays_open_without_a_warning(results):
+    """By xarray alone, without this package."""
+    assert set(xr.open_zarr(results.path / "errors.zarr").data_vars) == {"tracking", "disagreement"}
+
+
+def test_numbers_and_distributions_swept_together(tmp_path):
+    """A column of one type, rows that stay when samples are added, and a stored study with the same cells."""
+    given = {
+        "engine": "flat",
+        "horizon": 2.0,
+        "tail": 1.0,
+        "sweep": {
+            "topology.navigator_weight": [{"uniform": [0.1, 0.2]}, 0.15],
+            "gain": [[1, 3, 3], [{"uniform": [1, 2]}, {"uniform": [3, 4]}, {"uniform": [3, 4]}]],
+            "attack.phase.uniform": [[0, 1]],
+        },
+        "save": {"errors": True},
+    }
+    few = jaxnet.run(systems.study(samples=2, **given), tmp_path / "out")
+    before = few.lanes
+    many = jaxnet.run(systems.study(samples=4, **given), tmp_path / "out")
+    rows = many.lanes
+    pd.testing.assert_frame_equal(rows[rows["sample"] < 2].reset_index(drop=True), before, check_exact=True)
+    weights = ['{"uniform": [0.1, 0.2]}', "0.15"]
+    assert rows["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(8)]
+    assert many.cells["topology.navigator_weight"].tolist() == [name for name in weights for _ in range(2)]
+    assert many.errors["topology.navigator_weight"].values.tolist() == many.cells.iloc[:, 0].tolist()
+    assert rows["gain"].nunique() == 2
+    assert rows["tail_mean"].nunique() == 16
+    given = systems.study(samples=4, **given)
+    assert [cell.scenario for cell in many.study.cells] == [cell.scenario for cell in given.cells]
+    assert [cell.labels for cell in many.study.cells] == [cell.labels for cell in given.cells]
+
+
+def test_a_run_that_the_disk_has_no_room_for_is_not_begun(config, tmp_path, monkeypatch):
+    """It says how much it may need, and how much there is."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
+    with pytest.raises(FolderError, match=r"may need \d+ MiB, and 0 MiB are free there"):
+        jaxnet.run(jaxnet.load(config), tmp_path / "full")
+    assert not list(tmp_path.glob("full/lanes/*"))
+
+
+def test_a_disk_that_fills_up_loses_nothing(config, results, tmp_path, monkeypatch):
+    """The message is plain and the same command goes on."""
+    whole = Folder.put
+
+    def filling(folder, name, write):
+        if name == "lanes/00002.parquet":
+            raise OSError(errno.ENOSPC, "No space left on device", name)
+        whole(folder, name, write)
+
+    command = ["run", str(config), "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patch:
+        patch.setattr(Folder, "put", filling)
+        ended = CliRunner().invoke(main, command)
+    assert ended.exit_code == 2
+    assert "No space left on device" in ended.output
+    assert "the same command goes on" in ended.output
+    assert CliRunner().invoke(main, command).exit_code == 0
+    pd.testing.assert_frame_equal(jaxnet.open(tmp_path / "out").lanes, results.lanes, check_exact=True)
+
+
+def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
+    """By its own it is the same to the last bit; by the other it goes the same way."""
+    shutil.copytree(results.path, tmp_path / "copy")
+    copy = jaxnet.open(tmp_path / "copy")
+    _, own = replay(copy, 1, 2)
+    assert own.equals(results.lanes.iloc[5])
+    assert lane(copy, own).endswith("the same as the stored row")
+    path, other = replay(copy, 1, 2, "flat")
+    assert "DIFFERS" in lane(copy, other)
+    assert other["steps"] == 0
+    assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
+    paths = xr.open_zarr(path)["state"].values[0, 0, :, :, :2]
+    np.testing.assert_allclose(paths, results.trajectories["state"].values[1, 2, :, :, :2], atol=1e-5)

@@ -1,0 +1,168 @@
+"""The table of bounds, and whether a lane that breaks one is found, and no other."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.linalg import expm
+
+import jaxnet
+from jaxnet.lanes.jobs import job
+from jaxnet.statistics import limits as bounds
+from jaxnet.statistics.limits import ACCURACY, limits_of, table, tail_of, violations
+from tests import reference, systems
+
+GAIN = [2.0, 4.0, 2.5]
+EDGES = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1, 2]]
+
+
+def test_the_table_has_a_block_for_each_group():
+    """Cells that differ in ā alone share one; the static slopes of the star are its attacked vehicles."""
+    study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
+    slopes = table(study.cells)
+    assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
+    assert len(slopes) == 2 * 6 * 14
+    star = slopes[(slopes["topology"] == "star") & (slopes["bound"] == "static")]
+    assert star["vehicle"].tolist() == [*map(str, range(1, 13)), "worst", "fleet"]
+    assert star["slope"].tolist() == [0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 2]
+    ring = slopes[slopes["topology"] == "cyclic"].set_index(["bound", "vehicle"])["slope"]
+    assert ring["peak_gain", "worst"] == pytest.approx(19.8)
+    assert ring["static"].isna().all()
+
+
+def test_cells_without_attack_have_no_bounds():
+    """There is no ā that an error could be held against."""
+    assert table(jaxnet.load({"attack": "none"}).cells).empty
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        {"gain": [1, 3, {"uniform": [3, 4]}]},
+        {"topology": {"kind": "cyclic", "navigator_weight": {"uniform": [0.1, 0.2]}}},
+    ],
+)
+def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
+    """All slopes are blank, and no lane is held against one."""
+    study = jaxnet.load(drawn)
+    slopes = table(study.cells)
+    assert len(slopes) == 6 * 14
+    assert slopes["slope"].isna().all()
+    assert violations(results_of(study, tail_max=[1e9])).empty
+
+
+def results_of(study, **columns):
+    """Results of a study whose rows have these columns."""
+    rows = pd.DataFrame({"cell": 0, "status": "ok", **columns})
+    rows["sample"] = rows.groupby("cell").cumcount()
+    return systems.results_of(study, rows)
+
+
+@pytest.mark.parametrize("engine", ["chassis", "flat"])
+def test_a_lane_over_its_bound_is_found(engine):
+    """In the star, after 60 s, a constant lie of 3 m has taken its listeners 3 m off: neither more nor less.
+
+    Over that static is violated, over 24 m the peak gain too; a failed lane violates nothing.
+    """
+    keys = {"topology": "star", "attack": {"kind": "bias", "magnitude": 3}, "horizon": 60, "samples": 5}
+    study = systems.study(engine=engine, **keys)
+    errors = [3.0, 3.0 + 2 * ACCURACY[engine], 23.9, 24.1, np.nan]
+    status = ["ok", "ok", "ok", "ok", "singular"]
+    found = violations(results_of(study, tail_max=errors, status=status))
+    assert found.columns.tolist() == ["cell", "sample", "bound", "tail_max", "limit", "command"]
+    assert [tuple(row) for row in found[["sample", "bound"]].to_numpy()] == [
+        (3, "peak_gain"),
+        (1, "static"),
+        (2, "static"),
+        (3, "static"),
+    ]
+    assert found["tail_max"].tolist() == [24.1, errors[1], 23.9, 24.1]
+    np.testing.assert_allclose(found["limit"], [24, 3, 3, 3], rtol=1e-5)
+    assert found["command"][0] == "jaxnet replay nowhere --cell 0 --sample 3"
+
+
+@pytest.mark.parametrize("magnitude", [3, {"uniform": [0, 3]}], ids=["fixed", "drawn"])
+def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
+    """The same table as of all lanes' starts; errors below bounds, above their limits, and in between."""
+    attack = {"kind": "rotating", "magnitude": magnitude}
+    study = systems.study(samples=200, engine="flat", topology="star", attack=attack, horizon=12, tail=1)
+    errors = np.random.default_rng(0).uniform(0, np.repeat([4, 40], 100))
+    some = violations(results_of(study, tail_max=errors))
+    few = bounds.suspects
+    monkeypatch.setattr(bounds, "suspects", lambda *given: np.ones(200, bool))
+    every = violations(results_of(study, tail_max=errors))
+    pd.testing.assert_frame_equal(some, every)
+    suspected = few(
+        study.cells[0].scenario, 0, pd.DataFrame({"sample": range(200), "tail_max": errors})
+    ).sum()
+    assert 0 < every["sample"].nunique() < suspected < 200
+
+
+def test_the_tail_s_output_times_count():
+    """Both ends; a transient that was there before them does not excuse a lane."""
+    (cell,) = systems.study(horizon=2, tail=1, output_step=0.5, attack="bias").cells
+    assert tail_of(cell.scenario).tolist() == [1.0, 1.5, 2.0]
+
+
+def test_nothing_said_of_a_vehicle_cut_off():
+    """An infinite bound is over every error, and of no lie at all nothing is claimed."""
+    links = [[i, j, 1] for i in (1, 2, 3) for j in (1, 2, 3, 4) if i != j]
+    keys = {
+        "vehicles": 4,
+        "topology": {"kind": "edges", "edges": [*links, [4, 0, 1]]},
+        "defence": {"kind": "trusted_trim", "trusted": {i: [1, 2, 3] for i in (1, 2, 3)}},
+        "attack": {"kind": "bias", "vehicles": [4]},
+    }
+    study = jaxnet.load(keys | {"sweep": {"attack.magnitude": [0, 5]}})
+    assert np.isinf(table(study.cells).set_index("vehicle").loc["worst", "slope"]).all()
+    assert violations(results_of(study, cell=[0, 1], tail_max=[1e9, 1e9])).empty
+
+
+def test_what_may_switch_is_held_against_the_peak_gain_alone():
+    """In the ring that trims: static holds without defence only; no attack, no bound."""
+    sweep = {"attack": ["none", "bias"], "defence": ["none", "trusted_trim"]}
+    study = jaxnet.load({"horizon": 60, "sweep": sweep})
+    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 16.0, 16.0]))
+    assert list(zip(found["cell"], found["bound"], strict=True)) == [(2, "static")]
+    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 99.5, 99.5]))
+    assert list(zip(found["cell"], found["bound"], strict=True)) == [(2, "static"), (3, "peak_gain")]
+
+
+@pytest.mark.parametrize("channel", ["neighbour", "navigator"])
+def test_the_transient_is_that_of_the_drawn_start(channel):
+    """Against the reference program's jets and displacements, lane by lane; ā is the lane's own."""
+    attack = {"kind": "rotating", "vehicles": [1, 2], "channel": channel, "magnitude": {"uniform": [1, 9]}}
+    keys = {"vehicles": 4, "topology": {"kind": "edges", "edges": EDGES}, "gain": GAIN, "defence": "none"}
+    (cell,) = systems.study(attack=attack, **keys).cells
+    times, samples = np.array([0.0, 0.7, 3.0]), [0, 4, 2]
+    found = limits_of(cell.scenario, 0, samples, times)
+    lanes = job(cell.scenario, 0, samples)
+    for n in range(len(samples)):
+        one = systems.lane(lanes, n)
+        size = np.linalg.norm(one.attack.cosine, axis=0).max()  # its frequency is under 1 rad/s
+        w, links = one.attack.frequency, one.links
+        signal = [one.attack.cosine, w * one.attack.sine, -(w**2) * one.attack.cosine]
+        lies = np.zeros((3, 4, 5, 2))
+        for k, jet in enumerate(signal):
+            for i, j in np.argwhere(links):
+                lies[k, i, j] = jet[:, i if j == 0 else j - 1]
+        navigator = np.array([[0, 0], [20, 20], [0, 0]])
+        free = reference.flat_jets(one.initial.T) - navigator[:, None]
+        forced = reference._displacement(one.weights, lies)
+        gains = np.linalg.solve(np.eye(4) - one.weights[:, 1:], (one.weights * links).sum(axis=1))
+        for bound, slopes, start in (
+            ("static", gains, free - forced),
+            ("peak_gain", peak_gain(GAIN) * gains, free),
+        ):
+            for t, limit in zip(times, found[bound][:, :, n], strict=True):
+                flow = np.abs(expm(reference._companion(GAIN) * t)[0])
+                expected = slopes * size + flow @ np.linalg.norm(start, axis=2)
+                np.testing.assert_allclose(limit, expected, rtol=2e-9, atol=1.1e-5)
+
+
+def peak_gain(gain):
+    """`β ‖h‖₁`, by summing |h| over small steps."""
+    flow, state, total = expm(reference._companion(gain) * 1e-3), np.array([0.0, 0.0, 1.0]), 0.0
+    for _ in range(40_000):
+        total += abs(state[0]) * 1e-3
+        state = flow @ state
+    return (1 + sum(gain)) * total

@@ -1,0 +1,113 @@
+"""From lanes to fits, bounds, violations and the page, by the commands that a user types."""
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import jaxnet
+from jaxnet.cli import main
+from jaxnet.statistics import fits as fit
+from jaxnet.store.folder import FolderError
+from tests import systems
+
+KEYS = {
+    "engine": "flat",
+    "horizon": 40.0,
+    "tail": 1.0,
+    "output_step": 0.5,
+    "defence": "none",
+    "sweep": {"topology": ["star", "cyclic"], "attack": ["bias"], "attack.magnitude": [0, 1, 10]},
+    "recovery": {"tau": 0.01, "worst": 1},
+}
+FIT = ["topology", "attack", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A finished run of a constant lie in phase."""
+    path = tmp_path_factory.mktemp("ultimate") / "out"
+    jaxnet.run(systems.study(samples=8, **KEYS), path)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    """The intervals are tested elsewhere."""
+    monkeypatch.setattr(fit, "RESAMPLES", 50)
+
+
+def invoke(*words):
+    """What a command prints; it must end well."""
+    done = CliRunner().invoke(main, [*map(str, words)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_the_constant_lie_costs_what_is_known_exactly(folder):
+    """Slopes 1 and 3.1034 of the greatest error, equal to the static bound; nobody is above any bound."""
+    text = invoke("fit", folder)
+    assert "no lane is above a bound" in text
+    results = jaxnet.open(folder)
+    fits, bounds = results.fits, results.bounds
+    assert list(fits) == FIT
+    assert list(bounds) == ["topology", "attack", "bound", "vehicle", "slope"]
+    assert results.violations.empty
+    straight = fits[(fits["model"] == "proportional") & (fits["metric"] == "tail_max")]
+    for topology, exact in {"star": 1.0, "cyclic": 3.1034}.items():
+        mine = straight[straight["topology"] == topology]
+        assert mine["estimate"].tolist() == pytest.approx([exact] * 4, abs=1e-3)
+        worst = bounds.query("topology == @topology and bound == 'static' and vehicle == 'worst'")
+        assert worst["slope"].tolist() == pytest.approx([exact], abs=1e-4)
+    envelope = fits[fits["quantile"] == 1.0]
+    assert envelope[["low", "high"]].isna().all(axis=None)
+    assert "at least 68.77% of all draws" in text  # 0.05^(1/8)
+
+
+def test_the_report_makes_what_is_missing(folder):
+    """The worst lane by the chassis engine; figures; a page that names the study."""
+    written = invoke("report", folder)
+    assert len(list((folder / "replays").glob("*-chassis.zarr"))) == 1
+    for name in ("report.html", "figures/ultimate.pdf", "figures/unrecovered.png"):
+        assert str(folder / name) in written
+        assert (folder / name).stat().st_size > 1000
+
+
+def test_a_violation_is_named_with_its_command(folder):
+    """A row that says that a lane was farther off than it may be."""
+    invoke("fit", folder)
+    results = jaxnet.open(folder)
+    shard = folder / "lanes" / "00001.parquet"
+    whole = shard.read_bytes()
+    rows = pd.read_parquet(shard)
+    rows.loc[3, "tail_max"] = 1.01
+    rows.to_parquet(shard)
+    text = invoke("fit", folder)
+    shard.write_bytes(whole)
+    assert (
+        "VIOLATION: cell 1 (topology=star, attack=bias, attack.magnitude=1), sample 3: tail_max 1.01 m"
+        in text
+    )
+    assert f"jaxnet replay {folder} --cell 1 --sample 3" in text
+    assert jaxnet.open(folder).violations["bound"].tolist() == ["static"]
+    assert results.study.config.name == "test"
+
+
+def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
+    """Fits of eight samples are not left beside the rows of nine; a run that adds none leaves them."""
+    invoke("fit", folder)
+    jaxnet.run(systems.study(samples=8, **KEYS), folder)
+    assert (folder / "fit.csv").exists()
+    jaxnet.run(systems.study(samples=9, **KEYS), folder)
+    assert not [name for name in ("fit.csv", "bounds.csv", "violations.csv") if (folder / name).exists()]
+    assert not (folder / "figures").exists()
+    with pytest.raises(FolderError, match=r"has no fit.csv: jaxnet fit .* makes it"):
+        _ = jaxnet.open(folder).fits
+
+
+def test_a_study_without_a_lie_has_no_fit(tmp_path):
+    """It says so, and its report does without."""
+    jaxnet.run(systems.study(samples=2, **{**KEYS, "sweep": {}, "attack": "none"}), tmp_path / "out")
+    refused = CliRunner().invoke(main, ["fit", str(tmp_path / "out")])
+    assert refused.exit_code == 2
+    assert "no cell has an attack with ā > 0" in refused.output
+    assert "report.html" in invoke("report", tmp_path / "out")

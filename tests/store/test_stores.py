@@ -1,0 +1,296 @@
+"""A results folder at a URL: the same files, the same last bits, and the same care as on the local disk."""
+
+import json
+import logging
+import os
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+import boto3
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from moto.server import ThreadedMotoServer
+from s3fs import S3FileSystem
+from upath import UPath
+
+import jaxnet
+from jaxnet.cli import main
+from jaxnet.config.study import Study
+from jaxnet.runs.cluster import ClusterError
+from jaxnet.store import folder as folders
+from jaxnet.store import lock
+from jaxnet.store.admission import admit
+from jaxnet.store.arrays import store_at
+from jaxnet.store.folder import Folder, FolderError, place
+from jaxnet.store.results import Results
+
+STUDY = {
+    "name": "small",
+    "samples": 2,
+    "horizon": 2.0,
+    "tail": 1.0,
+    "topology": "star",
+    "engine": "flat",
+    "defence": "none",
+    "sweep": {"attack.magnitude": [1, 5.5]},
+    "save": {"errors": True, "trajectories": "all"},
+}
+OTHER = b'{"owner": "process 1 on Mars"}'  # what a lock holds
+
+
+@pytest.fixture(scope="module")
+def bucket() -> Iterator[str]:
+    """A bucket of an S3-compatible server that the environment leads to."""
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # it tells of every request
+    server = ThreadedMotoServer("127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        environment.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        for key in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+            environment.setenv(key, "test")
+        boto3.client("s3").create_bucket(Bucket="bucket")
+        yield "s3://bucket"
+    server.stop()
+
+
+@pytest.fixture(params=["s3", "memory", "file"])
+def url(request, tmp_path) -> str:
+    """A URL with nothing at it."""
+    if request.param == "file":
+        return f"file://{tmp_path}/study"
+    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://there"
+    return f"{root}/{uuid.uuid4().hex}/study"
+
+
+@pytest.fixture(params=["s3", "memory"])
+def objects(request) -> str:
+    """A URL where there are objects, with none at it."""
+    root = request.getfixturevalue("bucket") if request.param == "s3" else "memory://there"
+    return f"{root}/{uuid.uuid4().hex}/study"
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    """Two cells."""
+    return jaxnet.load(STUDY)
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory) -> str:
+    """Its file."""
+    path = tmp_path_factory.mktemp("config") / "small.yaml"
+    path.write_text(json.dumps(STUDY))
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def local(study, tmp_path_factory) -> Results:
+    """The study's results on the local disk."""
+    return jaxnet.run(study, tmp_path_factory.mktemp("results") / "small")
+
+
+def assert_equal(got: Results, wanted: Results, samples: int = 2) -> None:
+    """The first samples' rows and arrays are equal to the last bit."""
+    rows = got.lanes[got.lanes["sample"] < samples].reset_index(drop=True)
+    pd.testing.assert_frame_equal(rows, wanted.lanes, check_exact=True)
+    for mine, theirs in ((got.errors, wanted.errors), (got.trajectories, wanted.trajectories)):
+        assert mine.isel(sample=slice(samples)).drop_attrs().identical(theirs.drop_attrs())
+
+
+def files(path: str | UPath) -> dict[str, bytes]:
+    """Every file there, as another client sees it."""
+    seen = UPath(path, skip_instance_cache=True) if "://" in str(path) else UPath(path)
+    found = seen.fs.find(seen.path)
+    return {name.removeprefix(seen.fs._strip_protocol(seen.path)): seen.fs.cat_file(name) for name in found}
+
+
+def progress(study: Study, out: str, **options: Any) -> tuple[int, int]:
+    """Run; how many lanes were there at first and at last."""
+    told = []
+    jaxnet.run(study, out, progress=lambda done, *_: told.append(done), **options)
+    return told[0], told[-1]
+
+
+def test_results_at_a_url_are_those_on_the_disk(url, study, local):
+    """A second run does nothing, what is torn is told and done again, more samples leave the first alone."""
+    assert progress(study, url) == (0, 4)
+    assert_equal(jaxnet.open(url), local)
+    assert {*files(url)} | {"/.lock"} == {*files(local.path)}
+    rows, chunk = place(url) / "lanes/00000.parquet", place(url) / "errors.zarr/tracking/c/1/0/0"
+    whole = {rows: rows.read_bytes(), chunk: chunk.read_bytes()}
+    assert progress(study, url) == (4, 4)
+    rows.write_bytes(whole[rows][:-9])
+    chunk.write_bytes(bytes([whole[chunk][0] ^ 1]) + whole[chunk][1:])
+    with pytest.warns(UserWarning, match="simulated again") as told:
+        assert progress(study, url) == (0, 4)
+    other, torn = sorted(str(each.message) for each in told)
+    assert other.startswith(f"{rows}: torn")
+    assert "00001.parquet: errors.zarr is corrupt at cell 1, samples 0 to 1; its lanes" in torn
+    assert whole == {rows: rows.read_bytes(), chunk: chunk.read_bytes()}
+    assert progress(jaxnet.load(STUDY, {"samples": 3}), url)[1] == 6
+    assert_equal(jaxnet.open(url), local)
+    assert jaxnet.open(url).cells["lanes"].tolist() == [3, 3]
+
+
+def test_parts_make_the_same_in_a_bucket(bucket, study, local):
+    """A part writes rows and arrays of a shard, a run takes them in, and commands read all of it."""
+    url = f"{bucket}/shared"
+    assert jaxnet.run_part(study, 0, 2, url)[1:] == (1, 1, 0)
+    assert {*files(url)} == {"/lanes/00000.parquet", "/lanes/00000.npz"}
+    jaxnet.run(study, url)
+    assert_equal(jaxnet.open(url), local)
+    assert {*files(url)} | {"/.lock"} == {*files(local.path)}
+    for words in (["show", url], ["replay", url, "--cell", "1", "--sample", "1"]):
+        assert (again := CliRunner().invoke(main, words)).exit_code == 0, again.output
+    replayed = xr.open_zarr(store_at(place(url) / "replays/cell-1-sample-1.zarr"))
+    np.testing.assert_array_equal(replayed["state"][0, 0], local.trajectories["state"][1, 1])
+
+
+def test_what_is_not_ours_is_left_alone(url, study):
+    """A folder of something else is refused; of results, `fresh` removes what a run has made."""
+    thesis, ours = Folder(f"{url}/thesis"), Folder(f"{url}/ours")
+    thesis.put("chapter1.tex", lambda file: file.write(b"mine"))
+    for fresh in (False, True):
+        with pytest.raises(FolderError, match=r"chapter1\.tex"):
+            jaxnet.run(study, thesis.path, fresh=fresh)
+    with pytest.raises(FolderError, match="not a results folder"):
+        jaxnet.open(f"{url}/thesis")
+    for name in ("lanes/00000.parquet", "errors.zarr/tracking/c/0/0/0", "cells.csv", "notes/mine.txt"):
+        ours.put(name, lambda file: file.write(b"something"))
+    ours.write_manifest(versions={"jaxnet": "0"}, hash="another", save={}, samples=1, finished=True)
+    with pytest.raises(FolderError, match=r"written by jaxnet 0"):
+        admit(ours, study.config)
+    admit(ours, study.config, fresh=True)
+    assert {*files(url)} - {"/thesis/.lock"} == {"/thesis/chapter1.tex", "/ours/notes/mine.txt"}
+
+
+def test_a_reader_sees_a_file_whole(url):
+    """The old one while another is written, and after a writer that failed, who leaves nothing."""
+    folder = Folder(url)
+    path = folder.put("figures/one", lambda file: file.write(b"old"))
+
+    def failing(file):
+        file.write(b"ne")
+        file.flush()
+        assert path.read_bytes() == b"old"
+        raise RuntimeError("midway")
+
+    with pytest.raises(RuntimeError, match="midway"):
+        folder.put("figures/one", failing)
+    assert files(url) == {"/figures/one": b"old"}
+    folder.put("figures/one", lambda file: file.write(b"new"))
+    assert files(url) == {"/figures/one": b"new"}
+
+
+def test_what_another_has_just_written_is_seen(bucket):
+    """Also by a path that was listed before, and by one that came with a cache of its own."""
+    there = [place(f"{bucket}/seen"), place(UPath(f"{bucket}/seen"))]
+
+    def listed(path: UPath) -> tuple[list[str], list[str], bool]:
+        found = [each.name for each in path.iterdir()] if path.exists() else []
+        return (
+            found,
+            [each.name for each in path.glob("lanes/*.parquet")],
+            (path / "lanes/1.parquet").exists(),
+        )
+
+    assert [listed(path) for path in there] == [([], [], False)] * 2
+    for number in (1, 2):
+        boto3.client("s3").put_object(Bucket="bucket", Key=f"seen/lanes/{number}.parquet", Body=b"")
+        names = [f"{each}.parquet" for each in range(1, number + 1)]
+        assert [listed(path) for path in there] == [(["lanes"], names, True)] * 2
+
+
+def refused(folder: Folder, alone: bool = True) -> None:
+    """Somebody who wants the folder as well is told who has it."""
+    owner = rf"written by (parts of a run, the last that began by )?process {os.getpid()} on"
+    with pytest.raises(FolderError, match=owner), folder.writing(alone):
+        pass
+
+
+def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
+    """Not by one alone nor by others, also where the store would let them overwrite what is there."""
+    monkeypatch.setattr(lock, "BEAT", 0.05)
+    folder = Folder(objects)
+    pipe = folder.path.fs.pipe_file
+    with folder.writing(), pytest.warns(UserWarning, match="waiting 20 s for a sign of life"):  # noqa: PT031
+        refused(folder)
+        refused(folder, alone=False)
+        monkeypatch.setattr(folder.path.fs, "pipe_file", lambda path, value, mode=None: pipe(path, value))
+        refused(folder)
+    assert files(objects) == {}
+    with folder.writing(alone=False), folder.writing():
+        pass
+
+
+def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
+    """By the next, after a while without a sign of life."""
+    monkeypatch.setattr(lock, "SILENCE", 0.3)
+    for alone in (True, False):
+        folder = Folder(objects)
+        folder.put(".lock", lambda file: file.write(OTHER))
+        with pytest.warns(UserWarning, match="held by process 1 on Mars: waiting"), folder.writing(alone):
+            assert b"Mars" not in lock.read(folder.path / ".lock")
+        assert files(objects) == {}
+
+
+def test_one_who_was_taken_for_dead_stops(objects, monkeypatch):
+    """He is interrupted, and the other keeps the folder."""
+    monkeypatch.setattr(lock, "BEAT", 0.05)
+
+    def held_until_taken() -> None:
+        with Folder(objects).writing():
+            Folder(objects).put(".lock", lambda file: file.write(OTHER))
+            time.sleep(20)
+
+    with pytest.warns(UserWarning, match="taken over by process 1 on Mars"):  # noqa: SIM117
+        with pytest.raises(KeyboardInterrupt):
+            held_until_taken()
+    assert files(objects) == {"/.lock": OTHER}
+
+
+def test_writers_of_parts_share_a_disk(tmp_path):
+    """Any number of them, and none beside a lone writer."""
+    folder = Folder(tmp_path)
+    with folder.writing(alone=False), folder.writing(alone=False):
+        refused(folder)
+    with folder.writing():
+        refused(folder, alone=False)
+
+
+def test_what_cannot_be_reached_is_said(bucket, study, config, monkeypatch):
+    """Status 2 within seconds, with the URL and why; nothing is made on the way."""
+    monkeypatch.setitem(sys.modules, "gcsfs", None)  # as if it were not installed
+    monkeypatch.setattr(folders, "ANSWER", 1)
+    cases = {
+        "sftpp://there/study": "Unsupported filesystem: 'sftpp'",
+        "gs://bucket/study": "install gcsfs",
+        "s3:/bucket/study": "bucket/container missing",
+        "s3://no-such-bucket/study": "there is no s3://no-such-bucket/",
+    }
+    for url, why in cases.items():
+        for command in (["show", url], ["run", config, "--out", url]):
+            ended = CliRunner().invoke(main, command)
+            assert (ended.exit_code, why in ended.output, url in ended.output) == (2, True, True), (
+                ended.output
+            )
+    assert [each["Name"] for each in boto3.client("s3").list_buckets()["Buckets"]] == ["bucket"]
+    with pytest.raises(ClusterError, match="seen by this process alone"):
+        jaxnet.run(study, "memory://there/alone", workers=2)
+
+
+def test_a_server_that_is_not_there_is_not_waited_for(bucket, monkeypatch):
+    """Longer than a few seconds."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setattr(S3FileSystem, "_cache", {})  # connections to the other server
+    monkeypatch.setattr(folders, "ANSWER", 1)
+    with pytest.raises(FolderError, match=r"s3://bucket/study: (no answer within 1 s|Could not connect)"):
+        jaxnet.open("s3://bucket/study")
