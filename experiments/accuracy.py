@@ -1,4 +1,4 @@
-"""How exact is the chassis engine? Every line is held against a closed form of the closed loop.
+"""How exact is the nonlinear engine? Every line is held against a closed form of the closed loop.
 
 Prints the greatest distance between simulated and exact positions over all lanes, vehicles and ticks of
 0.1 s, 30 s long: without attack (O1), under every attack without trimming (O2), and with trimming, given

@@ -18,8 +18,8 @@ import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
+from jaxnet.kinds.vehicles import SPEED
 from jaxnet.lanes.jobs import job
-from jaxnet.model import robot
 from jaxnet.runs.cache import enable
 
 LANES = 1000
@@ -31,7 +31,9 @@ def main() -> None:
     """A line per engine and defence; status 1 if any lane was spoiled."""
     enable()
     print(f"{'engine':8} {'defence':13} {'faults':>6} {'named':>6} {'others':>7} {'changed':>8}")
-    sound = [sole(engine, defence) for engine in ("chassis", "flat") for defence in ("none", "trusted_trim")]
+    sound = [
+        sole(engine, defence) for engine in ("nonlinear", "exact") for defence in ("none", "trusted_trim")
+    ]
     sys.exit(0 if all(sound) else 1)
 
 
@@ -48,8 +50,8 @@ def sole(engine: str, defence: str) -> bool:
 
 
 def fits(engine: str, fault: Status) -> bool:
-    """Whether an engine can fail that way: the flat one takes no steps."""
-    return engine == "chassis" or fault != Status.max_steps
+    """Whether an engine can fail that way: the exact one takes no steps."""
+    return engine == "nonlinear" or fault != Status.max_steps
 
 
 def lanes(count: int, **keys: Any) -> Job:
@@ -65,7 +67,7 @@ def with_faults(given: Job, faults: Mapping[int, Status]) -> Job:
         if fault == Status.nonfinite:
             initial[n, 0, 4] = np.nan
         elif fault == Status.singular:
-            initial[n, robot.SPEED, 7] = 0.0
+            initial[n, SPEED, 7] = 0.0
         else:
             limit = np.where(np.arange(given.size) == n, STEPS, numbers.max_steps)
             numbers = numbers._replace(max_steps=limit)
@@ -76,7 +78,7 @@ def with_faults(given: Job, faults: Mapping[int, Status]) -> Job:
 def changed(before: Outcome, after: Outcome) -> set[int]:
     """Numbers of the lanes of which any bit differs."""
     pairs = list(zip(jax.tree.leaves(before), jax.tree.leaves(after), strict=True))
-    lanes = range(len(before.metrics.tail_mean))
+    lanes = range(len(before.status))
     return {n for n in lanes if any(old[n].tobytes() != new[n].tobytes() for old, new in pairs)}
 
 

@@ -33,7 +33,7 @@ STUDY: dict[str, Any] = {
     "samples": 200,
     "horizon": 5.0,
     "tail": 1.0,
-    "engine": "flat",
+    "engine": "exact",
     "sweep": {"attack.magnitude": {"linspace": [0, 10, 240]}},
     "save": {"errors": True},
 }

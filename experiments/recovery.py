@@ -4,7 +4,7 @@ Twelve vehicles on a ring, each trimming one neighbour, four of them lying, so t
 holds and theory promises recovery. A lane has not recovered if the mean error of its tail is above ā/100.
 First configs/recovery.yaml: ten thousand lanes of two attacks after 90 s. Then one thing at a time is
 varied: the kind of attack and its phases, its frequency, its size, the tick, the horizon. The shares stand
-with their exact 95 % intervals. At last the worst lanes are simulated again by the chassis engine, to see
+with their exact 95 % intervals. At last the worst lanes are simulated again by the nonlinear engine, to see
 that they are no artefact of the exact one.
 
 Run it with `python experiments/recovery.py`; with `--samples 200` to try it.
@@ -50,9 +50,9 @@ def main(samples: int) -> None:
     for question, varied in QUESTIONS.items():
         study = jaxnet.load(CONFIG, {"samples": samples // 5, "sweep": varied})
         show(question, simulate(study, f"recovery-{question}"))
-    print("\nthe worst lanes by the chassis engine: tail mean [m] there, and by the flat engine")
+    print("\nthe worst lanes by the nonlinear engine: tail mean [m] there, and by the exact engine")
     for cell, sample in worst(results):
-        _, again = replay(results, cell, sample, "chassis")
+        _, again = replay(results, cell, sample, "nonlinear")
         row = results.lanes.query("cell == @cell and sample == @sample").iloc[0]
         print(f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}  {row['tail_mean']:8.4g}")
 

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
+from jaxnet.config.network import navigator_of
 
 import jaxnet
 from jaxnet.config.keys import Scenario
-from jaxnet.config.network import navigator_of
 from jaxnet.engine.batch import Machine, simulate
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job, outputs_of
@@ -80,7 +80,7 @@ def check(scenario: Scenario, seed: int) -> tuple[dict[str, Count], int]:
     outcome = simulate(job(scenario, seed, lanes, ("state",)), Machine(chunk=LANES // 2))
     path = navigator_of(scenario).jets(times)[0].T
     errors = np.linalg.norm(outcome.series["state"][..., :2] - path[:, None], axis=-1)
-    greatest, ok = outcome.metrics.tail_max, outcome.status == Status.ok
+    greatest, ok = outcome.metrics["tail_max"], outcome.status == Status.ok
     counts = {}
     for bound, limits in limits_of(scenario, seed, lanes, times).items():
         limit = limits[-len(tail_of(scenario)) :].max(axis=(0, 1))
@@ -99,7 +99,7 @@ def keys(rng: np.random.Generator) -> dict[str, Any]:
         "horizon": 40.0,
         "tick": 0.1,
         "output_step": 0.5,
-        "engine": "flat",
+        "engine": "exact",
         "topology": {"kind": "edges", "edges": edges(rng)},
         "gain": gain(rng),
         "attack": attack(rng),

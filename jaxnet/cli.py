@@ -185,7 +185,7 @@ def schema() -> None:
 @results_argument
 @click.option("--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0.")
 @click.option("--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0.")
-@click.option("--engine", type=click.Choice(["chassis", "flat"]), help="[default: the study's own]")
+@click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
 def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():

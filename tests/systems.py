@@ -80,10 +80,10 @@ def lane(one: Any, number: int) -> OneLane:
             break
         number -= each.size
     lane = jax.tree.map(lambda leaf: np.asarray(leaf[number]), each.inputs.lane)
-    sources, attacked = each.network.hearing
+    sources, _, attacked = each.network.hearing
     m = sources.shape[1]
     weights, links = np.zeros((m, m + 1)), np.zeros((m, m + 1), bool)
-    for slot, weight, lies in zip(sources, lane.weights, attacked, strict=True):
+    for slot, weight, added in zip(sources, lane.weights, attacked, strict=True):
         weights[np.arange(m), slot] += weight
-        links[np.arange(m), slot] |= lies
+        links[np.arange(m), slot] |= added
     return OneLane(lane, weights, links)

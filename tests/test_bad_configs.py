@@ -158,7 +158,7 @@ KINDS = [
     Bad("defence: {→trusted: [1]}", "defence.trusted", "must be a mapping (got [1])"),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
     Bad("→engine: flt", "engine|engine.kind", 'one of chassis, flat (got "flt")'),
-    Bad("→engine: flat\ntick: 0", "engine", "the flat engine trims at ticks only"),
+    Bad("→engine: flat\ntick: 0", "engine", "the exact engine trims at ticks only"),
     Bad("engine: {→solver: euler}", "engine.solver", "'dopri5', 'tsit5' or 'dopri8' (got \"euler\")"),
     Bad("engine: {→rtol: 0}", "engine.rtol", "must be greater than 0 (got 0)"),
     Bad("engine: {→rtol: 1}", "engine.rtol", "must be less than 1 (got 1)"),

@@ -26,7 +26,7 @@ SMALL = {
     "samples": 2,
     "horizon": 1.0,
     "tail": 0.5,
-    "engine": "flat",
+    "engine": "exact",
     "defence": "none",
     "attack": "none",
     "sweep": {"initial.speed": [0.1, 0.2, 0.3, 0.4]},

@@ -1,6 +1,6 @@
 """What processes of their own cost, and what a second one brings.
 
-Whole commands on 10⁵ lanes of the flat engine, trimmed, horizon 30 s: one process on two cores, one worker
+Whole commands on 10⁵ lanes of the exact engine, trimmed, horizon 30 s: one process on two cores, one worker
 with one core, two workers with one core each, and two such workers of a scheduler that runs already. Every
 command is run into an empty folder, in turn, with a warm compilation cache. Printed are the least and the
 median wall times with all that a command does, and lanes per second from the first to the last shard, which
@@ -25,7 +25,7 @@ from distributed import LocalCluster
 
 from jaxnet.store.layout import SHARDS
 
-STUDY = {"name": "cluster", "samples": 0, "engine": "flat", "sweep": {"attack.magnitude": [1, 5]}}
+STUDY = {"name": "cluster", "samples": 0, "engine": "exact", "sweep": {"attack.magnitude": [1, 5]}}
 WAYS = {
     "one process, two cores": ("--devices", "2"),
     "one worker of one core": ("--workers", "1", "--devices", "1"),
@@ -86,7 +86,7 @@ def timed(config: Path, way: tuple[str, ...], *overrides: str) -> tuple[float, f
     if process.returncode:
         raise RuntimeError(process.stderr.read() if process.stderr else "")
     shutil.rmtree(out)
-    after = (len(seen) - 1) * SHARDS["flat"] / (seen[-1] - seen[0]) if len(seen) > 2 else float("nan")
+    after = (len(seen) - 1) * SHARDS["exact"] / (seen[-1] - seen[0]) if len(seen) > 2 else float("nan")
     return took, after
 
 

@@ -1,6 +1,6 @@
 """Does the memory of a study grow with its lanes?
 
-`jaxnet run` simulates 10⁴ and then 10⁵ lanes of the default scenario with the flat engine, trimming each
+`jaxnet run` simulates 10⁴ and then 10⁵ lanes of the default scenario with the exact engine, trimming each
 0.05 s. Printed is the greatest memory that each of the two processes held.
 
 Run it with `python experiments/benchmarks/memory.py`; it takes a few minutes.
@@ -40,7 +40,7 @@ def peak_memory(lanes: int) -> float:
     """Peak memory [MiB] of the command line; raises CalledProcessError if it fails."""
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "memory.yaml"
-        config.write_text(f"name: memory\nsamples: {lanes}\nengine: flat\n")
+        config.write_text(f"name: memory\nsamples: {lanes}\nengine: exact\n")
         command = [sys.executable, "-m", "jaxnet", "run", str(config), "--out", str(Path(folder) / "out")]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         _, status, used = os.wait4(process.pid, 0)

@@ -132,7 +132,7 @@ def scipy_lane(lane: Fleet, times: np.ndarray, dense: bool) -> Float[np.ndarray,
 
 
 def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.ndarray]:
-    """`ẋ = f(t, x)` of the flattened state, all vehicles at once, vectors of the plane as complex numbers.
+    """`ẋ = f(t, x)` of the exacttened state, all vehicles at once, vectors of the plane as complex numbers.
 
     With h = exp(iθ), n = ih: ψ_i⁻¹ ψ_j has the entries Re(conj(r_i) c_j), r = (h, n / v), c = (h, v n).
     """

@@ -1,7 +1,7 @@
 """How does jaxnet's speed grow or fall with the lanes asked for, with vehicles and with cores?
 
-Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the chassis engine and the flat
-one without trimming, and the flat one trimming each 0.05 s. Every point is a process of its own; all points
+Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the nonlinear engine and the exact
+one without trimming, and the exact one trimming each 0.05 s. Every point is a process of its own; all points
 are run one after another, again and again: the median is shown with the least and the greatest. A point that
 needs more than the budget is skipped with all larger ones of its line, and said to be.
 
@@ -44,16 +44,16 @@ class Line(NamedTuple):
 
 
 LINES = [
-    Line("chassis", {"defence": "none"}, 512, {"color": style.BLUE, "marker": "o", "linestyle": "-"}),
+    Line("nonlinear", {"defence": "none"}, 512, {"color": style.BLUE, "marker": "o", "linestyle": "-"}),
     Line(
-        "flat",
-        {"defence": "none", "engine": "flat"},
+        "exact",
+        {"defence": "none", "engine": "exact"},
         8_192,
         {"color": style.RED, "marker": "s", "linestyle": (0, (5, 1.5))},
     ),
     Line(
         "flat, trimming",
-        {"engine": "flat"},
+        {"engine": "exact"},
         4_096,
         {"color": style.GREEN, "marker": "^", "linestyle": (0, (1, 1))},
     ),

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from row import apart, shown, spread
 
 NOBODY, LIARS = {"attack": "none", "defence": "none"}, {"attack": "rotating", "defence": "none"}
-FLAT = {"engine": "flat"}
+FLAT = {"engine": "exact"}
 REFERENCE = "SciPy RK45, dense M"
 CHECKED = 12  # lanes held against the exact solution
 
@@ -41,10 +41,10 @@ LINES = [
     Line("SciPy RK45, structured solve", "none", "scipy structured", NOBODY, 12),
     Line("diffrax Dopri5, dense M", "none", "diffrax dense", NOBODY, 64),
     Line("diffrax Dopri5, structured solve", "none", "diffrax structured", NOBODY, 64),
-    Line("jaxnet chassis", "none", "jaxnet", NOBODY, 2_048),
-    Line("jaxnet chassis", "rotating", "jaxnet", LIARS, 2_048),
-    Line("jaxnet flat", "rotating", "jaxnet", LIARS | FLAT, 16_384),
-    Line("jaxnet flat, trimming each 0.05 s", "rotating", "jaxnet", FLAT, 8_192),
+    Line("jaxnet nonlinear", "none", "jaxnet", NOBODY, 2_048),
+    Line("jaxnet nonlinear", "rotating", "jaxnet", LIARS, 2_048),
+    Line("jaxnet exact", "rotating", "jaxnet", LIARS | FLAT, 16_384),
+    Line("jaxnet exact, trimming each 0.05 s", "rotating", "jaxnet", FLAT, 8_192),
 ]
 
 

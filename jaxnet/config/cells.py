@@ -1,5 +1,6 @@
 """A document becomes a study: one validated config, and the cells that its sweep spans."""
 
+import contextlib
 import functools
 import itertools
 import math
@@ -12,11 +13,13 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from jaxnet.config import faults as checks
-from jaxnet.config import keys as config
-from jaxnet.config import wording
+from jaxnet.config import faults, wording
 from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
-from jaxnet.config.keys import KINDS, Config, Scenario
+from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
+from jaxnet.kinds import registry
+from jaxnet.kinds.fields import MARK, Record
+from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.registry import KindError
 
 Place = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
 
@@ -42,19 +45,20 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: spread(each) for key, each in given.sweep.items()}
-    wrong = list(refuse_sweep(settled, values))
+    known = Known(document.data, values)
+    wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
     problems += [*document.problems, *idle_overrides(document, list(values))]
-    spanned = {key: listed for key, listed in values.items() if is_known(key)}
+    spanned = {key: listed for key, listed in values.items() if known.has(key)}
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_CELLS:
         base = document.data if settled is None else plain(settled)
-        cells, faults = span(document, base, spanned, known=set(problems))
-        problems += faults
+        cells, found = span(document, base, spanned, known=set(problems))
+        problems += found
     if settled is not None:
         problems += [
             located(fault, document.place)
-            for fault in checks.study_objections(settled, [cell.scenario for cell in cells])
+            for fault in faults.of_study(settled, [cell.scenario for cell in cells])
         ]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
@@ -79,13 +83,13 @@ def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem
 class SweepAlone(BaseModel):
     """The sweep of a config whose other keys may be wrong."""
 
-    model_config = config.Record.model_config | {"extra": "ignore"}
+    model_config = Record.model_config | {"extra": "ignore"}
 
-    sweep: config.Sweep = {}
+    sweep: Sweep = {}
 
 
-def located(fault: checks.Objection, place: Place) -> Problem:
-    """An objection with the place of the first of its keys that was written."""
+def located(fault: Fault, place: Place) -> Problem:
+    """A fault with the place of the first of its keys that was written."""
     return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
 
 
@@ -103,7 +107,7 @@ def with_kind(field: str, value: Any) -> Any:
     if isinstance(value, str):
         return {"kind": value}
     if isinstance(value, dict) and "kind" not in value:
-        return {"kind": Scenario.model_fields[field].default.kind, **value}
+        return {"kind": Scenario.model_fields[field].default.reference(), **value}
     return value
 
 
@@ -115,16 +119,16 @@ def validate(model: type[Any], data: Mapping[str, Any], place: Place) -> tuple[A
         problems = []
         for one in error.errors(include_url=False):
             keys = written(one)
-            problems.append(Problem(place(keys), dotted(keys), wording.explain(one)))
+            problems.append(Problem(place(keys), dotted(keys), wording.explain(one, data)))
         return None, problems
 
 
 def written(error: Any) -> Keys:
     """Keys of an error's place as the user writes them: the marks of unions taken out."""
-    keys = tuple(part for part in error["loc"] if not str(part).startswith((config.MARK, "[key]")))
+    keys = tuple(part for part in error["loc"] if not str(part).startswith((MARK, "[key]")))
     if error["type"] == "missing" and isinstance(keys[-1], int):
         return keys[:-1]
-    in_mapping = error["type"] in ("kind", "union_tag_invalid") and isinstance(error["input"], dict)
+    in_mapping = error["type"] in ("kind", "kind_name") and isinstance(error["input"], dict)
     return (*keys, "kind") if in_mapping else keys
 
 
@@ -134,14 +138,14 @@ def spread(given: Any) -> list[Any]:
         return given
     with np.errstate(all="ignore"):
         spaced = (
-            np.linspace(*given.linspace)
-            if isinstance(given, config.Linspace)
-            else np.geomspace(*given.geomspace)
+            np.linspace(*given.linspace) if isinstance(given, Linspace) else np.geomspace(*given.geomspace)
         ).tolist()
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
-def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Iterator[tuple[str, str]]:
+def refuse_sweep(
+    settled: Config | None, values: Mapping[str, list[Any]], known: "Known"
+) -> Iterator[tuple[str, str]]:
     """What is wrong with a sweep before its cells are looked at: key and message."""
     if math.prod(map(len, values.values())) > MOST_CELLS:
         yield list(values)[-1], f"spans more than {MOST_CELLS:,} cells"
@@ -151,13 +155,15 @@ def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Ite
         if root not in Scenario.model_fields:
             wrong = "cannot be swept" if root in Config.model_fields else "unknown key"
             yield key, wrong + wording.suggestion(root, list(Scenario.model_fields))
+        elif root == "metrics":
+            yield key, "cannot be swept: all rows have the same columns"
         elif root in KINDS and key == f"{root}.kind":
             yield key, f"sweep {root} instead: a kind comes with keys of its own"
-        elif not is_known(key):
-            yield key, "unknown key" + wording.suggestion(key.split(".")[1], known_inside(root))
+        elif not known.has(key):
+            yield key, "unknown key" + wording.suggestion(key.split(".")[1], known.inside(root))
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
-        if saves and key in ("vehicles", "horizon", "output_step"):
+        if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
         named = names(key, listed)
         twice = [name for n, name in enumerate(named) if name in named[:n]]
@@ -166,16 +172,34 @@ def refuse_sweep(settled: Config | None, values: Mapping[str, list[Any]]) -> Ite
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
-def is_known(key: str) -> bool:
-    """Whether some scenario has this dotted key."""
-    root, *inside = key.split(".")
-    return root in Scenario.model_fields and (not inside or inside[0] in known_inside(root))
+class Known:
+    """Dotted keys that some cell of a study has: those of the kinds that it names, or sweeps."""
+
+    def __init__(self, data: Mapping[str, Any], values: Mapping[str, list[Any]]):
+        self.given = {
+            root: [with_kind(root, value) for value in (data.get(root, {}), *values.get(root, []))]
+            for root in KINDS
+        }
+
+    def has(self, key: str) -> bool:
+        """Whether there is such a key."""
+        root, *inside = key.split(".")
+        return root in Scenario.model_fields and (not inside or inside[0] in self.inside(root))
+
+    def inside(self, root: str) -> list[str]:
+        """Keys besides `kind` inside a key; none inside a plain value."""
+        if root == "initial":
+            return list(Initial.model_fields)
+        models = [model_of(root, value) for value in self.given.get(root, [])]
+        return list(dict.fromkeys(key for model in models if model for key in model.model_fields))
 
 
-def known_inside(root: str) -> list[str]:
-    """Keys that kinds of a field have besides `kind`, or the field's own mapping; none for a plain value."""
-    models = KINDS.get(root) or ((config.Initial,) if root == "initial" else ())
-    return list(dict.fromkeys(key for model in models for key in model.model_fields if key != "kind"))
+def model_of(field: str, value: Any) -> type[Kind] | None:
+    """The class that a value of a kind's field names, if there is one."""
+    if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
+        return None
+    with contextlib.suppress(KindError):
+        return registry.find(field, value["kind"])
 
 
 def names(key: str, listed: list[Any]) -> list[Any]:
@@ -193,12 +217,10 @@ def names(key: str, listed: list[Any]) -> list[Any]:
 
 def full_kind(field: str, value: Any) -> Any:
     """The mapping of a kind with its defaults written out."""
-    if not isinstance(value, dict):
+    model = model_of(field, value)
+    if model is None:
         return value
-    models = {config.kind_name(kind): kind for kind in KINDS[field]}
-    if not isinstance(value["kind"], str) or value["kind"] not in models:
-        return value
-    fields = models[value["kind"]].model_fields
+    fields = model.model_fields
     defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
     return {key: tidy(each) for key, each in (defaults | value).items()}
 
@@ -215,7 +237,8 @@ def kind_label(kind: Any, among: list[Any]) -> str:
         for key, value in kind.items()
         if key not in ("kind", "label", "edges") and any(other.get(key) != value for other in alike)
     ]
-    return str(kind["kind"]) + (f"({', '.join(telling)})" if telling else "")
+    name = str(kind["kind"]).rpartition(":")[2]
+    return name + (f"({', '.join(telling)})" if telling else "")
 
 
 def span(
@@ -229,7 +252,7 @@ def span(
     base = {key: value for key, value in study.items() if key in Scenario.model_fields}
     labels = {key: names(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
-    faults: dict[Problem, list[str]] = {}
+    found: dict[Problem, list[str]] = {}
     grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
     for number, indices in enumerate(grid):
         chosen = dict(zip(values, indices, strict=True))
@@ -241,20 +264,20 @@ def span(
         except LookupError as error:
             key, reason = error.args
             problem = Problem(document.place(("sweep", key)), f"sweep.{key}", reason)
-            faults.setdefault(problem, []).append(cell_name(number, named))
+            found.setdefault(problem, []).append(cell_name(number, named))
             continue
         scenario, problems = judge(data, functools.partial(place_in_cell, document, chosen))
         if scenario is not None:
             cells.append(Cell(number, named, scenario))
         for problem in dict.fromkeys(problems):
             if problem not in known:
-                faults.setdefault(problem, []).append(cell_name(number, named))
+                found.setdefault(problem, []).append(cell_name(number, named))
     roots = {key.split(".")[0] for key in values}
     return tuple(cells), [
         problem._replace(message=f"{problem.message}, in {where[0]}")
         if len(where) < len(grid) or problem.key.split(".")[0] in roots
         else problem
-        for problem, where in faults.items()
+        for problem, where in found.items()
     ]
 
 
@@ -271,7 +294,7 @@ def judge(data: Mapping[str, Any], place: Place) -> tuple[Scenario | None, list[
     if rest is not None:
         problems += [
             located(fault, place)
-            for fault in checks.scenario_objections(rest)
+            for fault in faults.of_scenario(rest)
             if not wrong & {key.split(".")[0] for key in fault.keys}
         ]
     return scenario, problems

@@ -2,25 +2,16 @@
 
 import difflib
 import json
+import typing
 from typing import Any
 
-from jaxnet.config.keys import (
-    KINDS,
-    MARK,
-    Config,
-    Criterion,
-    Geomspace,
-    Initial,
-    Linspace,
-    Record,
-    Recovery,
-    Samples,
-    Save,
-    Sequential,
-    Worst,
-    kind_name,
-    names_distribution,
-)
+from pydantic import BaseModel
+
+from jaxnet.config.keys import Config
+from jaxnet.kinds import registry
+from jaxnet.kinds.family import Of
+from jaxnet.kinds.fields import MARK, names_distribution
+from jaxnet.kinds.registry import KindError
 
 WORDS = {
     "float_type": "must be a number",
@@ -43,19 +34,20 @@ WORDS = {
 }
 
 
-def explain(error: Any) -> str:
-    """What is wrong, in a user's words, from one of pydantic's errors."""
+def explain(error: Any, data: Any) -> str:
+    """What is wrong, in a user's words, from one of pydantic's errors on some data."""
     kind, context, given = error["type"], error.get("ctx", {}), error["input"]
     if kind == "missing":
         return "an entry is missing" if isinstance(error["loc"][-1], int) else "required"
     if kind in ("extra_forbidden", "invalid_key"):
-        return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"]))
-    if kind in ("kind", "union_tag_invalid"):
-        allowed = [kind_name(each) for each in KINDS[error["loc"][0]]]
-        if not isinstance(given, dict):
-            return f"must be a mapping, or one of {', '.join(allowed)} (got {shown(given)})"
-        hint = suggestion(str(given["kind"]), allowed, fallback=False)
-        return f"must be one of {', '.join(allowed)} (got {shown(given['kind'])}){hint}"
+        return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"], data))
+    if kind == "kind":
+        return f"must be a mapping, or one of {context['known']} (got {shown(given)})"
+    if kind == "metric":
+        return context["error"]
+    if kind == "kind_name":
+        hint = suggestion(str(given["kind"]), registry.names(context["family"]), fallback=False)
+        return context["error"] + hint
     if kind in ("too_short", "too_long"):
         word, number = (
             ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
@@ -87,22 +79,39 @@ def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
     return f" (known here: {', '.join(known)})" if fallback else ""
 
 
-def known_keys(location: tuple[Any, ...]) -> list[str]:
+def known_keys(location: tuple[Any, ...], data: Any) -> list[str]:
     """Keys allowed in the mapping in which pydantic met an unknown one."""
-    inside = [part.removeprefix(MARK) for part in location[:-1] if isinstance(part, str)]
-    if not inside:
-        return list(Config.model_fields)
-    models: dict[str, type[Record]] = {
-        "initial": Initial,
-        "save": Save,
-        "recovery": Recovery,
-        "sequential": Sequential,
-        "until": Criterion,
-        "samples": Samples,
-        "worst": Worst,
-        "linspace": Linspace,
-        "geomspace": Geomspace,
-    }
-    models |= {field: kinds[0] for field, kinds in KINDS.items()}
-    models |= {kind_name(kind): kind for kind in KINDS.get(inside[0], ())}
-    return list(models[inside[-1]].model_fields)
+    model: Any = Config
+    for part in location[:-1]:
+        if isinstance(part, str) and part.startswith(MARK):
+            model = record_of(part.removeprefix(MARK), model)
+            continue
+        field = getattr(model, "model_fields", {}).get(part)
+        data = data.get(part) if isinstance(data, dict) else None
+        model = field if field is None else model_in(field, data)
+    return list(getattr(model, "model_fields", {}))
+
+
+def model_in(field: Any, value: Any) -> Any:
+    """The model, or the union of models, of a key: of a kind the one that its value names."""
+    family = next((mark.family for mark in field.metadata if isinstance(mark, Of)), None)
+    if family is None:
+        return field.annotation
+    try:
+        name = value.get("kind") if isinstance(value, dict) else value
+        return registry.find(family, name) if isinstance(name, str) else None
+    except KindError:
+        return None
+
+
+def record_of(member: str, union: Any) -> Any:
+    """The member of a union of records that a mark names: by its one key."""
+    found = [each for each in records(union) if member in (each.__name__.lower(), *each.model_fields)]
+    return found[0] if found else None
+
+
+def records(annotation: Any) -> list[type[BaseModel]]:
+    """All models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for part in typing.get_args(annotation) for found in records(part)]

@@ -1,6 +1,7 @@
-"""Ways to advance a lane from tick to tick, and what is measured on the way.
+"""Ways to advance lanes from tick to tick, and what is measured on the way.
 
-hear → decide → measure → advance: at each tick every vehicle hears its sources and decides whom to keep
-(`chassis.decide`), at output times the fleet is measured (`metrics`), between ticks the robots move
-(`chassis`, which steps with `stepper`). `batch` runs many lanes at once.
+receive → decide → follow → measure: at each tick every vehicle receives what its sources send and decides
+whom to retain (`tick`), at output times the fleet is measured (`metrics`). Between ticks the vehicles move:
+`propagation` solves the closed loop exactly, `integration` steps the nonlinear vehicles (with `stepper` and
+`queue`); `methods` are the engines that a config chooses between. `batch` runs many lanes at once.
 """

@@ -7,7 +7,6 @@ engines they are the last.
 """
 
 import functools
-import importlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -18,15 +17,15 @@ import jax
 import numpy as np
 
 from jaxnet.engine.cores import cores
+from jaxnet.engine.methods import Engine
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
+from jaxnet.kinds import registry
 from jaxnet.model.lane import Network
 
 Tree = TypeVar("Tree")
 
-CHUNKS = {"chassis": 64, "flat": 256}  # lanes side by side, of ROOM vehicles; fewer of larger fleets
-ROOM = 12
+ROOM = 12  # vehicles, of which an engine takes its chunk of lanes side by side; fewer of larger fleets
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
-QUEUES = {"chassis": 8, "flat": 1}  # chunks in a load
 COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
 
 
@@ -61,11 +60,16 @@ class Machine(NamedTuple):
         """Lanes side by side."""
         if self.chunk:
             return self.chunk
-        chunk = SLOW_CHUNK if plan.in_field else CHUNKS[plan.engine]
+        chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
         return max(4, chunk * ROOM // max(ROOM, vehicles))
 
 
 EVERYTHING = Machine()
+
+
+def method(plan: Plan) -> type[Engine]:
+    """The engine that a plan names."""
+    return registry.find("engine", plan.engine)
 
 
 def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
@@ -89,7 +93,7 @@ def simulate_each(
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
     plan = plan._replace(chunk=machine.width(plan, network.hearing.sources.shape[1]))
-    capacity = plan.chunk * (1 if plan.save else QUEUES[plan.engine])
+    capacity = plan.chunk * (1 if plan.save else method(plan).queue)
     share = max(plan.chunk, -(-lanes // len(devices)))
     for device in devices:
         free.put(device)
@@ -125,8 +129,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     """The engines, compiled for a platform."""
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
-        engine = importlib.import_module(f"jaxnet.engine.{plan.engine}")  # who does not step needs no solvers
-        return engine.simulate(queue, count, network, clock, plan)
+        return method(plan).simulate(queue, count, network, clock, plan)
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 

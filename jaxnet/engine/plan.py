@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.status import Code
+from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.model.lane import Lane
 
 CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹‖ times rounding else
@@ -14,9 +14,12 @@ CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹�
 class Plan(NamedTuple):
     """What the compiled program is shaped by: hashable, a new one compiles anew."""
 
-    engine: str  # chassis | flat
-    in_field: bool = False  # chassis: decide inside the vector field (tick: 0), not once an interval
-    solver: str = ""  # chassis
+    engine: str  # name of the method
+    options: tuple[Any, ...] = ()  # of the method, what its program depends on
+    metrics: tuple[Metric, ...] = CONTRACT
+    decides: bool = True  # whether vehicles decide whom to retain
+    strategic: bool = False  # whether attackers choose their vectors at ticks
+    in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
     save: tuple[str, ...] = ()  # what is stacked over output times, of `metrics.SERIES`
     rows: int = 0  # of those stacks: the clock's outputs and t = 0, where anything is saved
     chunk: int = 0  # lanes side by side
@@ -58,7 +61,7 @@ class Outcome(NamedTuple):
     """What is left of lanes; `series` have a first axis over output times, t = 0 included."""
 
     status: Code
-    metrics: Metrics
+    metrics: dict[str, Float[Array, "*lanes"]]
     steps: Int[Array, "*lanes"]
     switches: Int[Array, "*lanes"]
     series: dict[str, Any]

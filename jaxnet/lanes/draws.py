@@ -6,14 +6,15 @@ inverse CDF of that number, so cells that differ in anything share their draws (
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Float, UInt32
 
-from jaxnet.config import keys as config
+from jaxnet.kinds import fields
+from jaxnet.kinds.fields import is_drawn
 
 COMPONENTS = 4  # of a vehicle whose slots are side by side
 PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
@@ -21,6 +22,39 @@ BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that
 
 Place = tuple[int, int]  # vehicle (0: the lane's own) and component
 Draws = Float[np.ndarray, "samples places"]
+
+
+class Draw:
+    """Draws numbers of samples: NumPy arrays with a first axis over samples."""
+
+    def __init__(self, seed: int, samples: Sequence[int], vehicles: int):
+        self.seed, self.samples, self.everyone = seed, samples, range(1, vehicles + 1)
+
+    def same(self, value: Any) -> Any:
+        """The same value in every lane."""
+        array = np.asarray(value)
+        return np.broadcast_to(array, (len(self.samples), *array.shape))
+
+    def one(self, number: Any, name: str) -> Any:
+        """A number of the lane: (samples,)."""
+        return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
+
+    def each(self, number: Any, name: str, components: int = 1) -> Any:
+        """A number of each vehicle: (samples, m, components)."""
+        return draw(number, self.seed, name, self.samples, self.everyone, components)
+
+    def several(self, numbers: Sequence[Any], name: str) -> Any:
+        """Numbers of the lane: (samples, n)."""
+        return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
+
+    def placed(self, numbers: Sequence[Any], name: str, places: Sequence["Place"]) -> Any:
+        """Numbers that have places of their own, vehicle and component: (samples, n)."""
+        return draw_each(numbers, self.seed, name, self.samples, places)
+
+    def generators(self, name: str) -> Iterator[np.random.Generator]:
+        """A source of random numbers for each sample, for what no fixed number of draws can make."""
+        word = zlib.crc32(name.encode())
+        return (np.random.default_rng([self.seed, word, sample]) for sample in self.samples)
 
 
 def draw(
@@ -33,7 +67,7 @@ def draw(
 ) -> Float[np.ndarray, "samples vehicles components"]:
     """Values of a number or distribution for each sample, vehicle (0: the lane's own) and component."""
     shape = (len(samples), len(vehicles), components)
-    if not config.is_drawn(number):
+    if not is_drawn(number):
         return np.full(shape, float(number))
     places = [(vehicle, component) for vehicle in vehicles for component in range(components)]
     return quantile(number, uniforms(seed, name, samples, places)).reshape(shape)
@@ -43,7 +77,7 @@ def draw_each(
     numbers: Sequence[Any], seed: int, name: str, samples: Sequence[int], places: Sequence[Place]
 ) -> Draws:
     """Values for each sample of several numbers or distributions, each with its own place."""
-    if not any(map(config.is_drawn, numbers)):
+    if not any(map(is_drawn, numbers)):
         return np.tile(np.array(numbers, float), (len(samples), 1))
     columns = uniforms(seed, name, samples, places).T
     return np.stack([quantile(number, u) for number, u in zip(numbers, columns, strict=True)], axis=1)
@@ -54,12 +88,12 @@ def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "...
     match number:
         case float() | int():
             return np.full(u.shape, float(number))
-        case config.Uniform(uniform=[low, high]):
+        case fields.Uniform(uniform=[low, high]):
             return low + (high - low) * u
-        case config.Normal(normal=[mean, deviation]):
+        case fields.Normal(normal=[mean, deviation]):
             with jax.enable_x64(True):
                 return mean + deviation * np.asarray(jax.scipy.special.ndtri(u))
-        case config.Choice(choice=values):
+        case fields.Choice(choice=values):
             return np.array(values)[(u * len(values)).astype(int)]
     raise TypeError(f"not a number or distribution: {number!r}")
 

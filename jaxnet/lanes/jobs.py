@@ -4,162 +4,125 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
-from jaxnet.config import keys as config
 from jaxnet.config.keys import Scenario
-from jaxnet.config.network import Network, navigator_of, network_of, weights_are_drawn
+from jaxnet.config.scenario import decides, interval_of, outputs_of
 from jaxnet.engine.batch import Inputs, Job
-from jaxnet.engine.flat import Flow
-from jaxnet.engine.plan import Clock, Plan, Tolerances
-from jaxnet.lanes.draws import draw, draw_each
-from jaxnet.model import attack, defence, hearing
-from jaxnet.model.attack import Harmonic
-from jaxnet.model.lane import Lane
-from jaxnet.model.lane import Network as SharedNetwork
-from jaxnet.theory import exact
+from jaxnet.engine.plan import Clock, Plan
+from jaxnet.kinds.attacks import AnyAttack, scaled
+from jaxnet.kinds.pytree import as_pytree
+from jaxnet.lanes.draws import Draw
+from jaxnet.model import hearing
+from jaxnet.model.hearing import Hearing
+from jaxnet.model.lane import Lane, Network
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
     """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`."""
-    network, drawn = network_of(scenario), Drawn(scenario, seed, samples)
-    sources, navigator, plan = hearing.slots(network.weights), navigator_of(scenario), plan_of(scenario, save)
+    draw = Draw(seed, samples, scenario.vehicles)
+    sources = hearing.slots(scenario.topology.links(scenario.vehicles))
+    vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    signal, vectors, amplitude = attack_of(scenario, draw)
+    weights: Any = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
+    gain = draw.several(scenario.gain, "gain")
     lanes = Lane(
-        initial=drawn.initial(),
-        weights=drawn.weights(network, sources),
-        navigator=type(navigator)(*map(drawn.same, navigator)),
-        attack=drawn.attack(),
-        tolerance=drawn.one(getattr(scenario.defence, "tolerance", 0.0), "defence.tolerance"),
-        gain=drawn.gain(),
+        initial=lanes_first(start_of(scenario, vehicle, draw)),
+        weights=weights,
+        gain=gain,
+        vehicle=tree(vehicle),
+        navigator=tree(scenario.navigator.drawn(draw, "navigator")),
+        defence=tree(scenario.defence.drawn(draw, "defence")),
+        signal=tree(signal, len(samples)),
+        vectors=lanes_first(vectors),
+        amplitude=amplitude,
     )
-    shared, clock = shared_network(scenario, network, sources), clock_of(scenario)
-    numbers = engine_numbers(scenario, lanes.gain, float(clock.interval), drawn)
-    return Job(Inputs(lanes, numbers), shared, clock, plan)
+    numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
+    return Job(
+        Inputs(lanes, numbers), network_of(scenario, sources), clock_of(scenario), plan_of(scenario, save)
+    )
 
 
-def shared_network(scenario: Scenario, network: Network, sources: Any) -> SharedNetwork:
+def network_of(scenario: Scenario, sources: Any) -> Network:
     """What the lanes of a cell share, by slot."""
-    attacked: Any = hearing.by_slot(network.attacked, sources)
-    heard = hearing.Hearing(sources, attacked)
-    if not isinstance(scenario.defence, config.TrustedTrim):
-        return SharedNetwork(heard, defence.KeepAll())
-    trusted = hearing.by_slot(network.trusted, sources)
-    return SharedNetwork(heard, defence.trusted_trim(trusted, network.protected, network.theta))
-
-
-def engine_numbers(scenario: Scenario, gain: Any, interval: float, drawn: "Drawn") -> Any:
-    """What the engine needs besides the lanes, given their gains."""
-    engine = scenario.engine
-    if isinstance(engine, config.Flat):
-        if (gain == gain[0]).all():
-            return Flow(drawn.same(expm(exact.companion(gain[0]) * interval)))
-        return Flow(expm(exact.companion(gain) * interval))  # pyright: ignore[reportArgumentType]
-    rtol, atol = drawn.one(engine.rtol, "engine.rtol"), drawn.one(engine.atol, "engine.atol")
-    return Tolerances(rtol, atol, drawn.same(engine.max_steps))
+    links = scenario.topology.links(scenario.vehicles).astype(float)
+    attacked = hearing.by_slot(scenario.attack.links(links), sources)
+    trusted = scenario.defence.trusts(links)
+    speakers = np.where(attacked & scenario.attack.replaces(), 0, sources)
+    shared = scenario.defence.shared(links, trusted, sources)
+    heard = Hearing(*map(as_array, (sources, speakers, attacked)))
+    return Network(heard, as_array(hearing.by_slot(trusted, sources)), shared)
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
     """What the compiled program is shaped by."""
     return Plan(
-        engine=scenario.engine.kind,
-        in_field=isinstance(scenario.defence, config.TrustedTrim) and scenario.tick == 0,
-        solver=getattr(scenario.engine, "solver", ""),
+        engine=scenario.engine.reference(),
+        options=scenario.engine.options(),
+        metrics=scenario.measured(),
+        decides=scenario.defence.decides,
+        strategic=scenario.attack.strategic,
+        in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,
     )
 
 
 def clock_of(scenario: Scenario) -> Clock:
-    """When things happen. Where nobody decides, a tick is an output step."""
-    held = isinstance(scenario.defence, config.TrustedTrim) and scenario.tick > 0
+    """When things happen."""
     numbers = (
-        scenario.tick if held else scenario.output_step,
-        round(scenario.output_step / scenario.tick) if held else 1,
+        interval_of(scenario),
+        round(scenario.output_step / scenario.tick) if decides(scenario) else 1,
         outputs_of(scenario),
         round(scenario.tail / scenario.output_step) + 1,  # both ends of the tail
     )
     return Clock(*map(np.asarray, numbers))  # pyright: ignore[reportArgumentType]
 
 
-def outputs_of(scenario: Scenario) -> int:
-    """Output times after t = 0."""
-    return round(scenario.horizon / scenario.output_step)
+def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
+    """States at t = 0: (n, m, samples)."""
+    given = scenario.initial
+    position = draw.each(given.position, "initial.position", components=2)
+    heading, speed = (
+        draw.each(getattr(given, name), f"initial.{name}")[..., 0] for name in ("heading", "speed")
+    )
+    return np.asarray(vehicle.start(position.transpose(2, 1, 0), heading.T, speed.T))
 
 
-class Drawn:
-    """Makes the leaves of lanes: NumPy arrays with a leading axis over samples."""
+def attack_of(scenario: Scenario, draw: Draw) -> tuple[Any, np.ndarray, Any]:
+    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, and ā over its
+    size.
+    """
+    drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
+    count, m = len(draw.samples), scenario.vehicles
+    scale = np.broadcast_to(scaled(drawn, scenario.horizon), count)
+    unit = np.asarray(drawn.vectors()) if not drawn.strategic else first_vectors(drawn, count)
+    attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
+    vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
+    return drawn.signal(), vectors, scale
 
-    def __init__(self, scenario: Scenario, seed: int, samples: Sequence[int]):
-        self.scenario, self.seed, self.samples = scenario, seed, samples
-        self.everyone = range(1, scenario.vehicles + 1)
 
-    def same(self, value: Any) -> Any:
-        """The same value in every lane."""
-        array = np.asarray(value)
-        return np.broadcast_to(array, (len(self.samples), *array.shape))
+def first_vectors(drawn: AnyAttack, count: int) -> np.ndarray:
+    """Where a strategic attack's vectors have room, as many as it has functions; it sets them at once."""
+    functions = np.asarray(drawn.signal().basis(np.zeros(count))).shape[1]
+    return np.ones((2, 1, functions, 1))
 
-    def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """A number of each vehicle: (samples, m, components)."""
-        return draw(number, self.seed, name, self.samples, self.everyone, components)
 
-    def one(self, number: Any, name: str) -> Any:
-        """A number of the lane: (samples,)."""
-        return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
+def tree(drawn: Any, count: int = 1) -> Any:
+    """A drawn kind, or another tree of arrays with lanes last, as a tree with lanes first.
 
-    def gain(self) -> Any:
-        """Gains on ε, ε̇, ε̈: (samples, 3)."""
-        places = [(0, component) for component in range(3)]
-        return draw_each(self.scenario.gain, self.seed, "gain", self.samples, places)
+    A number alone is the same in `count` lanes.
+    """
+    import jax
 
-    def weights(self, network: Network, sources: Any) -> Any:
-        """Weights by slot: (samples, slots, m)."""
-        if not weights_are_drawn(self.scenario):
-            return self.same(hearing.by_slot(network.weights, sources))
-        topology: Any = self.scenario.topology
-        if isinstance(topology, config.Cyclic):
-            navigator = self.one(topology.navigator_weight, "topology.navigator_weight")[:, None, None]
-            return np.where(sources == 0, navigator, (1.0 - navigator) / 2)
-        return self.edge_weights(topology.edges, sources)
+    leaves = jax.tree.map(lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn))
+    return jax.tree.map(lanes_first, leaves)
 
-    def edge_weights(self, edges: Any, sources: Any) -> Any:
-        """Weights by slot of drawn edges: the number of edge (i, j) is component j of vehicle i."""
-        links, numbers = [(i, j) for i, j, _ in edges], [number for *_, number in edges]
-        listeners, heard = np.array(links).T
-        vehicles = listeners - 1
-        slots = (sources[:, vehicles] == heard).argmax(axis=0)
-        weights = np.zeros((len(self.samples), *sources.shape))
-        weights[:, slots, vehicles] = draw_each(numbers, self.seed, "topology.edges", self.samples, links)
-        return weights / weights.sum(axis=1, keepdims=True)
 
-    def initial(self) -> Any:
-        """Robot states at t = 0: (samples, 6, m), ω = F = 0."""
-        given = self.scenario.initial
-        position = self.each(given.position, "initial.position", components=2)
-        heading = self.each(given.heading, "initial.heading")
-        speed = self.each(given.speed, "initial.speed")
-        states = np.concatenate([position, heading, speed, np.zeros_like(position)], axis=2)
-        return states.swapaxes(1, 2)
+def lanes_first(leaf: Any) -> Any:
+    """An array with its last axis first."""
+    return np.moveaxis(np.asarray(leaf), -1, 0)
 
-    def attack(self) -> Harmonic:
-        """The attack, zero for vehicles that are not attacked."""
-        given = self.scenario.attack
-        if isinstance(given, config.NoAttack):
-            nothing = np.zeros((len(self.samples), 2, self.scenario.vehicles))
-            return Harmonic(np.zeros(len(self.samples)), nothing, nothing)  # pyright: ignore[reportArgumentType]
 
-        def angles(name: str) -> Any:
-            return self.each(getattr(given, name), f"attack.{name}")[:, :, 0].T
-
-        numbers = [self.one(given.magnitude, "attack.magnitude")]
-        if not isinstance(given, config.Bias):
-            numbers.append(self.one(given.frequency, "attack.frequency"))
-        words = {
-            config.Bias: ["direction"],
-            config.Rotating: ["phase"],
-            config.Sinusoid: ["phase", "direction"],
-        }
-        kinds = {config.Bias: attack.bias, config.Rotating: attack.rotating, config.Sinusoid: attack.sinusoid}
-        signal = kinds[type(given)](*numbers, *map(angles, words[type(given)]))
-        attacked = np.isin(self.everyone, given.vehicles)[None, :, None]
-        vectors = (np.moveaxis(each * attacked, -1, 0) for each in (signal.cosine, signal.sine))
-        return Harmonic(signal.frequency, *vectors)
+def as_array(leaf: np.ndarray) -> Any:
+    """An array of NumPy's where one of JAX's is expected; programs take both."""
+    return leaf

@@ -15,8 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxnet.model import attack, robot
-from jaxnet.model.hearing import Hearing
+from jaxnet.model.hearing import AxisWeights, Hearing
 
 Gain = Float[Array, "3 *lanes"]
 COLUMNS = 4  # of a product that are added in one pass
@@ -29,25 +28,31 @@ def feedback(gain: Gain, jets: Any) -> Any:
     return k0 * jets[0] + k1 * jets[1] + k2 * jets[2]
 
 
+def driven(gain: Gain, jets: Any) -> Any:
+    """`R(y) = y‴ + P(y)` of a signal's jets, of which there are four."""
+    return feedback(gain, jets) + jets[3]
+
+
 def demand(
-    own: robot.Jets,
-    navigator: Any,
-    signal: attack.Jets,
+    own: Any,
+    navigator: Float[Array, "4 2 *lanes"],
+    attack: Float[Array, "2 m *lanes"],
     hearing: Hearing,
-    weights: Float[Array, "slots m *lanes"],
+    weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, what it hears, and the lies in it."""
+    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, what it receives, and `R(a)` of the attacks in
+    it.
+    """
     mine = feedback(gain, own)
-    told = feedback(gain, navigator) + navigator[3]
-    sources = jnp.concatenate([told[:, None], mine], axis=1)
-    return hearing.mean(weights, sources, feedback(gain, signal) + signal[3]) - mine
+    sources = jnp.concatenate([driven(gain, navigator)[:, None], mine], axis=1)
+    return hearing.mean(weights, sources, attack) - mine
 
 
 def product(
-    columns: Float[Array, "m m *lanes"], vectors: Float[Array, "2 m *lanes"]
+    columns: Float[Array, "m axes m *lanes"], vectors: Float[Array, "2 m *lanes"]
 ) -> Float[Array, "2 m *lanes"]:
-    """Matrix, given by its columns, times vectors, lane by lane.
+    """Matrix, given by its columns, of each axis or of both, times vectors, lane by lane.
 
     XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
     """
@@ -57,7 +62,7 @@ def product(
     def add(block: Any, total: jax.Array) -> jax.Array:
         for number in range(at_once):
             j = block * at_once + number
-            total = total + columns[j][None] * jax.lax.dynamic_index_in_dim(vectors, j, axis=1)
+            total = total + columns[j] * jax.lax.dynamic_index_in_dim(vectors, j, axis=1)
         return total
 
     return jax.lax.fori_loop(0, m // at_once, add, jnp.zeros_like(vectors))

@@ -1,14 +1,12 @@
 """The law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and 4.3).
 
-Nothing runs on it: it is the definition to which the structured solve of `control` is held.
+The stacked engine runs on it, and the structured solve of `control` is held to it.
 Stacks are vehicle by vehicle, `ȳ = [y_1; …; y_m]`, and `η_i = [ε_i; ε̇_i; ε̈_i]`.
 """
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
-
-from jaxnet.model import robot
 
 
 def brunovsky() -> tuple[Float[Array, "6 6"], Float[Array, "6 2"]]:
@@ -27,34 +25,35 @@ def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
     return jnp.kron(jnp.eye(vehicles), chains + entry @ feedback(gain))
 
 
-def decoupling(state: Float[Array, "6 m"]) -> Float[Array, "n n"]:
+def stacked(psi: Float[Array, "2 2 m"]) -> Float[Array, "n n"]:
     """`Ψ = diag{ψ_1, …, ψ_m}`."""
-    return jax.scipy.linalg.block_diag(*jnp.moveaxis(robot.decoupling(state), 2, 0))
+    return jax.scipy.linalg.block_diag(*jnp.moveaxis(psi, 2, 0))
 
 
-def mixing(state: Float[Array, "6 m"], weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
+def mixing(psi: Float[Array, "n n"], weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
     """`M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`."""
-    psi = decoupling(state)
     coupling = jnp.eye(len(psi)) - jnp.kron(weights[:, 1:], jnp.eye(2))
     return jnp.linalg.solve(psi, coupling @ psi)
 
 
 def inputs(
-    state: Float[Array, "6 m"],
+    drift: Float[Array, "2 m"],
+    decoupling: Float[Array, "2 2 m"],
     weights: Float[Array, "m sources"],
-    heard_third: Float[Array, "2 m"],
+    received_third: Float[Array, "2 m"],
     error: Float[Array, "3 2 m"],
     gain: Float[Array, "3"],
 ) -> Float[Array, "2 m"]:
     """`u` from the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]`.
 
-    `heard_third` is `a0 ⊗ y_0‴ + d‴`, `error` the jets ε, ε̇, ε̈.
+    `drift` is σ and `decoupling` ψ of each vehicle, `received_third` is `a0 ⊗ y_0‴ + d‴`, `error` the jets ε,
+    ε̇, ε̈.
     """
-    vehicles = state.shape[1]
-    sigma = robot.drift(state).T.reshape(-1)
+    vehicles, psi = drift.shape[1], stacked(decoupling)
+    sigma = drift.T.reshape(-1)
     eta = error.transpose(2, 0, 1).reshape(-1)
     gains = jnp.kron(jnp.eye(vehicles), feedback(gain))
     spread = jnp.kron(weights[:, 1:], jnp.eye(2))
-    demand = -sigma + spread @ sigma + heard_third.T.reshape(-1) + gains @ eta
-    u = jnp.linalg.solve(mixing(state, weights), jnp.linalg.solve(decoupling(state), demand))
+    demand = -sigma + spread @ sigma + received_third.T.reshape(-1) + gains @ eta
+    u = jnp.linalg.solve(mixing(psi, weights), jnp.linalg.solve(psi, demand))
     return u.reshape(vehicles, 2).T

@@ -1,28 +1,34 @@
 """One lane: one simulated fleet, with everything about it that is a number; and what lanes can share."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from jaxnet.model.attack import Harmonic
-from jaxnet.model.defence import Defence
 from jaxnet.model.hearing import Hearing
-from jaxnet.model.navigator import Lissajous
 
 
 class Lane(NamedTuple):
-    """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes."""
+    """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes.
 
-    initial: Float[Array, "6 m *lanes"]
+    Vehicle, navigator and defence are kinds with their numbers drawn; the attack's signal gives its `basis`.
+    """
+
+    initial: Float[Array, "n m *lanes"]
     weights: Float[Array, "slots m *lanes"]
-    navigator: Lissajous
-    attack: Harmonic
-    tolerance: Float[Array, "*lanes"]  # [m], of scores (see `defence`)
     gain: Float[Array, "3 *lanes"]
+    vehicle: Any
+    navigator: Any
+    defence: Any
+    signal: Any
+    vectors: Float[Array, "2 m functions *lanes"]  # of the attacks [m]; of a strategic one those at first
+    amplitude: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
 
 
 class Network(NamedTuple):
-    """Who hears whom, who lies on which links and who defends itself how: the same in lanes side by side."""
+    """Who hears whom, on which links there are attacks, and what the defence has made of it: shared by
+    lanes.
+    """
 
     hearing: Hearing
-    defence: Defence
+    trusted: Bool[Array, "slots m"]
+    shared: Any  # of the defence

@@ -11,15 +11,18 @@ from jaxtyping import Float
 from jaxnet.config.keys import Scenario
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
-from jaxnet.model import robot
+from jaxnet.model import signal
 from jaxnet.model.hearing import Hearing
 from jaxnet.theory import exact
 
 
 def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
     """Lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
-    if scenario.tick == 0:
-        raise ValueError("the exact solution needs kept sets that are held between ticks")
+    attack = scenario.attack
+    if scenario.tick == 0 or attack.strategic or attack.replaces():
+        raise ValueError(
+            "the exact solution is known of decisions at ticks and attacks that add a given signal"
+        )
     return job(scenario.model_copy(update={"output_step": scenario.tick}), seed, samples, ("state", "kept"))
 
 
@@ -47,19 +50,19 @@ def worst(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str
     """Greatest distance of one lane."""
     lane = one.lane
     times = np.arange(len(series["kept"])) * interval
-    signals = [np.asarray(jet) for jet in jax.vmap(lane.attack.jets)(jnp.asarray(times))]
-    navigator = type(lane.navigator)(*map(np.asarray, lane.navigator)).jets(times)
-    own = robot.output_jets(lane.initial)
+    signals = [np.stack(signal.jets(lane.vectors, lane.signal.basis(np.asarray(t)))) for t in times]
+    navigator = np.stack([np.asarray(lane.navigator.jets(np.asarray(t))) for t in times], axis=-1)
+    own = lane.vehicle.output_jets(lane.initial)
     start = np.stack([(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)])
     sources, attacked = np.asarray(hearing.sources), np.asarray(hearing.attacked)
     listeners = np.arange(sources.shape[1])
 
     def corruption(t: float, weights: Any) -> np.ndarray:
         mixing = np.zeros((len(listeners), len(listeners)))
-        for slot, lies in zip(sources, attacked, strict=True):
-            liar = np.where(slot > 0, slot - 1, listeners)
-            mixing[listeners[lies], liar[lies]] += weights[listeners[lies], slot[lies]]
-        return np.stack([mixing @ jet[round(t / interval)].T for jet in signals])
+        for slot, added in zip(sources, attacked, strict=True):
+            attacker = np.where(slot > 0, slot - 1, listeners)
+            mixing[listeners[added], attacker[added]] += weights[listeners[added], slot[added]]
+        return np.stack([mixing @ jet.T for jet in signals[round(t / interval)]])
 
     known = exact.tracking_errors(start, corruption, series["kept"], np.asarray(lane.gain), interval)
     ours = series["state"][:, :, :2] - navigator[0].T[:, None]

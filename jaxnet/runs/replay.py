@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 from upath import UPath
 
-from jaxnet.config import faults as checks
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
+from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
 from jaxnet.store import arrays, layout, rows
@@ -48,7 +47,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
 
 def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:
     """Where a replayed lane is stored, by the study's own engine or another."""
-    own = results.study.cells[cell].scenario.engine.kind
+    own = results.study.cells[cell].scenario.engine.reference()
     other = "" if engine in (None, own) else f"-{engine}"
     return results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
 
@@ -70,22 +69,24 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
 
 
 def replay_worst(results: Results) -> list[UPath]:
-    """Simulate the worst lanes again by the chassis engine; the stores of all of them, made now or before."""
+    """Simulate the worst lanes again by the nonlinear engine; the stores of all of them, made now or
+    before.
+    """
     paths = []
     for cell, sample in worst(results):
-        path = path_of(results, cell, sample, "chassis")
+        path = path_of(results, cell, sample, "nonlinear")
         if not path.exists():
-            replay(results, cell, sample, "chassis")
+            replay(results, cell, sample, "nonlinear")
         paths.append(path)
     return paths
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:
     """The cell under this engine with its defaults; itself if that is its own."""
-    if engine in (None, cell.scenario.engine.kind):
+    if engine in (None, cell.scenario.engine.reference()):
         return cell
-    kinds = {config.kind_name(kind): kind for kind in config.KINDS["engine"]}
-    scenario = cell.scenario.model_copy(update={"engine": kinds[engine]()})
-    for objection in checks.engine_objections(scenario):
-        raise FolderError(f"cell {cell.number}: {objection.message}")
+    chosen = registry.find("engine", str(engine))()
+    scenario = cell.scenario.model_copy(update={"engine": chosen})
+    for fault in chosen.faults(scenario):
+        raise FolderError(f"cell {cell.number}: {fault.message}")
     return replace(cell, scenario=scenario)

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 import pandas as pd
 
-from jaxnet.config import keys as config
+from jaxnet.config import keys
 from jaxnet.config.cells import Cell, plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
@@ -69,7 +69,7 @@ class Run:
             self.begin(look)
             simulated += self.simulate(new, self.work(self.prepare(look)), tally)
             samples = look
-            if isinstance(self.study.samples, config.Sequential):
+            if isinstance(self.study.samples, keys.Sequential):
                 assert self.study.recovery is not None
                 for number, lanes in rows.scan(self.folder, new, ("tail_mean",), rows.OK):
                     counts.add(self.cells[number], lanes["tail_mean"].to_numpy(), self.study.recovery.tau)
@@ -83,7 +83,7 @@ class Run:
         Rows alone are written, and arrays beside them, so that others can do the same with the other shards.
         How many shards these are, how many were simulated, and how many lanes failed.
         """
-        if isinstance(self.study.samples, config.Sequential):
+        if isinstance(self.study.samples, keys.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
         mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
         tally = Tally(sum(len(shard.samples) for shard in mine), self.progress)
@@ -187,7 +187,7 @@ def looks_of(study: Config, there: int, size: int) -> list[int]:
     A fixed number is one look. A criterion looks after whole shards, so that each number of shards is
     looked at once, whatever was there.
     """
-    if not isinstance(study.samples, config.Sequential):
+    if not isinstance(study.samples, keys.Sequential):
         return [study.samples]
     least, most = max(1, -(-there // size)), study.samples.until.at_most // size
     if least * size > max(study.samples.until.at_most, there):
@@ -222,12 +222,12 @@ class Tally:
         self.progress(self.done, self.total, self.failed)
 
 
-def chosen_samples(save: config.Save, lanes: pd.DataFrame) -> list[int]:
+def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:
     """Samples of one cell whose trajectories are asked for."""
     match save.trajectories:
-        case config.Samples(samples=samples):
+        case keys.Samples(samples=samples):
             return samples
-        case config.Worst(worst=count):
+        case keys.Worst(worst=count):
             ok: Any = lanes[lanes["status"] == "ok"]
             return ok.nlargest(count, "tail_mean")["sample"].tolist()
     return []

@@ -138,7 +138,7 @@ def there(work: Work, shard: Shard) -> Done | None:
         table, stamp = rows.read(path)
         if stamp._replace(filled={}) != work.stamp(shard)._replace(filled={}):
             raise TornError("holds lanes of another study or version, or is parted otherwise")
-        if table.column_names != rows.column_names(work.types):
+        if table.column_names != rows.column_names(shard.cell):
             raise TornError("has other columns")
         if table.num_rows < len(shard.samples) or not arrays_there(work, shard, table, stamp):
             return None

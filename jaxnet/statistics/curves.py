@@ -12,7 +12,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import is_drawn
+from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import Group, attacked_groups, shared
 from jaxnet.store.results import Results
 
@@ -222,7 +222,7 @@ def scenes(cells: Sequence[Cell]) -> list[Group]:
 
 def size_of(cell: Cell) -> Any:
     """ā as the config has it, 0 without an attack."""
-    return getattr(cell.scenario.attack, "magnitude", 0)
+    return cell.scenario.attack.amplitude()
 
 
 def size_of_lie(cell: Cell) -> str:

@@ -1,10 +1,10 @@
-"""Cells that differ in the size of the lie alone: what δ̂(ā) is asked of."""
+"""Cells that differ in the attack's magnitude alone: what δ̂(ā) is asked of."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
+from jaxnet.kinds.fields import is_drawn
 
 MAGNITUDE = "attack.magnitude"
 
@@ -30,7 +30,7 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
     members: dict[tuple[Any, ...], list[Cell]] = {}
     for cell in cells:
         attack = cell.scenario.attack
-        if isinstance(attack, config.Attacked) and not config.is_drawn(attack.magnitude):
+        if attack.present and not is_drawn(attack.amplitude()):
             members.setdefault(tuple(shared(cell).items()), []).append(cell)
     return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
 
@@ -42,5 +42,4 @@ def shared(cell: Cell) -> dict[str, Any]:
 
 def magnitude(cell: Cell) -> float:
     """ā of an attacked cell, if it is not drawn."""
-    attack: Any = cell.scenario.attack
-    return attack.magnitude
+    return cell.scenario.attack.amplitude()

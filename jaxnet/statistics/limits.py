@@ -7,28 +7,25 @@ below the peak gain and need no check of their own.
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any, cast
+from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 from scipy.linalg import expm
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
-from jaxnet.config.network import navigator_of, network_of, weights_are_drawn
-from jaxnet.lanes.jobs import Drawn, clock_of
-from jaxnet.model import graph, robot
+from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of
+from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.jobs import attack_of, start_of
+from jaxnet.model import graph, signal
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
-from jaxnet.theory.bounds import Bound
+from jaxnet.theory.bounds import Bound, Spread
 
 ROUNDING = 1e-9  # relative
-ACCURACY = {"chassis": 1e-5, "flat": 1e-8}  # [m], what an engine may be off at its default tolerances
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
 COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
@@ -52,38 +49,42 @@ def table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
-    """Bounds of a scenario by name, blank where they differ from lane to lane."""
-    if not shared_by_lanes(scenario):
-        return dict.fromkeys(bounds.NAMES, Bound(np.full(scenario.vehicles, np.nan), np.nan))
-    network = network_of(scenario)
-    links = network.weights, network.attacked, network.trusted, network.theta
-    return bounds.bounds(*links, np.array(scenario.gain))
+    """Bounds of a scenario by name, blank where nothing is known of whom is retained, or lanes differ."""
+    reach = spread_of(scenario)
+    return bounds.blank(scenario.vehicles) if reach is None else bounds.bounds(reach, np.array(scenario.gain))
 
 
-def shared_by_lanes(scenario: Scenario) -> bool:
-    """Whether all lanes have the same bounds."""
-    return not weights_are_drawn(scenario) and not any(map(config.is_drawn, scenario.gain))
+def spread_of(scenario: Scenario) -> Spread | None:
+    """How far the attack of a scenario spreads; None where that is not known, or differs from lane to
+    lane.
+    """
+    known = situation_of(scenario)
+    if known.retained is None or differs_by_lane(scenario):
+        return None
+    carried = ~(known.attacked & scenario.attack.replaces())
+    return bounds.spread_of(known.retained, known.attacked, carried, smooth=not scenario.attack.strategic)
 
 
 def unchecked(cells: Sequence[Cell]) -> list[int]:
     """Numbers of the attacked cells that `violations` leaves out."""
-    attacked = [cell for cell in cells if isinstance(cell.scenario.attack, config.Attacked)]
-    return [cell.number for cell in attacked if not shared_by_lanes(cell.scenario)]
+    attacked = [cell for cell in cells if cell.scenario.attack.present]
+    return [cell.number for cell in attacked if spread_of(cell.scenario) is None]
 
 
 def violations(results: Results) -> pd.DataFrame:
     """The ok lanes whose tail_max is over a bound that holds for them, each with the command that replays it.
 
     The limit is the greatest over vehicles and the tail's output times, with 1e-9 of it and the engine's
-    `ACCURACY` on top (a chassis engine with coarser tolerances than the defaults may exceed that by itself).
-    Static is asked where kept sets cannot switch, the peak gain where it is finite. Cells whose weights or
-    gains are drawn are left out, and a failed lane has no tail_max that could exceed anything.
+    `accuracy` on top (coarser tolerances than the defaults may exceed that by themselves). Static is asked
+    where retained neighbours cannot change, the peak gain where it is finite. Cells whose weights or gains
+    are drawn, or of whose defence nothing is known, are left out, and a failed lane has no tail_max that
+    could exceed anything.
     """
     seed, found = results.study.config.seed, []
     attacked = {
         cell.number: cell
         for cell in results.study.cells
-        if isinstance(cell.scenario.attack, config.Attacked) and shared_by_lanes(cell.scenario)
+        if cell.scenario.attack.present and spread_of(cell.scenario) is not None
     }
     for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
         cell = attacked[number]
@@ -96,7 +97,7 @@ def violations(results: Results) -> pd.DataFrame:
 
 def suspects(scenario: Scenario, seed: int, rows: Any) -> Bool[np.ndarray, " lanes"]:
     """Lanes over what a bound allows without a transient: no others can break it, so no others are drawn."""
-    magnitude = magnitudes(Drawn(scenario, seed, rows["sample"].tolist()))
+    magnitude = magnitudes(scenario, Draw(seed, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
     least = [allowed(scenario, bound, magnitude).max(axis=0) for bound, _ in holding(scenario).values()]
     return np.any([errors > limit for limit in least], axis=0)
@@ -113,45 +114,42 @@ def excesses(results: Results, cell: Cell, rows: Any) -> Iterator[tuple[Any, ...
 
 
 def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
-    """Output times [s] that stand for t → ∞."""
-    clock = clock_of(scenario)
-    last = int(clock.outputs)
-    return np.arange(last + 1 - int(clock.tail_outputs), last + 1) * scenario.output_step
+    """Output times [s] that stand for t → ∞, both ends of the tail included."""
+    last, tail = outputs_of(scenario), round(scenario.tail / scenario.output_step)
+    return np.arange(last - tail, last + 1) * scenario.output_step
 
 
 def limits_of(
     scenario: Scenario, seed: int, samples: Sequence[int], times: Float[np.ndarray, " times"]
 ) -> dict[str, Limits]:
     """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
-    drawn = Drawn(scenario, seed, samples)
-    path = np.stack(navigator_of(scenario).jets(np.zeros(1))[:3])
-    with jax.enable_x64(True):
-        own, signal = map(np.asarray, start(drawn.initial(), drawn.attack()))
-    error = own - path[:, :, None]
+    draw = Draw(seed, samples, scenario.vehicles)
+    error, attack = start(scenario, draw)
     flow = influence(tuple(scenario.gain), tuple(times.tolist()))
     found = {}
     for name, (bound, mixing) in holding(scenario).items():
-        free = error - np.einsum("ij,kxjn->kxin", mixing, signal)
+        free = error - np.einsum("ij,kxjn->kxin", mixing, attack)
         transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
-        found[name] = allowed(scenario, bound, magnitudes(drawn), transient)
+        found[name] = allowed(scenario, bound, magnitudes(scenario, draw), transient)
     return found
 
 
-def magnitudes(drawn: Drawn) -> Float[np.ndarray, " lanes"]:
+def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     """ā [m] of attacked lanes."""
-    return drawn.one(cast(config.Attacked, drawn.scenario.attack).magnitude, "attack.magnitude")
+    return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
 def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m m"]]]:
     """Bounds that hold, each with the K of the G = K a its transient starts from: 0 for the peak gain."""
-    network = network_of(scenario)
-    lies = bounds.spread_of(network.weights, network.attacked, network.trusted, network.theta)
+    reach, known = spread_of(scenario), situation_of(scenario)
+    assert reach is not None
     nothing = np.zeros((scenario.vehicles, scenario.vehicles))
-    found = {"peak_gain": (bounds.peak_gain(lies, np.array(scenario.gain)), nothing)}
-    if lies.kept is not None and np.isfinite(lies.norms):
-        told = np.where(network.attacked, lies.kept, 0.0)
-        mixing = np.linalg.solve(graph.laplacian(lies.kept), told[:, 1:] + np.diag(told[:, 0]))
-        found["static"] = bounds.static(lies), mixing
+    found = {"peak_gain": (bounds.peak_gain(reach, np.array(scenario.gain)), nothing)}
+    if reach.fixed is not None and np.isfinite(reach.norms):
+        added = np.where(known.attacked, reach.fixed, 0.0)
+        word = np.where(known.attacked & scenario.attack.replaces(), 0.0, reach.fixed)
+        mixing = np.linalg.solve(graph.laplacian(word), added[:, 1:] + np.diag(added[:, 0]))
+        found["static"] = bounds.static(reach), mixing
     return found
 
 
@@ -159,7 +157,7 @@ def allowed(scenario: Scenario, bound: Bound, magnitude: Any, transient: Any = 0
     """`slope ā` + transient [m] with the allowances, by (time,) vehicle and lane."""
     with np.errstate(invalid="ignore"):  # of nothing an infinite multiple says nothing
         limit = bound.vehicles[:, None] * magnitude + transient
-    return limit * (1 + ROUNDING) + ACCURACY[scenario.engine.kind]
+    return limit * (1 + ROUNDING) + scenario.engine.accuracy
 
 
 @functools.lru_cache
@@ -168,9 +166,11 @@ def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.nda
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
-@jax.jit
-def start(initial: Any, attack: Any) -> Any:
-    """Outputs and attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
-    initial, attack = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), (initial, attack))
-    signal = attack.jets(jnp.zeros(initial.shape[-1]))[:3]
-    return jnp.stack(robot.output_jets(initial)), jnp.stack(signal)
+def start(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
+    """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
+    vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    own = np.stack(vehicle.output_jets(start_of(scenario, vehicle, draw)))
+    function, vectors, _ = attack_of(scenario, draw)
+    zero = np.zeros(len(draw.samples))
+    path = scenario.navigator.drawn(draw, "navigator").jets(zero)
+    return own - path[:3, :, None], np.stack(signal.jets(vectors, function.basis(zero))[:3])

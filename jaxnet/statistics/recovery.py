@@ -16,9 +16,10 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 from scipy import special
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.groups import magnitude, shared
+from jaxnet.config.keys import Criterion, Sequential
+from jaxnet.kinds.fields import is_drawn
+from jaxnet.statistics.groups import shared
 
 CONFIDENCE = 0.95
 
@@ -41,9 +42,9 @@ def nobody(cells: Sequence[Cell]) -> Counts:
 
 
 def threshold(cell: Cell, tau: float) -> float:
-    """`τ ā` [m], above which a lane of the cell has not recovered; not-a-number where nobody lies."""
-    attacked = isinstance(cell.scenario.attack, config.Attacked) and magnitude(cell) > 0
-    return tau * magnitude(cell) if attacked else np.nan
+    """`τ ā` [m], above which a lane of the cell has not recovered; not-a-number where nobody is attacked."""
+    amplitude = cell.scenario.attack.amplitude()
+    return tau * amplitude if not is_drawn(amplitude) and amplitude > 0 else np.nan
 
 
 def clopper_pearson(
@@ -62,19 +63,19 @@ def confidence_at(look: int, confidence: float) -> float:
     return 1.0 - (1.0 - confidence) / (look * (look + 1))
 
 
-def confidence_of(samples: int | config.Sequential, look: int) -> float:
+def confidence_of(samples: int | Sequential, look: int) -> float:
     """Confidence of the interval to be told: the ordinary one, or that of the look that ended the run."""
-    if not isinstance(samples, config.Sequential):
+    if not isinstance(samples, Sequential):
         return CONFIDENCE
     return confidence_at(look, samples.until.confidence)
 
 
-def confidence_told(samples: int | config.Sequential) -> float:
+def confidence_told(samples: int | Sequential) -> float:
     """Confidence that the intervals of `cells.csv` have, however often was looked."""
-    return samples.until.confidence if isinstance(samples, config.Sequential) else CONFIDENCE
+    return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
-def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: config.Criterion) -> bool:
+def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: Criterion) -> bool:
     """Whether, at this look, the widest interval of the attacked cells is narrow enough.
 
     A cell none of whose lanes ended is not waited for.
@@ -85,12 +86,12 @@ def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: config.
 
 
 def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
-    """Cells in which somebody lies."""
+    """Cells in which somebody is attacked."""
     return np.array([threshold(cell, 1.0) > 0 for cell in cells])
 
 
 def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
-    """Columns of `cells.csv`; not-a-number where nobody lies, or no lane ended."""
+    """Columns of `cells.csv`; not-a-number where nobody is attacked, or no lane ended."""
     low, high = clopper_pearson(*counts, confidence)
     asked = attacked(cells) & (counts.ended > 0)
     share = counts.unrecovered / np.maximum(counts.ended, 1)

@@ -9,6 +9,7 @@ from scipy import special
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
+from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics import recovery
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder
@@ -25,11 +26,11 @@ def summarise(
 
     And, if asked for, the share that did not recover; `look` is the one that ended a sequential run.
     """
-    table, counts = [], recovery.nobody(cells)
-    for number, lanes in rows.scan(folder, shards, ("status", *SUMMARISED)):
+    table, counts, metrics = [], recovery.nobody(cells), summarised(study)
+    for number, lanes in rows.scan(folder, shards, ("status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
-        for metric in SUMMARISED:
+        for metric in metrics:
             row |= {f"{metric}_{name}": value for name, value in spread(ok[metric].to_numpy()).items()}
         table.append(row)
         if study.recovery is not None:
@@ -38,6 +39,11 @@ def summarise(
     if study.recovery is None:
         return cells_table
     return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
+
+
+def summarised(study: Config) -> list[str]:
+    """Metrics that tables show: the tail errors, and what the study measures besides the contract."""
+    return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
 def spread(values: np.ndarray) -> dict[str, float]:

@@ -22,8 +22,7 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import FsspecStore
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.network import navigator_of
-from jaxnet.model import robot
+from jaxnet.kinds.vehicles import HEADING
 from jaxnet.store.layout import NAVIGATOR, Variable, coordinates
 
 IDENTITY = "identity"
@@ -114,7 +113,7 @@ def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray)
 
 def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str, Any]) -> None:
     """`navigator`, the same for all lanes of a cell."""
-    paths = [navigator_of(cell.scenario).jets(coords["time"])[0].T for cell in cells]
+    paths = [cell.scenario.navigator.jets(coords["time"])[0].T for cell in cells]
     add(group, "navigator", NAVIGATOR.dims, np.stack(paths))
     member(group, "navigator").attrs["long_name"] = NAVIGATOR.meaning
 
@@ -155,6 +154,6 @@ def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int
 def wrapped(states: np.ndarray) -> np.ndarray:
     """States with headings in (-π, π]."""
     states = states.copy()
-    heading = states[..., robot.HEADING]
-    states[..., robot.HEADING] = np.pi - np.mod(np.pi - heading, 2 * np.pi)
+    heading = states[..., HEADING]
+    states[..., HEADING] = np.pi - np.mod(np.pi - heading, 2 * np.pi)
     return states

@@ -5,14 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxnet.config import keys as config
+from jaxnet.config import keys
 from jaxnet.config.cells import Cell
 
-SHARDS = {"chassis": 512, "flat": 4096}  # lanes, fewer where their arrays would take more than SHARD_BYTES
-SHARD_BYTES = 2**27
+SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
-
-STATE_NAMES = ("x", "y", "heading", "speed", "turn_rate", "force")
 
 
 class Variable(NamedTuple):
@@ -37,9 +34,9 @@ NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]")
 
 
 def trajectory_series(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """Series of a trajectory: `kept` only where a defence trims."""
-    trims = any(isinstance(cell.scenario.defence, config.TrustedTrim) for cell in cells)
-    return ("state", "attack", "kept") if trims else ("state", "attack")
+    """Series of a trajectory: `kept` only where a defence decides."""
+    decides = any(cell.scenario.defence.decides for cell in cells)
+    return ("state", "attack", "kept") if decides else ("state", "attack")
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
@@ -53,7 +50,7 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
         "vehicle": np.arange(1, scenario.vehicles + 1),
         "source": np.arange(scenario.vehicles + 1),
         "axis": np.array(["x", "y"], dtype=object),
-        "state": np.array(STATE_NAMES, dtype=object),
+        "state": np.array(scenario.vehicle.states, dtype=object),
     }
 
 
@@ -75,15 +72,15 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
     ]
 
 
-def shard_size(cells: Sequence[Cell], study: config.Config) -> int:
+def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
     """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
-    most = min(SHARDS[cell.scenario.engine.kind] for cell in cells)
-    if isinstance(study.samples, config.Sequential):
+    most = min(cell.scenario.engine.shard for cell in cells)
+    if isinstance(study.samples, keys.Sequential):
         most = min(most, study.samples.until.at_most)  # whole shards are looked at, one at least
     return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 
-def filled_stores(cells: Sequence[Cell], save: config.Save) -> dict[str, dict[str, Variable]]:
+def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
     """Variables of the stores that are filled shard by shard, by the stores' names."""
     stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
     if save.trajectories == "all":
@@ -91,17 +88,17 @@ def filled_stores(cells: Sequence[Cell], save: config.Save) -> dict[str, dict[st
     return stores
 
 
-def lane_bytes(cells: Sequence[Cell], save: config.Save) -> int:
+def lane_bytes(cells: Sequence[Cell], save: keys.Save) -> int:
     """Bytes of arrays that one lane leaves behind in the folder, at most."""
     return sum(variable_bytes(variables, cells) for variables in filled_stores(cells, save).values())
 
 
-def disk_bytes(study: config.Config, cells: Sequence[Cell], lanes: int) -> int:
+def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
     """Bytes that so many lanes of a study, and the trajectories it chooses, take on the disk, at most."""
     match study.save.trajectories:
-        case config.Samples(samples=samples):
+        case keys.Samples(samples=samples):
             chosen = len(samples) * len(cells)
-        case config.Worst(worst=count):
+        case keys.Worst(worst=count):
             chosen = count * len(cells)
         case _:
             chosen = 0

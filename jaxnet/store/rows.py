@@ -18,7 +18,6 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
-from jaxnet.engine.metrics import Metrics
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.store.folder import Folder, FolderError
@@ -67,7 +66,7 @@ def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> p
     for key, label in shard.cell.labels.items():
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [Status(code).name for code in outcome.status]
-    columns |= {name: getattr(outcome.metrics, name) for name in Metrics._fields}
+    columns |= outcome.metrics
     columns |= {
         "steps": outcome.steps.astype(np.int64),
         "switches": outcome.switches.astype(np.int64),
@@ -75,9 +74,10 @@ def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> p
     return pa.table(columns)
 
 
-def column_names(types: Mapping[str, pa.DataType]) -> list[str]:
+def column_names(cell: Cell) -> list[str]:
     """Names of a row file's columns, in their order."""
-    return ["cell", "sample", *types, "status", *Metrics._fields, "steps", "switches"]
+    metrics = [metric.name for metric in cell.scenario.measured()]
+    return ["cell", "sample", *cell.labels, "status", *metrics, "steps", "switches"]
 
 
 def name_of(number: int) -> str:

@@ -1,7 +1,8 @@
-"""Bounds on the ultimate error, per ā: what ‖y_i - y_0‖ comes to at most under lies of size ā (SCIENCE, O5).
+"""Bounds on the ultimate error, per ā: what ‖y_i - y_0‖ comes to at most under attacks of size ā (SCIENCE,
+O5).
 
-Each is a constant of one axis times how far lies spread through the network (`spread`). With
-β = 1 + k0 + k1 + k2, lies whose value and first three derivatives are within ā disturb an axis by ρ with
+Each is a constant of one axis times how far attacks spread through the network (`spread`). With
+β = 1 + k0 + k1 + k2, attacks whose value and first three derivatives are within ā disturb an axis by ρ with
 `‖ρ_i‖ ≤ β γ_i ā`, in E = y - y_0, whatever kept sets follow each other.
 
                          holds for
@@ -23,8 +24,9 @@ from jaxtyping import Float
 
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset
 from jaxnet.theory import lyapunov, response, spread
-from jaxnet.theory.spread import Counts, Gains
+from jaxnet.theory.spread import Gains
 
 Gain = Float[np.ndarray, "3"]
 
@@ -45,92 +47,96 @@ NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapu
 
 
 class Spread(NamedTuple):
-    """How far lies spread through a network."""
+    """How far attacks spread through a network."""
 
     gains: Gains  # γ
-    kept: Weights | None  # in force for good; None where kept sets may switch
+    fixed: Weights | None  # in force for good; None where retained neighbours, or attacks, may jump
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else not-a-number
 
 
-def spread_of(weights: Weights, attacked: Links, trusted: Links, theta: Counts) -> Spread:
-    """How far lies on the attacked links spread (ϑ_i = 0: nobody trims)."""
-    gains = spread.worst_gains(weights, attacked, trusted, theta)
-    kept = spread.settled(weights, trusted, theta)
-    if kept is None:
+def spread_of(retained: AnySubset, attacked: Links, carried: Links, smooth: bool = True) -> Spread:
+    """How far attacks on some links spread, `carried` those that carry what their source says."""
+    gains = spread.worst_gains(retained, attacked, carried)
+    fixed = retained.fixed if smooth else None
+    if fixed is None:
         return Spread(gains, None, np.nan)
-    if graph.unreachable(kept):
-        return Spread(gains, kept, np.inf)
-    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(kept)), 2)
-    told = np.where(attacked, kept, 0.0).sum(axis=1)
-    return Spread(gains, kept, float(inverse * np.linalg.norm(told)))
+    if graph.unreachable(fixed):
+        return Spread(gains, fixed, np.inf)
+    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(fixed * carried)), 2)
+    added = np.where(attacked, fixed, 0.0).sum(axis=1)
+    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)))
 
 
-def bounds(weights: Weights, attacked: Links, trusted: Links, theta: Counts, gain: Gain) -> dict[str, Bound]:
+def bounds(reach: Spread, gain: Gain) -> dict[str, Bound]:
     """All of them by name: not-a-number where one says nothing, infinite where a vehicle may be cut off."""
-    lies = spread_of(weights, attacked, trusted, theta)
     return {
-        "static": static(lies),
-        "peak_gain": peak_gain(lies, gain),
-        "lyapunov_printed": lyapunov_printed(lies, gain),
-        "lyapunov_corrected": lyapunov_corrected(lies, gain),
-        "lyapunov_best": lyapunov_best(lies, gain),
-        "star_norm": star_norm(lies, gain),
+        "static": static(reach),
+        "peak_gain": peak_gain(reach, gain),
+        "lyapunov_printed": lyapunov_printed(reach, gain),
+        "lyapunov_corrected": lyapunov_corrected(reach, gain),
+        "lyapunov_best": lyapunov_best(reach, gain),
+        "star_norm": star_norm(reach, gain),
     }
 
 
-def static(lies: Spread) -> Bound:
+def blank(vehicles: int) -> dict[str, Bound]:
+    """Nothing is known."""
+    return dict.fromkeys(NAMES, Bound(np.full(vehicles, np.nan), np.nan))
+
+
+def static(reach: Spread) -> Bound:
     """`s_i = Σ_l (L⁻¹)_il Σ_j w_lj` over attacked (l, j), in the fleet ‖s‖₂.
 
     Holds, by the exact solution (O2), for every smooth attack whose derivatives are consistent, of any
-    frequency, while the kept set is fixed; constant lies in phase attain it. Blank where it may switch.
+    frequency, while the kept set is fixed; constant attacks in phase attain it. Blank where it may switch.
     """
-    gains = np.full(lies.gains.shape, np.nan) if lies.kept is None else lies.gains
+    gains = np.full(reach.gains.shape, np.nan) if reach.fixed is None else reach.gains
     return Bound(gains, float(np.linalg.norm(gains)))
 
 
-def peak_gain(lies: Spread, gain: Gain) -> Bound:
+def peak_gain(reach: Spread, gain: Gain) -> Bound:
     """`β ‖h‖₁ γ_i`, in the fleet their 2-norm.
 
     Holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
-    return per_vehicle(response.impulse_norm(gain), lies, gain)
+    return per_vehicle(response.impulse_norm(gain), reach, gain)
 
 
-def lyapunov_printed(lies: Spread, gain: Gain) -> Bound:
+def lyapunov_printed(reach: Spread, gain: Gain) -> Bound:
     """`c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q), Q = I, as in the paper.
 
     Without proof, for the constant lacks √κ(P); blank where kept sets may switch, for ε jumps there.
     """
-    return stacked(lyapunov.printed(gain), lies, gain, np.nan)
+    return stacked(lyapunov.printed(gain), reach, gain, np.nan)
 
 
-def lyapunov_corrected(lies: Spread, gain: Gain) -> Bound:
+def lyapunov_corrected(reach: Spread, gain: Gain) -> Bound:
     """The printed bound times √κ(P), which makes it one; `c β γ_i`, in E, where kept sets may switch.
 
     Holds for any ρ within its bound. Source: Khalil, theorem 4.18.
     """
-    return stacked(lyapunov.corrected(gain), lies, gain, 1.0)
+    return stacked(lyapunov.corrected(gain), reach, gain, 1.0)
 
 
-def lyapunov_best(lies: Spread, gain: Gain) -> Bound:
+def lyapunov_best(reach: Spread, gain: Gain) -> Bound:
     """The corrected bound with the Q ≻ 0 that makes it least, of those that a search finds."""
-    return stacked(lyapunov.best(gain), lies, gain, 1.0)
+    return stacked(lyapunov.best(gain), reach, gain, 1.0)
 
 
-def star_norm(lies: Spread, gain: Gain) -> Bound:
+def star_norm(reach: Spread, gain: Gain) -> Bound:
     """As corrected, with the star norm for c: what an ellipsoid proves of the position."""
-    return stacked(response.star_norm(gain), lies, gain, 1.0)
+    return stacked(response.star_norm(gain), reach, gain, 1.0)
 
 
-def per_vehicle(constant: float, lies: Spread, gain: Gain) -> Bound:
+def per_vehicle(constant: float, reach: Spread, gain: Gain) -> Bound:
     """`c β γ_i`, and their 2-norm."""
-    slopes = constant * (1 + gain.sum()) * lies.gains
+    slopes = constant * (1 + gain.sum()) * reach.gains
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
-def stacked(constant: float, lies: Spread, gain: Gain, switching: float) -> Bound:
+def stacked(constant: float, reach: Spread, gain: Gain, switching: float) -> Bound:
     """`c β γ_i`, of a fleet that is settled `c β ‖L⁻¹‖₂ ‖W_a 1‖₂`; times `switching` where it is not."""
-    one = per_vehicle(constant, lies, gain)
-    if lies.kept is None:
+    one = per_vehicle(constant, reach, gain)
+    if reach.fixed is None:
         return Bound(one.vehicles * switching, one.fleet * switching)
-    return one._replace(fleet=float(constant * (1 + gain.sum()) * lies.norms))
+    return one._replace(fleet=float(constant * (1 + gain.sum()) * reach.norms))

@@ -1,4 +1,4 @@
-"""What a network promises before anything moves: reach, gain, and whether the paper's assumptions hold.
+"""What a network promises before anything moves: reach, gain, and the paper's Assumption 1.
 
 NumPy alone, so that a config is checked at once.
 """
@@ -18,34 +18,26 @@ class Certificate(NamedTuple):
     unreachable: list[int]
     inverse_norm: float  # ‖L⁻¹‖₂, infinite if L is singular
     attacked_links: list[tuple[int, int]]  # (i, j): what i hears of j is corrupted
-    all_lies: list[int]  # vehicles that hear nobody honest
+    all_attacked: list[int]  # vehicles all of whose links are attacked
     cut_off: list[int]  # vehicles that no honest path joins to the navigator
-    protected: list[int]  # vehicles that meet the condition for trimming, ϑ_i ≥ 1
-    outnumbered: list[int]  # protected vehicles with more than ϑ_i attacked sources, or a trusted one
 
 
 def certify(
     weights: Float[np.ndarray, "m sources"],
     attacked: Bool[np.ndarray, "m sources"],
-    trusted: Bool[np.ndarray, "m sources"],
-    theta: Int[np.ndarray, " m"],
 ) -> Certificate:
-    """Certificate of a graph, the links attacked on it, and the defence (ϑ_i = 0: nobody trims)."""
+    """Certificate of a graph and the links attacked on it."""
     heard = weights > 0
     honest = heard & ~attacked
     lost = graph.unreachable(weights)
     norm = np.inf if lost else float(np.linalg.norm(np.linalg.inv(graph.laplacian(weights)), 2))
-    meets = graph.protected(weights, trusted, theta) & (theta > 0)
-    too_many = (attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1)
     return Certificate(
         heard=heard.sum(axis=1),
         unreachable=lost,
         inverse_norm=norm,
         attacked_links=[(int(i) + 1, int(j)) for i, j in np.argwhere(attacked)],
-        all_lies=vehicles(np.asarray(~honest.any(axis=1))),
+        all_attacked=vehicles(np.asarray(~honest.any(axis=1))),
         cut_off=graph.unreachable(honest.astype(float)),
-        protected=vehicles(meets),
-        outnumbered=vehicles(meets & too_many),
     )
 
 

@@ -1,46 +1,28 @@
-"""How far lies spread through a network: the γ of SCIENCE, O5, and whether kept sets can switch at all.
+"""How far attacks spread through a network: the γ of SCIENCE, O5.
 
-Of each vehicle, `γ_i = max over kept sets of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, w̃ the kept weights
-renormalised: a Markov decision process that ends at the navigator. A vehicle that meets the trimming
-condition with ϑ_i ≥ 1 drops exactly ϑ_i untrusted sources, or all where it hears fewer; the others keep
-everybody. Where only one kept set is allowed, γ is the static gain `s = L⁻¹ W_a 1`.
+Of each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, w̃ the
+weights in force: a Markov decision process that ends at the navigator. Where an attack replaces what is sent,
+γ_j of an attacked link is the navigator's, 0. Where only one set of neighbours may be retained, γ is the
+static gain `s = L⁻¹ W_a 1`.
 """
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jaxnet.model import graph
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Links
+from jaxnet.model.retained import AnySubset
 
-Counts = Int[np.ndarray, " m"]
 Gains = Float[np.ndarray, " m"]
 ROUNDING = 1e-12  # relative; less is no improvement
 
 
-def droppable(weights: Weights, trusted: Links, theta: Counts) -> tuple[Links, Counts]:
-    """Links that a vehicle may drop, and how many of them it does."""
-    trims = graph.protected(weights, trusted, theta) & (theta > 0)
-    links = (weights > 0) & ~trusted & trims[:, None]
-    return links, np.minimum(theta, links.sum(axis=1))
-
-
-def settled(weights: Weights, trusted: Links, theta: Counts) -> Weights | None:
-    """The weights in force for good, or None where kept sets may switch."""
-    links, number = droppable(weights, trusted, theta)
-    if (number < links.sum(axis=1)).any():
-        return None
-    kept = np.where(links, 0.0, weights)
-    total = kept.sum(axis=1, keepdims=True)
-    return np.divide(kept, total, out=kept, where=total > 0)
-
-
-def severed(weights: Weights, trusted: Links, theta: Counts) -> Bool[np.ndarray, " m"]:
+def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     """Vehicles that the navigator may not reach, or that may keep a link from such a one.
 
     The first are the largest set of which everybody can drop whatever they hear from outside it, found by
     taking out, again and again, those who cannot.
     """
-    links, number = droppable(weights, trusted, theta)
+    weights, links, number = retained
     heard, cut = weights > 0, np.ones(len(weights), bool)
     while True:
         outside = heard & ~np.concatenate([[False], cut])
@@ -56,21 +38,21 @@ def severed(weights: Weights, trusted: Links, theta: Counts) -> Bool[np.ndarray,
     return cut
 
 
-def worst_gains(weights: Weights, attacked: Links, trusted: Links, theta: Counts) -> Gains:
-    """γ, by policy iteration; infinite where some choice of kept sets disconnects a vehicle (`severed`).
+def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
+    """γ, by policy iteration; infinite where some choice disconnects a vehicle (`severed`).
 
-    Holds for whatever kept sets follow each other, within the allowed. Source: Howard's policy iteration
-    (Puterman, Markov Decision Processes, 1994, section 7.2): all policies left end at the navigator, so the
-    values of all vehicles rise together and the last are the greatest.
+    `carried` are the links that carry what their source says. Holds for whatever neighbours are retained one
+    after the other, within what is allowed. Source: Howard's policy iteration (Puterman, Markov Decision
+    Processes, 1994, section 7.2): all policies left end at the navigator, so the values of all vehicles rise
+    together and the last are the greatest.
     """
-    joined = ~severed(weights, trusted, theta)
-    links, number = (each[joined] for each in droppable(weights, trusted, theta))
-    weights, attacked = weights[joined], attacked[joined]
+    joined = ~severed(retained)
+    weights, links, number, attacked, carried = (each[joined] for each in (*retained, attacked, carried))
     gains, within = np.zeros(len(joined)), np.flatnonzero(joined)
     while True:
-        reward = attacked + np.concatenate([[0.0], gains])
+        reward = attacked + carried * np.concatenate([[0.0], gains])
         kept = worst_kept(weights, reward, links, number)
-        laplacian = np.eye(len(within)) - kept[:, within + 1]
+        laplacian = np.eye(len(within)) - (kept * carried)[:, within + 1]
         better = np.linalg.solve(laplacian, (kept * attacked).sum(axis=1))
         if (better <= gains[within] * (1 + ROUNDING)).all():
             gains[~joined] = np.inf

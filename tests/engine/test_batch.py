@@ -7,12 +7,13 @@ import pytest
 from experiments import faults
 from jaxnet.engine import batch
 from jaxnet.engine.status import Status
+from jaxnet.kinds import registry
 from tests import systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_a_failed_lane_is_named_and_spoils_no_other(engine):
     """Of a thousand lanes three fail, and the others are the same to the last bit."""
     given = systems.study(engine=engine, horizon=0.4, tail=0.2)
@@ -24,7 +25,7 @@ def test_a_failed_lane_is_named_and_spoils_no_other(engine):
     assert faults.changed(before, after) == set(failed)
     for number, status in failed.items():
         assert after.status[number] == status
-        assert all(np.isnan(metric[number]) for metric in after.metrics)
+        assert all(np.isnan(metric[number]) for metric in after.metrics.values())
         assert np.isnan(after.series["tracking"][number, -1])
         assert (status == Status.max_steps) == (after.steps[number] == faults.STEPS)
 
@@ -40,11 +41,11 @@ def test_the_step_limit_is_a_limit():
         assert (outcome.status[0], outcome.steps[0]) == (status, limit)
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_a_lane_is_the_same_alone_and_among_others(engine):
     """Whatever the number of lanes, its place among them, and how many cores share the work."""
     given = systems.study(engine=engine, **SHORT)
-    lanes = 2 * batch.CHUNKS[engine] + 3
+    lanes = 2 * registry.find("engine", engine).chunk + 3
     many = systems.simulate(systems.lanes(given, lanes, ()))
     alone = batch.simulate(systems.lanes(given, lanes, ()), batch.Machine(devices=1))
     few = systems.simulate(systems.lanes(given, 3, ()))
@@ -53,7 +54,7 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
         np.testing.assert_array_equal(same, theirs)
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_what_is_saved_changes_no_row(engine):
     """Rows are the same to the last bit with trajectories and without."""
     given = systems.study(engine=engine, **SHORT)
@@ -63,17 +64,17 @@ def test_what_is_saved_changes_no_row(engine):
         np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_chunks_of_another_width_agree(engine):
     """To 1e-9, with the same decisions."""
     one = systems.lanes(systems.study(engine=engine, **SHORT), 40, ())
     ours, theirs = systems.simulate(one), batch.simulate(one, batch.Machine(chunk=5))
     np.testing.assert_array_equal(ours.switches, theirs.switches)
-    for metric, other in zip(ours.metrics, theirs.metrics, strict=True):
+    for metric, other in zip(ours.metrics.values(), theirs.metrics.values(), strict=True):
         np.testing.assert_allclose(metric, other, rtol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_numbers_never_compile_anew(engine):
     """Not gains, magnitudes, tolerances, horizons, ticks or tails; another kind of attack neither."""
     keys = {"gain": [2, 4, 4], "horizon": 3.0, "tail": 0.5, "tick": 0.025, "output_step": 0.05}
@@ -106,7 +107,7 @@ def test_a_defence_that_cuts_vehicles_off_is_disconnected():
     cut = outcome.status == Status.disconnected
     assert cut.any()
     assert set(outcome.status.tolist()) <= {Status.ok, Status.disconnected}
-    assert np.isnan(outcome.metrics.tail_mean[cut]).all()
+    assert np.isnan(outcome.metrics["tail_mean"][cut]).all()
 
 
 def test_metrics_are_those_of_the_stored_trajectory():
@@ -129,7 +130,7 @@ def test_metrics_are_those_of_the_stored_trajectory():
             "peak_turn_rate": np.abs(states[:, :, 4]).max(),
         }
         for name, value in known.items():
-            np.testing.assert_allclose(getattr(outcome.metrics, name)[number], value, rtol=1e-12)
+            np.testing.assert_allclose(outcome.metrics[name][number], value, rtol=1e-12)
         np.testing.assert_allclose(outcome.series["tracking"][number], errors.mean(axis=1), rtol=1e-12)
         np.testing.assert_allclose(outcome.series["disagreement"][number], apart.mean(axis=1), rtol=1e-12)
 
@@ -144,11 +145,11 @@ def test_other_solvers_agree(solver):
     assert not np.array_equal(ours.steps, theirs.steps)
 
 
-@pytest.mark.parametrize("engine", ["chassis", "flat"])
+@pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_numbers_beyond_all_bounds_are_nonfinite(engine):
     """An attack that overflows leaves no lane that calls itself ok."""
     attack = {"kind": "rotating", "magnitude": 1e308}
     given = systems.study(engine=engine, attack=attack, defence="none", **SHORT)
     outcome = systems.simulate(systems.lanes(given, 2, ()))
     assert outcome.status.tolist() == [Status.nonfinite] * 2
-    assert np.isnan(outcome.metrics.tail_mean).all()
+    assert np.isnan(outcome.metrics["tail_mean"]).all()

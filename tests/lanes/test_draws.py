@@ -112,7 +112,7 @@ def everything(of):
     both = {"gain": [of(1.0), of(3.0), of(3.0)], "defence": {"tolerance": of(1e-6)}}
     ring = {"topology": {"navigator_weight": of(0.1)}, "engine": {"rtol": of(1e-6), "atol": of(1e-8)}}
     edges = [[i, j, of(float(weight))] for i, j, weight in EDGES]
-    flat = {**SMALL, "topology": {"kind": "edges", "edges": edges}, "engine": "flat"}
+    flat = {**SMALL, "topology": {"kind": "edges", "edges": edges}, "engine": "exact"}
     return systems.study(**both, **ring), systems.study(**both, **flat)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from jaxnet.model.navigator import Lissajous
 
 FIGURE_EIGHT = Lissajous(np.array([100.0, 50.0]), np.array([0.2, 0.4]), np.zeros(2))

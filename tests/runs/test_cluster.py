@@ -31,7 +31,7 @@ STUDY = {
     "tail": 1.0,
     "topology": "star",
     "defence": "none",
-    "engine": "flat",
+    "engine": "exact",
     "sweep": {"attack.magnitude": {"linspace": [0, 10, 12]}},
     "save": {"errors": True},
 }

@@ -24,7 +24,7 @@ def test_trimming_in_the_vector_field_has_no_such_solution():
 
 
 def test_drawn_numbers_are_each_lane_s_own():
-    """The chassis engine's gains and weights, drawn lane by lane, are those of the solution."""
+    """The nonlinear engine's gains and weights, drawn lane by lane, are those of the solution."""
     keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "gain": [{"uniform": [0.5, 1.5]}, 3, 3]}
     topology = {"navigator_weight": {"uniform": [0.1, 0.4]}}
     (cell,) = systems.study(topology=topology, **keys).cells

@@ -339,7 +339,7 @@ def test_arrays_open_without_a_warning(results):
 def test_numbers_and_distributions_swept_together(tmp_path):
     """A column of one type, rows that stay when samples are added, and a stored study with the same cells."""
     given = {
-        "engine": "flat",
+        "engine": "exact",
         "horizon": 2.0,
         "tail": 1.0,
         "sweep": {
@@ -400,7 +400,7 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     _, own = replay(copy, 1, 2)
     assert own.equals(results.lanes.iloc[5])
     assert lane(copy, own).endswith("the same as the stored row")
-    path, other = replay(copy, 1, 2, "flat")
+    path, other = replay(copy, 1, 2, "exact")
     assert "DIFFERS" in lane(copy, other)
     assert other["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)

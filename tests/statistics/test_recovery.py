@@ -17,7 +17,7 @@ from tests import systems
 def keys(**more):
     """A study in which a share of the lanes stays above its threshold, cheap to simulate."""
     return {
-        "engine": "flat",
+        "engine": "exact",
         "horizon": 2.0,
         "tail": 1.0,
         "output_step": 0.5,
@@ -101,7 +101,7 @@ def test_the_worst_lanes_are_of_all_groups():
 @pytest.fixture
 def small_shards(monkeypatch):
     """Shards of 50 lanes, so that there are several looks."""
-    monkeypatch.setitem(layout.SHARDS, "flat", 50)
+    monkeypatch.setitem(layout.SHARDS, "exact", 50)
 
 
 def until(half_width, at_most=1000):

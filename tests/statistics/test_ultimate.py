@@ -11,7 +11,7 @@ from jaxnet.store.folder import FolderError
 from tests import systems
 
 KEYS = {
-    "engine": "flat",
+    "engine": "exact",
     "horizon": 40.0,
     "tail": 1.0,
     "output_step": 0.5,
@@ -64,9 +64,9 @@ def test_the_constant_lie_costs_what_is_known_exactly(folder):
 
 
 def test_the_report_makes_what_is_missing(folder):
-    """The worst lane by the chassis engine; figures; a page that names the study."""
+    """The worst lane by the nonlinear engine; figures; a page that names the study."""
     written = invoke("report", folder)
-    assert len(list((folder / "replays").glob("*-chassis.zarr"))) == 1
+    assert len(list((folder / "replays").glob("*-nonlinear.zarr"))) == 1
     for name in ("report.html", "figures/ultimate.pdf", "figures/unrecovered.png"):
         assert str(folder / name) in written
         assert (folder / name).stat().st_size > 1000

@@ -36,7 +36,7 @@ STUDY = {
     "horizon": 2.0,
     "tail": 1.0,
     "topology": "star",
-    "engine": "flat",
+    "engine": "exact",
     "defence": "none",
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "trajectories": "all"},

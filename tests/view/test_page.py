@@ -28,7 +28,7 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 def folder(tmp_path_factory):
     """Two topologies, one with a hostile label, by three ā, with all that other commands write."""
     study = systems.study(
-        engine="flat",
+        engine="exact",
         samples=3,
         horizon=1.0,
         tail=0.5,

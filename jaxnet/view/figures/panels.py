@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
+from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.curves import FLOOR
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
@@ -71,11 +71,11 @@ def name(cell: Cell) -> str:
 def setting(cell: Cell) -> str:
     """What a row is about, in a few words."""
     attack = cell.scenario.attack
-    if attack.kind == "none" or getattr(attack, "magnitude", None) == 0:
+    if attack.amplitude() == 0:
         words = ["no attack"]
     else:
-        magnitude = attack.magnitude  # pyright: ignore[reportAttributeAccessIssue]
-        amount = f"{magnitude:g} m" if isinstance(magnitude, float) else "random"
+        magnitude = attack.amplitude()
+        amount = "random" if is_drawn(magnitude) else f"{magnitude:g} m"
         words = [f"{attack.kind} attack, " + rf"$\bar{{a}}$ = {amount}"]
     words += [
         f"{key} = {value}"
@@ -131,9 +131,7 @@ LYING: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, 
 def attacked_vehicles(cell: Cell) -> list[int]:
     """Vehicles that the attack of a cell names, if it has any size."""
     attack = cell.scenario.attack
-    if not isinstance(attack, config.Attacked) or attack.magnitude == 0:
-        return []
-    return attack.vehicles
+    return [] if attack.amplitude() == 0 else attack.targets()
 
 
 def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:

@@ -8,9 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
-from jaxnet.config.network import Network, network_of
+from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.view.figures import style
 from jaxnet.view.figures.panels import attacked_vehicles, name
 
@@ -40,24 +39,24 @@ def figure(cells: Sequence[Cell]) -> Figure:
     drawn = Figure(figsize=(size * columns if columns >= 3 else style.WIDTH, size * rows + 0.55))
     for number, cell in enumerate(shown):
         panel = drawn.add_subplot(rows, columns, number + 1)
-        draw_graph(panel, cell, network_of(cell.scenario))
+        draw_graph(panel, cell, situation_of(cell.scenario))
     drawn.legend(handles=legend(), loc="outside lower center", ncols=5, handlelength=2.4)
     return drawn
 
 
 def attacked_links(cell: Cell) -> int:
     """Number of attacked links, none if the attack has no size."""
-    return int(network_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
+    return int(situation_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
 
 
-def draw_graph(panel: Axes, cell: Cell, network: Network) -> None:
+def draw_graph(panel: Axes, cell: Cell, network: Situation) -> None:
     """Arrows run as the signals do, from the source to the vehicle that hears it."""
     places = positions(network.weights)
     lying = attacked_vehicles(cell)
-    trims = isinstance(cell.scenario.defence, config.TrustedTrim)
+    decides = cell.scenario.defence.decides
     for i, j in np.argwhere(network.weights > 0):
         attacked = bool(lying) and network.attacked[i, j]
-        look = ATTACKED if attacked else TRUSTED if trims and network.trusted[i, j] else PLAIN
+        look = ATTACKED if attacked else TRUSTED if decides and network.trusted[i, j] else PLAIN
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, look)

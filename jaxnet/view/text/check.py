@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.config import keys as config
 from jaxnet.config.cells import Cell
-from jaxnet.config.network import network_of, slowest_of, weights_are_drawn
+from jaxnet.config.keys import Scenario, Sequential
+from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
+from jaxnet.kinds.fields import is_drawn
+from jaxnet.model.wording import count, plural_s, ranges
 from jaxnet.store import layout
 from jaxnet.theory import certificate
 
@@ -38,7 +40,7 @@ def head(study: Study) -> str:
     memory = PROCESS_BYTES + COPIES * array_bytes * layout.shard_size(study.cells, settled)
     disk = layout.disk_bytes(settled, study.cells, lanes)
     cells = count(len(study.cells), "cell")
-    most = "at most " if isinstance(settled.samples, config.Sequential) else ""
+    most = "at most " if isinstance(settled.samples, Sequential) else ""
     return (
         f"{settled.name}: {cells} × {most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
@@ -55,34 +57,29 @@ def cell_list(cells: Sequence[Cell]) -> str:
 
 
 def network_key(cell: Cell) -> Any:
-    """What cells share that have one network, one kind of attack and one navigator."""
+    """What cells share that have one network, one kind of attack and of defence, and one navigator."""
     scenario = cell.scenario
-    arrays = tuple(part.tobytes() for part in network_of(scenario))
-    horizon = scenario.horizon
-    return (
-        arrays,
-        scenario.attack.kind,
-        scenario.navigator.model_dump_json(),
-        scenario.defence.kind,
-        horizon,
-    )
+    weights, attacked, trusted, _ = situation_of(scenario)
+    words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), scenario.attack.kind
+    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, scenario.horizon
 
 
 def network_text(cells: Sequence[Cell]) -> str:
     """Certificate of the network that these cells share, where weights are drawn the one of their medians."""
-    scenario, network = cells[0].scenario, network_of(cells[0].scenario)
-    facts = certificate.certify(network.weights, network.attacked, network.trusted, network.theta)
-    slowest, when = slowest_of(scenario)
+    scenario = cells[0].scenario
+    weights, attacked, trusted, _ = situation_of(scenario)
+    facts = certificate.certify(weights, attacked)
+    slowest, when = scenario.navigator.slowest(scenario.horizon)
     rows = {
         "graph": graph_line(scenario, facts),
         "reach": "the navigator reaches every vehicle",
         "‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}",
-        "robustness": f"exactly {certificate.robustness(network.weights)}-robust with the navigator, as every"
+        "robustness": f"exactly {certificate.robustness(weights)}-robust with the navigator, as every"
         " graph that it reaches; W-MSR with F = 1 asks for 3",
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
         "Assumption 1": honest_line(facts),
-        "trimming": trimming_line(scenario, network.theta, facts),
+        **scenario.defence.describe(weights, attacked, trusted),
         **drawn_lines(cells),
     }
     title = f"{scenario.topology.kind}, cells {ranges([cell.number for cell in cells])}"
@@ -90,7 +87,7 @@ def network_text(cells: Sequence[Cell]) -> str:
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
 
-def graph_line(scenario: config.Scenario, facts: certificate.Certificate) -> str:
+def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     """How many hear how many."""
     degrees = {
         int(degree): ranges((np.flatnonzero(facts.heard == degree) + 1).tolist())
@@ -100,21 +97,20 @@ def graph_line(scenario: config.Scenario, facts: certificate.Certificate) -> str
     return f"{count(scenario.vehicles, 'vehicle')}, {count(int(facts.heard.sum()), 'link')}: {hears}"
 
 
-def attack_line(scenario: config.Scenario, facts: certificate.Certificate) -> str:
+def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     """Who is attacked and how."""
     attack = scenario.attack
-    if not isinstance(attack, config.Attacked):
+    if not attack.present:
         return "none"
+    who = f"{attack.describe()} on {ranges(sorted(attack.targets()))}"
     if not facts.attacked_links:
-        return f"{attack.kind} on {ranges(sorted(attack.vehicles))}, heard by nobody"
+        return f"{who}, heard by nobody"
     if any(source == 0 for _, source in facts.attacked_links):
         how = "in what they hear of the navigator"
     else:
         how = "in what they transmit"
-    return (
-        f"{attack.kind} on {ranges(sorted(attack.vehicles))} {how},"
-        f" {count(len(facts.attacked_links), 'link')}"
-    )
+    instead = ", in place of what is sent" if attack.replaces() else ""
+    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}"
 
 
 def honest_line(facts: certificate.Certificate) -> str:
@@ -122,61 +118,21 @@ def honest_line(facts: certificate.Certificate) -> str:
     if not facts.cut_off:
         return "holds: an honest path from the navigator to every vehicle"
     line = f"broken: no honest path from the navigator to {ranges(facts.cut_off)}"
-    if facts.all_lies:
-        line += f"; {ranges(facts.all_lies)} hear{plural_s(ranges(facts.all_lies))} nobody honest"
-    return line
-
-
-def trimming_line(scenario: config.Scenario, theta: np.ndarray, facts: certificate.Certificate) -> str:
-    """For whom |N_i| ≥ 2ϑ_i + 1 holds with ϑ_i trusted sources."""
-    if isinstance(scenario.defence, config.NoDefence):
-        return "no defence"
-    values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
-    rule = f"ϑ = {values}, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "
-    unprotected = [i for i in range(1, scenario.vehicles + 1) if i not in facts.protected]
-    if not facts.protected:
-        return rule + "nobody is protected, so everybody keeps whom they hear"
-    line = rule + (
-        "holds for every vehicle"
-        if not unprotected
-        else f"holds for {ranges(facts.protected)} only; {ranges(unprotected)} unprotected"
-    )
-    if facts.outnumbered:
-        line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(facts.outnumbered)}"
+    if facts.all_attacked:
+        line += f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
     return line
 
 
 def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     """Where weights or gains differ from lane to lane, and what that means for what is said."""
-    weights = [cell.number for cell in cells if weights_are_drawn(cell.scenario)]
-    gain = [cell.number for cell in cells if any(map(config.is_drawn, cell.scenario.gain))]
+    weights = [cell.number for cell in cells if cell.scenario.topology.differs()]
+    gain = [cell.number for cell in cells if any(map(is_drawn, cell.scenario.gain))]
     lines = {}
     if weights:
         lines["weights"] = f"drawn in cells {ranges(weights)}; ‖L⁻¹‖₂ is of the graph of their medians"
     if gain:
         lines["gain"] = f"drawn in cells {ranges(gain)}; stable whatever is drawn"
     return lines
-
-
-def ranges(numbers: Sequence[int]) -> str:
-    """Numbers with runs drawn together: 1-3, 5."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
-
-
-def plural_s(who: str) -> str:
-    """The verb's ending for one or several."""
-    return "s" if who.isdigit() else ""
-
-
-def count(number: int, noun: str) -> str:
-    """A number of things."""
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def size(count_bytes: float) -> str:

@@ -1,4 +1,4 @@
-"""The flat engine against the independent tick-by-tick program, and against the chassis engine."""
+"""The exact engine against the independent tick-by-tick program, and against the nonlinear engine."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def test_attacked_without_trimming_is_exact(kind):
     if kind != "rotating":
         signal["direction"] = {"uniform": [0, 6.28]}
     sweep = {"gain": [[1, 3, 3], [6, 11, 6]], "topology": [*TOPOLOGIES, RANDOM_GRAPH]}
-    one = systems.lanes(systems.study(engine="flat", defence="none", attack=signal, sweep=sweep), 1)
+    one = systems.lanes(systems.study(engine="exact", defence="none", attack=signal, sweep=sweep), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     for number, states in enumerate(outcome.series["state"]):
@@ -26,7 +26,7 @@ def test_attacked_without_trimming_is_exact(kind):
 
 def test_trimming_at_ticks_decides_and_moves_as_the_reference():
     """The same decisions until one falls on a knife's edge, and positions to 1e-9 m until then."""
-    given = systems.study(engine="flat", attack={"magnitude": 5.0}, output_step=0.05)
+    given = systems.study(engine="exact", attack={"magnitude": 5.0}, output_step=0.05)
     one = systems.lanes(given, 4)
     outcome = systems.simulate(one)
     defence = {"trusted": [{0}] * 12, "theta": [1] * 12}
@@ -49,12 +49,12 @@ def test_both_engines_measure_the_same():
         keys = {"defence": "none", "topology": topology}
         ours, theirs = (
             systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 8, ())).metrics
-            for engine in ("flat", "chassis")
+            for engine in ("exact", "nonlinear")
         )
         for name in ("tail_mean", "tail_max", "tail_disagreement", "peak_error"):
-            np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-5, rtol=0)
-        np.testing.assert_allclose(ours.min_speed, theirs.min_speed, atol=1e-3)
-        np.testing.assert_allclose(ours.peak_turn_rate, theirs.peak_turn_rate, rtol=1e-2)
+            np.testing.assert_allclose(ours[name], theirs[name], atol=1e-5, rtol=0)
+        np.testing.assert_allclose(ours["min_speed"], theirs["min_speed"], atol=1e-3)
+        np.testing.assert_allclose(ours["peak_turn_rate"], theirs["peak_turn_rate"], rtol=1e-2)
 
 
 GAIN = [{"uniform": [0.5, 1.5]}, {"uniform": [2.5, 3.5]}, {"choice": [2.5, 3, 3.5]}]
@@ -64,7 +64,7 @@ def test_drawn_gains_and_edges_are_each_lane_s_own():
     """O2 with gains and a weighted digraph drawn lane by lane, to 1e-9 m."""
     edges = [[i, j, {"uniform": [weight / 4, 4 * weight]}] for i, j, weight in RANDOM_GRAPH["edges"]]
     topology = {"kind": "edges", "edges": edges}
-    one = systems.lanes(systems.study(engine="flat", defence="none", topology=topology, gain=GAIN), 6)
+    one = systems.lanes(systems.study(engine="exact", defence="none", topology=topology, gain=GAIN), 6)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     assert len({systems.lane(one, number).weights.tobytes() for number in range(6)}) == 6
@@ -77,11 +77,11 @@ def test_trimming_with_drawn_gains_and_weights():
     """The same decisions and positions as the reference that has the lane's numbers, tolerance included."""
     topology = {"navigator_weight": {"uniform": [0.05, 0.5]}}
     defence = {"tolerance": {"uniform": [0.1, 1]}}
-    given = systems.study(engine="flat", topology=topology, defence=defence, gain=GAIN, output_step=0.05)
+    given = systems.study(engine="exact", topology=topology, defence=defence, gain=GAIN, output_step=0.05)
     one = systems.lanes(given, 3)
     outcome = systems.simulate(one)
     for number in range(3):
-        tolerance = systems.lane(one, number).tolerance
+        tolerance = systems.lane(one, number).defence.tolerance
         rule = {"trusted": [{0}] * 12, "theta": [1] * 12, "tolerance": tolerance}
         known = exact(one, number, 0.05, 600, **rule)
         assert known["margin"].min() > 1e-9, "no decision on a knife's edge"

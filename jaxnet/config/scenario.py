@@ -1,0 +1,49 @@
+"""The host's side of a scenario: its graph and its links as NumPy arrays, and when things happen."""
+
+from typing import NamedTuple
+
+from jaxnet.config.keys import Scenario
+from jaxnet.kinds.fields import is_drawn
+from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset
+
+
+class Situation(NamedTuple):
+    """Who hears whom, which links are attacked and trusted, and whom vehicles may retain (None: not known).
+
+    Where weights are drawn, these are of the graph with their medians. All is shared by the lanes of a cell,
+    unless its graph is drawn lane by lane.
+    """
+
+    weights: Weights
+    attacked: Links
+    trusted: Links
+    retained: AnySubset | None
+
+
+def situation_of(scenario: Scenario) -> Situation:
+    """What is known of a scenario before anything moves."""
+    weights = scenario.topology.normalised(scenario.vehicles)
+    trusted = scenario.defence.trusts(weights)
+    attacked = scenario.attack.links(weights)
+    return Situation(weights, attacked, trusted, scenario.defence.retained(weights, trusted))
+
+
+def differs_by_lane(scenario: Scenario) -> bool:
+    """Whether lanes have graphs, weights or gains of their own, and with them bounds of their own."""
+    return scenario.topology.differs() or any(map(is_drawn, scenario.gain))
+
+
+def decides(scenario: Scenario) -> bool:
+    """Whether vehicles, or attackers, decide at ticks."""
+    return (scenario.defence.decides or scenario.attack.strategic) and scenario.tick > 0
+
+
+def interval_of(scenario: Scenario) -> float:
+    """From tick to tick [s]: where nobody decides, a tick is an output step."""
+    return scenario.tick if decides(scenario) else scenario.output_step
+
+
+def outputs_of(scenario: Scenario) -> int:
+    """Output times after t = 0."""
+    return round(scenario.horizon / scenario.output_step)

@@ -1,0 +1,39 @@
+"""The exact engine (`engine.propagation`)."""
+
+from typing import Any, ClassVar, NamedTuple
+
+from jaxtyping import Array, Float
+
+from jaxnet.engine.methods import Engine
+
+
+class Flow(NamedTuple):
+    """`expm(A_c h)` over one tick h."""
+
+    flow: Float[Array, "3 3 *lanes"]
+
+
+class Exact(Engine):
+    """The closed loop solved exactly from tick to tick."""
+
+    kind = "exact"
+    chunk: ClassVar[int] = 256
+    shard: ClassVar[int] = 4096
+    accuracy: ClassVar[float] = 1e-8
+
+    def numbers(self, draw: Any, gain: Any, interval: float) -> Flow:
+        """The flow of each lane's gains."""
+        from scipy.linalg import expm
+
+        from jaxnet.theory import exact
+
+        if (gain == gain[0]).all():
+            return Flow(draw.same(expm(exact.companion(gain[0]) * interval)))
+        return Flow(expm(exact.companion(gain) * interval))  # pyright: ignore[reportArgumentType]
+
+    @staticmethod
+    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
+        """See `engine.propagation`."""
+        from jaxnet.engine import propagation
+
+        return propagation.simulate(queue, count, network, clock, plan)

@@ -1,0 +1,39 @@
+"""The nonlinear engine (`engine.integration`)."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from jaxnet.engine.methods import Engine
+from jaxnet.kinds.fields import Number, Positive, Within
+
+
+class Nonlinear(Engine):
+    """The nonlinear vehicles under the law, integrated adaptively."""
+
+    kind = "nonlinear"
+    queue: ClassVar[int] = 8
+    in_field: ClassVar[bool] = True
+
+    solver: Literal["dopri5", "tsit5", "dopri8"] = "dopri5"
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = 1e-7
+    atol: Positive = 1e-9
+    max_steps: int = Field(default=100_000, ge=1, le=10**15)
+
+    def options(self) -> tuple[Any, ...]:
+        """The solver."""
+        return (self.solver,)
+
+    def numbers(self, draw: Any, gain: Any, interval: float) -> Any:
+        """The tolerances."""
+        from jaxnet.engine.plan import Tolerances
+
+        rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
+        return Tolerances(rtol, atol, draw.same(self.max_steps))
+
+    @staticmethod
+    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
+        """See `engine.integration`."""
+        from jaxnet.engine import integration
+
+        return integration.simulate(queue, count, network, clock, plan)

@@ -1,0 +1,189 @@
+"""The closed loop solved exactly from tick to tick (SCIENCE O2, O2b), no integrator.
+
+In `E_i = y_i - y_0` and its derivatives the loop is linear. While the retained neighbours are held,
+
+    E(t) = e(t) + G(t),      e(t + h) = expm(A_c h) e(t),      G = L⁻¹ d,
+
+where d is what the attacks add and G so what they do to the fleet. d is a sum of fixed vectors times scalar
+functions of time, as the vehicles' signals are, so G is one too, with vectors `L⁻¹ d` that change only when
+weights or attacks do: then they are solved for anew, for the lanes concerned alone, and e takes up the
+difference, since E does not jump.
+
+The lanes are the last axis of every array. What a pass of a loop needs of an instant's functions it finds in
+the carry: a number computed where it is used would be computed once for each vehicle that uses it.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.engine import metrics
+from jaxnet.engine import tick as ticks
+from jaxnet.engine.methods.exact import Flow
+from jaxnet.engine.metrics import Observation
+from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
+from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.subset import for_each, picked, put
+from jaxnet.engine.tick import Mind
+from jaxnet.model import control, plane, retained, signal
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis, Vectors
+
+SOLVED = 16  # lanes whose Laplacians are solved at once
+
+Lanes = Float[Array, "lanes"]
+
+
+class Fleet(NamedTuple):
+    """Lanes under way, at a tick whose decision is taken but not yet followed."""
+
+    free: Jets  # e and its derivatives
+    forced: Vectors  # of G
+    followed: Mind  # for which `forced` holds
+    mind: Mind  # decided at this tick
+    basis: Basis  # the attacks' functions now
+    next_basis: Basis  # and at the next tick
+    switches: Int[Array, "lanes"]
+    status: Code
+
+
+def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
+    """Lanes from 0 to the horizon, all side by side; what stands after the first `count` is filling."""
+    (lane, numbers), zero = inputs, jnp.asarray(0)
+
+    def instant(number: Any) -> Lanes:
+        return jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape)
+
+    def tick(n: Int[Array, ""], fleet: Fleet) -> Fleet:
+        fleet = settle(fleet, n == 0, lane, network, plan)
+        moved = fleet._replace(
+            free=propagate(numbers, fleet.free),
+            basis=fleet.next_basis,
+            next_basis=lane.signal.basis(instant(n + 2)),
+        )
+        return decide(moved, lane, network, plan, instant(n + 1))
+
+    def output(number: Int[Array, ""], carry: Any) -> Any:
+        fleet, gathered, series, navigator = carry
+        gathered, series = measure(fleet, gathered, series, navigator, number)
+        now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
+        fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
+        return fleet, gathered, series, lane.navigator.jets(instant((number + 1) * clock.ticks))
+
+    def measure(fleet: Fleet, gathered: Any, series: Any, navigator: Any, number: Any) -> Any:
+        seen, ok = observe(fleet, lane, network, plan, navigator), fleet.status == Status.ok
+        series = {
+            name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
+            for name, value in ticks.series(plan, seen).items()
+        }
+        everywhere = jnp.ones_like(ok)
+        return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
+
+    fleet = start(lane, network, plan, instant)
+    navigator = lane.navigator.jets(instant(zero))
+    series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, navigator))
+    gathered = metrics.nothing(plan.metrics, lane.initial.shape[1:])
+    carry = fleet, gathered, series, navigator
+    fleet, gathered, series, _ = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
+    status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
+    status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
+    found = metrics.of_fleet(plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok)
+    return Outcome(status, found, jnp.zeros_like(status), fleet.switches, series)
+
+
+def start(lane: Lane, network: Network, plan: Plan, instant: Any) -> Fleet:
+    """The lanes at t = 0 with their first decision taken, all of E still free."""
+    navigator, mind = lane.navigator.jets(instant(0)), ticks.begin(lane, network, plan)
+    status = ticks.status_at_start(lane)
+    fleet = Fleet(
+        free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
+        forced=jnp.zeros_like(lane.vectors),
+        followed=mind._replace(memory=(), plot=()),
+        mind=mind,
+        basis=lane.signal.basis(instant(0)),
+        next_basis=lane.signal.basis(instant(1)),
+        switches=jnp.zeros_like(status),
+        status=status,
+    )
+    return decide(fleet, lane, network, plan, instant(0))
+
+
+def decide(fleet: Fleet, lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
+    """Have vehicles receive and decide."""
+    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.basis))
+    return fleet._replace(mind=ticks.decide(lane, network, plan, fleet.mind, errors, fleet.basis, time))
+
+
+def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan) -> Fleet:
+    """Follow the decision in the lanes where it is another one, and count the vehicles that changed theirs.
+
+    The first decision is no change, and followed in every lane.
+    """
+    lanes, vehicles = ticks.changed(fleet.mind, fleet.followed)
+    alive = fleet.status == Status.ok
+    counted = fleet._replace(switches=fleet.switches + jnp.where(alive & ~first, vehicles, 0))
+    return follow(counted, alive & (first | lanes), lane, network, plan)
+
+
+def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Network, plan: Plan) -> Fleet:
+    """The flagged lanes with what the attacks do to them for the weights decided; E does not jump."""
+    vectors = ticks.vectors_of(lane, fleet.mind)
+
+    def some(few: Any, carry: Any) -> Any:
+        free, forced, status = carry
+        weights = picked(lane.weights, few)[None]
+        if plan.decides:
+            weights = retained.in_force(weights[0], picked(fleet.mind.decision, few))
+        response, residual = forced_response(picked(vectors, few), weights, network)
+        jump = signal.jets(picked(forced, few) - response, picked(fleet.basis, few))
+        cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
+        free = tuple(e.at[..., few].add(by, mode="drop") for e, by in zip(free, jump, strict=False))
+        return free, put(forced, few, response), put(status, few, cut_off)
+
+    carry = for_each(flagged, SOLVED, some, (fleet.free, fleet.forced, fleet.status))
+    free, forced, status = carry
+    followed = fleet.mind._replace(memory=(), plot=())
+    return fleet._replace(free=free, forced=forced, status=status, followed=followed)
+
+
+def forced_response(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
+    """Vectors `L⁻¹ d` of what the attacks do to the fleet, and how far `L⁻¹ a0` is from 1."""
+    axes, m, functions = len(weights), vectors.shape[1], vectors.shape[2]
+    added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
+    attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
+    right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
+    matrix = jnp.stack([network.hearing.matrix(each) for each in weights], axis=2)
+    solution, residual = control.solve(matrix, right)
+    response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
+    return response.transpose(1, 2, 0, 3), residual.max(axis=0)
+
+
+def propagate(numbers: Flow, jets: Jets) -> Jets:
+    """`expm(A_c h)` times the jets, for each vehicle and axis."""
+    y, velocity, acceleration = jets
+    rows = ((row[0][None, None], row[1][None, None], row[2][None, None]) for row in numbers.flow)
+    a, b, c = (k[0] * y + k[1] * velocity + k[2] * acceleration for k in rows)
+    return a, b, c
+
+
+def plus(jets: Any, others: Any) -> Jets:
+    """Sum of two signals' jets."""
+    return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
+
+
+def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan, navigator: Any) -> Observation:
+    """The fleets as they are measured now."""
+    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.basis))
+    jets = plus(errors, [jet[:, None] for jet in navigator])
+    return Observation(
+        errors[0],
+        *plane.pace(jets),
+        lane.vehicle.state_of(jets),
+        signal.combined(ticks.vectors_of(lane, fleet.mind), fleet.basis[0]),
+        ticks.weights_of(lane, fleet.mind, plan),
+        network.hearing,
+    )

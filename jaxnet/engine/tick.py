@@ -1,0 +1,153 @@
+"""One tick, the same in every engine: receive → decide → (follow) → measure.
+
+At a tick attackers that are strategic choose their vectors, every vehicle receives the jets that its sources
+send, attacked or not, and decides whom to retain. Jets are told relative to the navigator's, in which form
+all engines know them: E = y - y_0 and its derivatives.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.engine.metrics import SERIES, Observation
+from jaxnet.engine.plan import Plan
+from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.vehicles import SPEED
+from jaxnet.model import retained, signal
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.lane import Lane, Network
+
+
+class Mind(NamedTuple):
+    """What was decided at a tick, and what is remembered of it."""
+
+    decision: Any  # of the defence: ([2,] slots, m, lanes)
+    memory: Any  # of the defence
+    vectors: Any  # of attackers that are strategic (2, m, B, lanes), else ()
+    plot: Any  # their memory
+
+
+class Seen(NamedTuple):
+    """What a strategic attacker sees at a tick: everything."""
+
+    errors: Any  # E and its first two derivatives, each (2, m, lanes)
+    decision: Any  # of the tick before
+    weights: Float[Array, "slots m lanes"]
+    sources: Int[Array, "slots m"]
+    attacked: Bool[Array, "slots m"]
+    basis: Float[Array, "4 functions lanes"]
+    time: Float[Array, "lanes"]
+
+
+def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
+    """Before the first tick: everybody is retained."""
+    around = surroundings(lane, network, jnp.zeros_like(lane.amplitude))
+    memory = lane.defence.start(around) if plan.decides else ()
+    everybody = jnp.ones(lane.weights.shape, bool)
+    errors = (jnp.zeros_like(lane.initial[:2]),) * 3
+    if plan.decides:
+        shape = jax.eval_shape(
+            lambda: lane.defence.decide(errors, received(network, errors, errors), everybody, memory, around)
+        )
+        everybody = first_decision(shape[0], lane)
+    vectors = lane.vectors if plan.strategic else ()
+    return Mind(everybody, memory, vectors, ())
+
+
+def first_decision(decided: Any, lane: Lane) -> Any:
+    """Everybody retained, in the form in which the defence decides; raises ValueError if that is none."""
+    slots = lane.weights.shape
+    if decided.shape not in (slots, (2, *slots)) or decided.dtype not in (jnp.bool_, jnp.float64):
+        raise ValueError(
+            f"{lane.defence.kind}.decide: a decision is boolean or double precision, of shape {slots} or"
+            f" {(2, *slots)} (got {decided.dtype} of shape {decided.shape})"
+        )
+    if decided.dtype == jnp.bool_:
+        return jnp.ones(decided.shape, bool)
+    return jnp.broadcast_to(lane.weights, decided.shape)
+
+
+def surroundings(lane: Lane, network: Network, time: Any) -> Neighbourhood:
+    """What a defence is told besides the jets."""
+    return Neighbourhood(
+        network.hearing.sources, lane.weights, network.trusted, lane.gain, time, network.shared
+    )
+
+
+def received(network: Network, errors: Any, attack: Any) -> tuple[Any, ...]:
+    """Jets in each slot, attacked or not, each (2, slots, m, lanes)."""
+    return tuple(
+        network.hearing.received(jnp.concatenate([jnp.zeros_like(sent[:, :1]), sent], axis=1), added)
+        for sent, added in zip(errors, attack, strict=False)
+    )
+
+
+def decide(
+    lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Float[Array, "lanes"]
+) -> Mind:
+    """Have attackers choose, and vehicles receive and decide."""
+    if plan.strategic:
+        hearing = network.hearing
+        seen = Seen(errors, mind.decision, lane.weights, hearing.sources, hearing.attacked, basis, time)
+        vectors, plot = lane.signal.aim(seen, mind.plot)
+        mind = mind._replace(vectors=bounded(vectors, lane), plot=plot)
+    if not plan.decides:
+        return mind
+    attack = signal.jets(vectors_of(lane, mind), basis)
+    decision, memory = lane.defence.decide(
+        errors,
+        received(network, errors, attack),
+        mind.decision,
+        mind.memory,
+        surroundings(lane, network, time),
+    )
+    return mind._replace(decision=decision, memory=memory)
+
+
+def bounded(vectors: Any, lane: Lane) -> Any:
+    """Vectors scaled to ā, and down where their norm (no less than the spectral one) is over 1."""
+    norm = jnp.sqrt((vectors**2).sum(axis=(0, 2)))
+    attacked = (lane.vectors != 0).any(axis=(0, 2))
+    scale = jnp.where(attacked, lane.amplitude[None] / jnp.maximum(1.0, norm), 0.0)
+    return vectors * scale[None, :, None]
+
+
+def vectors_of(lane: Lane, mind: Mind) -> Any:
+    """The attacks' vectors (2, m, B, lanes) until the next tick."""
+    return lane.vectors if isinstance(mind.vectors, tuple) else mind.vectors
+
+
+def weights_of(lane: Lane, mind: Mind, plan: Plan) -> AxisWeights:
+    """The weights in force."""
+    return retained.in_force(lane.weights, mind.decision) if plan.decides else lane.weights[None]
+
+
+def changed(now: Mind, before: Mind) -> tuple[Bool[Array, "lanes"], Int[Array, "lanes"]]:
+    """Lanes in which anything was decided otherwise, and how many vehicles retain others than before."""
+    apart = retained.changed(now.decision, before.decision)
+    others = retained.changed(*map(retained.support, (now.decision, before.decision))).sum(axis=0)
+    lanes = apart.any(axis=0)
+    if not isinstance(now.vectors, tuple):
+        lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
+    return lanes, others
+
+
+def status_at_start(lane: Lane) -> Code:
+    """Lanes that cannot begin: at rest, or not finite."""
+    still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
+    status = fail(jnp.zeros(still.shape, int), Status.singular, still)
+    return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
+
+
+def room(plan: Plan, seen: Any) -> dict[str, Any]:
+    """Stacks over output times of what is saved, not-a-number as yet; `seen` makes an observation."""
+    shapes = jax.eval_shape(lambda: series(plan, seen()))
+    return {name: jnp.full((plan.rows, *one.shape), jnp.nan) for name, one in shapes.items()}
+
+
+def series(plan: Plan, seen: Observation) -> dict[str, Any]:
+    """What is saved of an observation, lanes last."""
+    return {name: SERIES[name](seen) for name in plan.save}

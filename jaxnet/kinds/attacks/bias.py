@@ -1,0 +1,30 @@
+"""The constant attack."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.fields import Angle
+from jaxnet.model.signal import Harmonic
+
+
+class Bias(Attack):
+    """A constant offset along each vehicle's direction."""
+
+    kind = "bias"
+
+    direction: Angle = 0.0
+
+    def signal(self) -> Any:
+        """A harmonic of no frequency."""
+        return Harmonic(np.zeros_like(self.magnitude))
+
+    def vectors(self) -> np.ndarray:
+        """The direction, times cos 0."""
+        unit = along(self.direction)  # pyright: ignore[reportArgumentType]
+        return np.stack([unit, np.zeros_like(unit)], axis=2)
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """1, and no derivatives."""
+        return np.eye(4, 1)

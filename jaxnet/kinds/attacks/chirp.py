@@ -1,0 +1,40 @@
+"""The chirp: a rotating attack whose frequency rises."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.attacks.rotating import turned
+from jaxnet.kinds.fields import FULL_TURN, Angle, Number
+from jaxnet.model.circle import circle
+
+
+class Chirp(Attack):
+    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: it turns ever faster, or slower."""
+
+    kind = "chirp"
+
+    frequency: Number = Field(default=0.2, description="[rad/s] at t = 0")
+    rate: Number = Field(default=0.05, description="[rad/s²]")
+    phase: Angle = FULL_TURN
+
+    def basis(self, time: Any) -> Any:
+        """Cos ψ and sin ψ; with z = e^{iψ}, z' = iωz, z'' = (ir - ω²)z, z‴ = -(3rω + iω³)z."""
+        xp = time.__array_namespace__()
+        w, r = (self.frequency + self.rate * time)[None], self.rate[None]
+        now = xp.stack(circle(self.frequency * time + self.rate * time**2 / 2))
+        ahead = xp.stack([-now[1], now[0]])
+        return xp.stack([now, w * ahead, r * ahead - w**2 * now, -3 * r * w * now - w**3 * ahead])
+
+    def vectors(self) -> np.ndarray:
+        """As of a rotating attack."""
+        return turned(self.phase)
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """They grow with |ψ'|, which is greatest at one end: 1, ω, √(r² + ω⁴), ω √(9r² + ω⁴)."""
+        first: Any = self.frequency
+        rate: Any = self.rate
+        w = np.maximum(np.abs(first), np.abs(first + rate * horizon))
+        return np.stack([np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2)])

@@ -1,0 +1,102 @@
+"""An envelope on another attack: it starts, rises, and may stop."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from jaxnet.kinds.attacks import AnyAttack, Attack
+from jaxnet.kinds.family import Of
+from jaxnet.kinds.fields import Number, Positive, bounds
+from jaxnet.kinds.kind import Fault
+
+PIECES = 256  # of the rise, in each of which the envelope is bounded
+
+
+class Envelope(Attack):
+    """Another attack's signal times a smooth envelope, three times continuously differentiable.
+
+    It rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is given.
+    Magnitude, vehicles, channel and threat are the envelope's own.
+    """
+
+    kind = "envelope"
+
+    of: Annotated[AnyAttack, Of("attack")]
+    start: Number = Field(default=0.0, description="[s]")
+    rise: Positive = Field(default=5.0, description="[s]")
+    stop: Number | None = Field(default=None, description="[s]")
+
+    def height(self, time: Any) -> Any:
+        """The envelope and its first three derivatives: (4, lanes)."""
+        up = step((time - self.start) / self.rise, self.rise)
+        return up if self.stop is None else up - step((time - self.stop) / self.rise, self.rise)
+
+    def basis(self, time: Any) -> Any:
+        """Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
+        xp, height, inner = time.__array_namespace__(), self.height(time), self.of.signal().basis(time)
+        return xp.stack([sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in range(4)])
+
+    def vectors(self) -> np.ndarray:
+        """Those of the other attack."""
+        return self.of.vectors()
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """`Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, in each of PIECES of the rise with the envelope's greatest
+        there.
+        """
+        inner = np.asarray(self.of.sizes(horizon))
+        height = GREATEST[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
+        terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(4)]
+        return np.stack([np.sum(each, axis=0).max(axis=0) for each in terms])
+
+    def faults(self, scenario: Any) -> Iterator[Fault]:
+        """What the envelope says itself is not said inside."""
+        yield from super().faults(scenario)
+        outer = Attack.model_fields
+        inside = [
+            key for key in outer if key != "label" and getattr(self.of, key, None) != outer[key].default
+        ]
+        for key in inside if self.of.present else []:
+            yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
+        if self.stop is not None and bounds(self.stop)[0] < bounds(self.start)[1] + bounds(self.rise)[1]:
+            yield Fault(("attack.stop", "attack"), "must not be before start + rise")
+        if self.of.strategic:
+            yield Fault(("attack.of", "attack"), "a strategic attack has no signal of its own")
+
+
+def step(x: Any, rise: Any) -> Any:
+    """`35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three derivatives by time (4,
+    …).
+    """
+    xp = x.__array_namespace__()
+    x = xp.clip(x, 0.0, 1.0)
+    y = 1.0 - x
+    return xp.stack(
+        [
+            x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3),
+            140.0 * x**3 * y**3 / rise,
+            420.0 * x**2 * y**2 * (y - x) / rise**2,
+            840.0 * x * y * (1.0 - 5.0 * x + 5.0 * x**2) / rise**3,
+        ]
+    )
+
+
+def leibniz(order: int) -> list[tuple[int, float]]:
+    """Orders of one factor's derivative in a product's, each with its binomial coefficient."""
+    return [(j, float(math.comb(order, j))) for j in range(order + 1)]
+
+
+def greatest() -> np.ndarray:
+    """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
+
+    Inside a piece it exceeds the greater end by half its length times the greatest slope at most.
+    """
+    ends = np.abs(step(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
+    slopes = np.append(ends[1:].max(axis=1), 840.0)
+    return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
+
+
+GREATEST = greatest()

@@ -1,0 +1,9 @@
+"""No attack."""
+
+from jaxnet.kinds.attacks import AnyAttack
+
+
+class NoAttack(AnyAttack):
+    """Nobody is attacked."""
+
+    kind = "none"

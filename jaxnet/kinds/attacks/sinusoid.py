@@ -1,0 +1,33 @@
+"""The sinusoidal attack."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from jaxnet.kinds.attacks import Attack, along, powers
+from jaxnet.kinds.fields import FULL_TURN, Angle, Number
+from jaxnet.model.signal import Harmonic
+
+
+class Sinusoid(Attack):
+    """`sin(frequency · t + phase)` along each vehicle's direction."""
+
+    kind = "sinusoid"
+
+    direction: Angle = 0.0
+    frequency: Number = Field(default=0.7, description="[rad/s]")
+    phase: Angle = FULL_TURN
+
+    def signal(self) -> Any:
+        """Its harmonic."""
+        return Harmonic(self.frequency)
+
+    def vectors(self) -> np.ndarray:
+        """The direction times sin φ and cos φ."""
+        unit, phase = along(self.direction), np.asarray(self.phase)  # pyright: ignore[reportArgumentType]
+        return np.stack([np.sin(phase) * unit, np.cos(phase) * unit], axis=2)
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """`|ω|^k`."""
+        return powers(self.frequency)  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,83 @@
+"""Whom a vehicle believes: from what it receives and what it knows of itself, weights over its sources."""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.model import graph
+from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset
+
+
+class Neighbourhood(NamedTuple):
+    """What vehicles know of their surroundings, by slot (`model.hearing`), when they decide."""
+
+    sources: Any  # (slots, m), the number of the source, 0 the navigator
+    weights: Any  # (slots, m, lanes), of the graph; 0 in an empty slot
+    trusted: Any  # (slots, m)
+    gain: Any  # (3, lanes), on ε, ε̇, ε̈
+    time: Any  # (lanes,) [s]
+    shared: Any  # what the defence's `shared` has made
+
+
+class Defence(Kind):
+    """A rule by which vehicles weigh what they receive. One of one's own gives `decide`.
+
+    Jets, a position with its velocity and acceleration, are told relative to the navigator's: what a rule
+    makes of differences alone it makes of these.
+    """
+
+    decides: ClassVar[bool] = True
+    ticks_only: ClassVar[bool] = (
+        True  # whether it cannot be evaluated at any instant, without memory (`tick: 0`)
+    )
+
+    def trusts(self, weights: Weights) -> Links:
+        """Links of a graph whose source the listener trusts: the navigator, wherever it is heard."""
+        return graph.trusted_links(weights, {})
+
+    def shared(self, weights: Weights, trusted: Links, sources: np.ndarray) -> Any:
+        """Arrays that all lanes share, made once: any pytree. `sources` (slots, m) says what each slot
+        holds.
+        """
+        return ()
+
+    def start(self, around: Neighbourhood) -> Any:
+        """The memory before anything was received: any pytree of arrays whose last axis is over lanes."""
+        return ()
+
+    def decide(
+        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
+    ) -> tuple[Any, Any]:
+        """The decision and the memory after one tick.
+
+        `own` are a vehicle's jets, each (2, m, lanes), `received` those in each slot, each (2, slots, m,
+        lanes). The decision is boolean, who is retained, or weights, not negative and normalised afterwards:
+        (slots, m, lanes), or (2, slots, m, lanes) to decide by axis. `last` is that of the tick before, at
+        first everybody.
+        """
+        raise NotImplementedError(
+            f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)"
+        )
+
+    def retained(self, weights: Weights, trusted: Links) -> AnySubset | None:
+        """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
+        return None
+
+    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+        """Lines of `jaxnet check`: what it promises on this graph under this attack."""
+        return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
+
+    def faults(self, scenario: Any) -> Iterator[Fault]:
+        """A rule that has a memory needs ticks."""
+        if self.decides and self.ticks_only and scenario.tick == 0:
+            yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
+
+
+def by_listener(value: Any, vehicles: int) -> np.ndarray:
+    """A whole number for all vehicles, or {vehicle: number} with 0 for the others: (m,)."""
+    if not isinstance(value, dict):
+        return np.full(vehicles, value, dtype=np.int64)
+    return np.array([value.get(vehicle, 0) for vehicle in range(1, vehicles + 1)], dtype=np.int64)

@@ -1,0 +1,28 @@
+"""No defence."""
+
+from typing import Any, ClassVar
+
+from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset, everybody
+
+
+class NoDefence(Defence):
+    """Everybody is believed."""
+
+    kind = "none"
+    decides: ClassVar[bool] = False
+
+    def decide(
+        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
+    ) -> tuple[Any, Any]:
+        """Nobody is dropped, ever."""
+        return last, memory
+
+    def retained(self, weights: Weights, trusted: Links) -> AnySubset | None:
+        """Everybody."""
+        return everybody(weights)
+
+    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+        """There is none."""
+        return {"defence": "none"}

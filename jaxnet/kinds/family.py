@@ -1,0 +1,45 @@
+"""The type of a config's key that takes a kind: `Annotated[Attack, Of("attack")]`."""
+
+from typing import Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from jaxnet.kinds import registry
+from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.registry import KindError
+
+
+class Of:
+    """A kind of a family: an object, or a mapping with `kind` and its keys, or its bare name."""
+
+    def __init__(self, family: str):
+        self.family = family
+
+    def validate(self, value: Any) -> Kind:
+        """The kind that a value means."""
+        base = registry.base_of(self.family)
+        if isinstance(value, str):
+            value = {"kind": value}
+        if isinstance(value, base):
+            return value
+        if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
+            known = ", ".join(registry.names(self.family))
+            raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
+        try:
+            found = registry.find(self.family, value["kind"])
+        except KindError as error:
+            raise PydanticCustomError(
+                "kind_name", "{error}", {"error": str(error), "family": self.family}
+            ) from error
+        return found.model_validate({key: each for key, each in value.items() if key != "kind"})
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Validate by `validate`, and write as the kind writes itself."""
+        return core_schema.no_info_plain_validator_function(
+            self.validate,
+            serialization=core_schema.plain_serializer_function_ser_schema(lambda kind: kind.model_dump()),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+        """A place that `config.schema` fills in."""
+        return {"$ref": f"#/$defs/{self.family}"}

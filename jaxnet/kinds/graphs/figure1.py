@@ -1,0 +1,26 @@
+"""The paper's Fig. 1."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.kind import Fault
+from jaxnet.model import graph
+from jaxnet.model.graph import Weights
+
+HEARD = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
+
+
+class Figure1(Graph):
+    """The paper's Fig. 1, five vehicles: 1, 4 and 5 hear 0, 2 hears 1, 3 hears 2, 4 and 5 each other."""
+
+    kind = "figure1"
+
+    def weights(self, vehicles: int) -> Weights:
+        """Equal weights."""
+        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in HEARD])
+
+    def faults(self, scenario: Any) -> Iterator[Fault]:
+        """It has five vehicles."""
+        if scenario.vehicles != 5:
+            yield Fault(("vehicles", "topology"), f"figure1 has 5 vehicles (got {scenario.vehicles})")

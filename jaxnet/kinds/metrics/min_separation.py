@@ -1,0 +1,17 @@
+"""The least distance between two vehicles."""
+
+from typing import Any
+
+from jaxnet.kinds.metrics import Metric
+from jaxnet.model.plane import length
+
+
+def nearest(seen: Any) -> Any:
+    """Distance [m] of each vehicle to the nearest other one: (m, lanes); infinite where there is none."""
+    xp = seen.error.__array_namespace__()
+    apart = length(seen.error[:, :, None] - seen.error[:, None])
+    itself = xp.eye(apart.shape[0], dtype=bool)[:, :, None]
+    return xp.where(itself, xp.inf, apart).min(axis=0)
+
+
+MIN_SEPARATION = Metric("min_separation", "m", nearest, "run", "min", "min", "least distance of two vehicles")

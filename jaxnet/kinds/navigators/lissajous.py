@@ -1,0 +1,64 @@
+"""The Lissajous figure."""
+
+import functools
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from jaxnet.kinds.fields import Amplitude, Frequency, Vector
+from jaxnet.kinds.navigators import Navigator
+from jaxnet.model.circle import circle
+
+
+class Lissajous(Navigator):
+    """`amplitude · sin(frequency · t + phase)` per axis."""
+
+    kind = "lissajous"
+
+    amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m]")
+    frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s]")
+    phase: Vector = Field(default=[0.0, 0.0], description="[rad]")
+
+    def jets(self, time: Any) -> Any:
+        """A sine's derivatives."""
+        xp = time.__array_namespace__()
+        numbers = (xp.asarray(each) for each in (self.amplitude, self.frequency, self.phase))
+        amplitude, w, phase = (
+            each.reshape(2, *[1] * (time.ndim + 1 - each.ndim), *each.shape[1:]) for each in numbers
+        )
+        cosine, sine = circle(w * time[None] + phase)
+        now, ahead = amplitude * sine, w * amplitude * cosine
+        return xp.stack([now, ahead, -(w**2) * now, -(w**2) * ahead])
+
+    def slowest(self, horizon: float) -> tuple[float, float]:
+        """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s]."""
+        return slowest(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
+
+
+Pair = tuple[float, float]
+
+
+@functools.lru_cache
+def slowest(amplitude: Pair, frequency: Pair, phase: Pair, horizon: float) -> tuple[float, float]:
+    """The same, remembered, for the cells of a study mostly share their navigator.
+
+    Branch and bound on v²: from an interval's middle it falls by no more than its slope and the bound on its
+    second derivative allow, so an interval that stays above the least speed found is left.
+    """
+    path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
+    greatest = [float(np.hypot(*(np.array(amplitude) * np.array(frequency) ** k))) for k in (1, 2, 3)]
+    curvature = 2 * (greatest[1] ** 2 + greatest[0] * greatest[2])
+    half, middle = horizon / 2, np.array([horizon / 2])
+    best, when = np.inf, 0.0
+    while middle.size:
+        jets = path.jets(middle)
+        square, slope = (jets[1] ** 2).sum(axis=0), 2 * (jets[1] * jets[2]).sum(axis=0)
+        lowest = int(square.argmin())
+        if square[lowest] < best**2:
+            best, when = float(np.sqrt(square[lowest])), float(middle[lowest])
+        within = square - np.abs(slope) * half - curvature * half**2 / 2
+        middle = middle[within < max(0.0, best - 1e-4 * greatest[0]) ** 2]
+        half /= 2
+        middle = np.concatenate([middle - half, middle + half])
+    return best, when

@@ -1,0 +1,216 @@
+"""Finding a kind by its name: ours by its file, an installed one by its entry point, anybody's by
+`module:Class`.
+
+A class counts only if it is of the family that was asked for, which is seen before anything of it is called.
+What a class is made of (its module's source, its distribution's version) is told by `provenance`, for rows
+depend on it.
+"""
+
+import functools
+import hashlib
+import importlib
+import importlib.util
+import json
+import pkgutil
+import sys
+from collections.abc import Iterator, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxnet.kinds.kind import REFERENCES, Kind
+
+
+class Family(NamedTuple):
+    """Kinds that take each other's place under one key of a config."""
+
+    package: str  # a folder with a file for each of ours, its base class in the package itself
+    base: str
+    group: str  # of entry points
+
+
+FAMILIES = {
+    "topology": Family("jaxnet.kinds.graphs", "Graph", "jaxnet.graphs"),
+    "navigator": Family("jaxnet.kinds.navigators", "Navigator", "jaxnet.navigators"),
+    "vehicle": Family("jaxnet.kinds.vehicles", "Vehicle", "jaxnet.vehicles"),
+    "attack": Family("jaxnet.kinds.attacks", "AnyAttack", "jaxnet.attacks"),
+    "defence": Family("jaxnet.kinds.defences", "Defence", "jaxnet.defences"),
+    "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
+    "engine": Family("jaxnet.engine.methods", "Engine", "jaxnet.engines"),
+}
+
+
+RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
+
+
+class KindError(ValueError):
+    """A kind from outside that cannot be had, or that failed; says which and where."""
+
+
+class Provenance(NamedTuple):
+    """What a class from outside is made of."""
+
+    file: str
+    sha256: str  # of the file when it was imported
+    version: str | None  # of the distribution that it came with
+
+
+def names(family: str) -> list[str]:
+    """Names of a family's kinds that need no module: ours, then those of installed packages."""
+    package = importlib.import_module(FAMILIES[family].package)
+    ours = [module.name for module in pkgutil.iter_modules(package.__path__)]
+    return [*ours, *(point.name for point in entry_points(family) if point.name not in ours)]
+
+
+def find(family: str, name: str) -> Any:
+    """The class (of `metrics` the metric) that a name means in a family; raises KindError."""
+    if (family, name) in RENAMED:
+        raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
+    found = builtin(family, name)
+    if found is None:
+        found = installed(family, name)
+    if found is None and ":" in name:
+        found = imported(name, name)
+    if found is None:
+        raise KindError(
+            f"must be one of {', '.join(names(family))}, or module:Class (got {json.dumps(name)})"
+        )
+    base = base_of(family)
+    if not (isinstance(found, type) and issubclass(found, base)) and not isinstance(found, base):
+        shown = found.__name__ if isinstance(found, type) else repr(found)[:60]
+        raise KindError(f"{name} is not of the family {base.__name__} ({shown})")
+    if isinstance(found, type) and issubclass(found, Kind):
+        REFERENCES[found] = name
+    return found
+
+
+@functools.cache
+def base_of(family: str) -> type:
+    """The class that all kinds of a family are of."""
+    return getattr(importlib.import_module(FAMILIES[family].package), FAMILIES[family].base)
+
+
+@functools.cache
+def builtin(family: str, name: str) -> Any:
+    """One of ours, from the file of its name; None if there is none."""
+    module = f"{FAMILIES[family].package}.{name}"
+    if not name.isidentifier() or importlib.util.find_spec(module) is None:
+        return None
+    return of_module(importlib.import_module(module), family, name)
+
+
+def of_module(module: Any, family: str, name: str) -> Any:
+    """What a module of ours defines of a family."""
+    base = base_of(family)
+    for found in vars(module).values():
+        if isinstance(found, base) and getattr(found, "name", None) == name:
+            return found
+        if isinstance(found, type) and issubclass(found, base) and found.__dict__.get("kind") == name:
+            return found
+    return None
+
+
+@functools.cache
+def entry_points(family: str) -> list[metadata.EntryPoint]:
+    """Entry points of installed packages."""
+    return list(metadata.entry_points(group=FAMILIES[family].group))
+
+
+def installed(family: str, name: str) -> Any:
+    """A class by its entry point, None if there is none of this name; raises KindError."""
+    for point in entry_points(family):
+        if point.name == name:
+            return imported(point.value, name)
+    return None
+
+
+def imported(reference: str, name: str) -> Any:
+    """What stands at `module:attribute`; the module's source is remembered as it was imported."""
+    module, _, attribute = reference.partition(":")
+    before = module in sys.modules
+    try:
+        found: Any = importlib.import_module(module)
+        for part in attribute.split("."):
+            found = getattr(found, part)
+    except ImportError as error:
+        missing = getattr(error, "name", None) == module
+        where = "; modules beside the config can be imported" if missing else ""
+        raise KindError(f"{name} cannot be imported: {error}{where}") from error
+    except AttributeError as error:
+        raise KindError(f"{name}: {error}") from error
+    except Exception as error:  # of a stranger's module anything may come
+        raise KindError(f"{name} cannot be imported: {told(error)}") from error
+    if not before or module not in SOURCES:
+        SOURCES[module] = source_of(module)
+    refuse_changed(module, name)
+    return found
+
+
+SOURCES: dict[str, Provenance] = {}  # of modules that kinds came from, as they were imported
+
+
+def source_of(module: str) -> Provenance:
+    """What a module is made of now."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    content = Path(file).read_bytes() if file and Path(file).exists() else b""
+    return Provenance(file or "", hashlib.sha256(content).hexdigest(), version_of(module))
+
+
+def version_of(module: str) -> str | None:
+    """Version of the distribution that a module came with, None if it came with none."""
+    owners = metadata.packages_distributions().get(module.partition(".")[0])
+    return metadata.version(owners[0]) if owners else None
+
+
+def refuse_changed(module: str, name: str) -> None:
+    """Raise KindError if a module's file is no longer what was imported."""
+    if source_of(module).sha256 != SOURCES[module].sha256:
+        raise KindError(
+            f"{name} was changed since it was imported ({SOURCES[module].file}): start Python anew"
+        )
+
+
+def search(folder: str | Path) -> None:
+    """Have modules of this folder found, after all others."""
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
+
+
+def provenance(kinds: Sequence[Any]) -> dict[str, Provenance]:
+    """What those of some kinds are made of that are not ours, by module."""
+    found = {}
+    for kind in kinds:
+        module = getattr(kind, "module", None) or type(kind).__module__
+        if not module.startswith("jaxnet."):
+            if module not in SOURCES:
+                SOURCES[module] = source_of(module)
+            found[module] = SOURCES[module]
+    return found
+
+
+def told(error: BaseException) -> str:
+    """An error with the file and line where it arose, as far in as code from outside the library goes."""
+    frames = list(trace(error))
+    place = next((f"{file}:{line}" for file, line in reversed(frames) if file in files()), None)
+    words = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"{place or '{}:{}'.format(*frames[-1]) if frames else ''}: {words}"
+
+
+def trace(error: BaseException) -> Iterator[tuple[str, int]]:
+    """Files and lines that an error came through, outermost first."""
+    here = error.__traceback__
+    while here is not None:
+        yield here.tb_frame.f_code.co_filename, here.tb_lineno
+        here = here.tb_next
+
+
+def files() -> set[str]:
+    """Files that kinds from outside came from."""
+    return {source.file for source in SOURCES.values() if source.file}
+
+
+def blame(error: BaseException) -> KindError | None:
+    """The error as that of a kind from outside, if it came through one's file."""
+    if isinstance(error, KindError) or not any(file in files() for file, _ in trace(error)):
+        return None
+    return KindError(told(error))

@@ -1,0 +1,61 @@
+"""Retained neighbours: from what a vehicle decides to the weights in force (paper, section 5.1).
+
+A decision is an array over slots (see `hearing`), (slots, m, lanes), or (2, slots, m, lanes) where axes
+differ: booleans, which slots are retained, or weights themselves, none negative.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int
+
+from jaxnet.model.graph import Links, Weights
+from jaxnet.model.hearing import AxisWeights, SlotWeights
+
+
+class AnySubset(NamedTuple):
+    """What a defence promises of whom it retains, for theory: of some links each vehicle drops a fixed
+    number.
+
+    Which ones may change at every tick. The other links are always retained.
+    """
+
+    weights: Weights  # of the graph
+    links: Links  # that may be dropped
+    number: Int[np.ndarray, " m"]  # of them that are
+
+    @property
+    def fixed(self) -> Weights | None:
+        """The weights in force for good, or None where retained neighbours may change."""
+        if (self.number < self.links.sum(axis=1)).any():
+            return None
+        kept = np.where(self.links, 0.0, self.weights)
+        total = kept.sum(axis=1, keepdims=True)
+        return np.divide(kept, total, out=kept, where=total > 0)
+
+
+def everybody(weights: Weights) -> AnySubset:
+    """Nobody drops anybody."""
+    return AnySubset(weights, np.zeros(weights.shape, bool), np.zeros(len(weights), int))
+
+
+def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
+    """Weights that follow from a decision, renormalised to sum 1; not-a-number where one is negative."""
+    by_axis = decision.reshape(-1, *weights.shape)
+    if by_axis.dtype == bool:
+        kept = jnp.where(by_axis, weights[None], 0.0)
+    else:
+        kept = jnp.where(by_axis >= 0, by_axis, jnp.nan)
+    return kept / kept.sum(axis=1, keepdims=True)
+
+
+def changed(decision: Any, before: Any) -> Bool[Array, "m *lanes"]:
+    """Vehicles whose decision is another one."""
+    apart = decision != before
+    return apart.any(axis=tuple(range(apart.ndim - 2)))
+
+
+def support(decision: Any) -> Any:
+    """Slots that are retained at all."""
+    return decision if decision.dtype == bool else decision > 0

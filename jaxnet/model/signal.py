@@ -1,0 +1,49 @@
+"""Signals as fixed vectors times scalar functions of time, `a_j(t) = Σ_b v_jb β_b(t)`.
+
+The functions come with three derivatives, so that whatever is linear in a signal, the attack's effect on the
+fleet above all (SCIENCE O2), is found from the vectors alone and holds at all times. A harmonic has two of
+them, cos ωt and sin ωt.
+
+`‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖` with the spectral norm of `V_j = [v_j1 … v_jB]`; a unit signal has ‖V_j‖ = 1.
+"""
+
+from typing import Any, NamedTuple
+
+from jaxtyping import Array, Float
+
+from jaxnet.model.circle import circle
+
+Vectors = Float[Array, "2 m functions *lanes"]
+Basis = Float[Array, "4 functions *lanes"]  # β_b and its first three derivatives
+Plane = Float[Array, "2 m *lanes"]
+
+
+class Harmonic(NamedTuple):
+    """`cos ωt` and `sin ωt` of an angular frequency ω [rad/s]; constant where ω = 0."""
+
+    frequency: Any  # (lanes,)
+
+    def basis(self, time: Any) -> Any:
+        """Both functions with their derivatives: (4, 2, lanes)."""
+        return turning(*circle(self.frequency * time), self.frequency)
+
+
+def turning(cosine: Any, sine: Any, rate: Any) -> Any:
+    """`cos` and `sin` of an angle that grows at a constant rate, with three derivatives: (4, 2, …)."""
+    xp = cosine.__array_namespace__()
+    now, ahead, rate = xp.stack([cosine, sine]), xp.stack([-sine, cosine]), xp.asarray(rate)[None]
+    return xp.stack([now, rate * ahead, -(rate**2) * now, -(rate**3) * ahead])
+
+
+def combined(vectors: Any, functions: Any) -> Any:
+    """`Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
+    total = vectors[:, :, 0] * functions[0][None, None]
+    for b in range(1, vectors.shape[2]):
+        total = total + vectors[:, :, b] * functions[b][None, None]
+    return total
+
+
+def jets(vectors: Any, basis: Any) -> tuple[Any, Any, Any, Any]:
+    """A signal and its first three derivatives [m, m/s, m/s², m/s³], each (2, m, lanes)."""
+    now, first, second, third = (combined(vectors, order) for order in basis)
+    return now, first, second, third

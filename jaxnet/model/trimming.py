@@ -1,0 +1,59 @@
+"""Scores of received signals, and dropping the greatest, slot by slot (paper, section 5.1)."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+Mask = Bool[Array, "slots m lanes"]
+Scores = Float[Array, "slots m lanes"]
+
+
+def condition(heard: Mask, trusted: Mask, theta: Int[Array, " m"]) -> Bool[Array, "m lanes"]:
+    """Vehicles that hear at least 2ϑ + 1 sources, ϑ of them trusted."""
+    needed = theta[:, None]
+    return (heard.sum(axis=0) >= 2 * needed + 1) & (trusted.sum(axis=0) >= needed)
+
+
+def deviation(
+    received: Float[Array, "2 slots m lanes"], trusted: Mask, references: Int[Array, "most m"]
+) -> Scores:
+    """`Δ_ik`, mean distance [m] from what i receives of k to what it receives of those it trusts; else 0."""
+    listeners, distance = jnp.arange(received.shape[2]), jnp.zeros(received.shape[1:])
+    for slot in references:
+        apart = received - received.at[:, slot, listeners].get(mode="promise_in_bounds")[:, None]
+        counts = trusted.at[slot, listeners].get(mode="promise_in_bounds")
+        distance = distance + jnp.where(counts[None], jnp.sqrt(apart[0] ** 2 + apart[1] ** 2), 0.0)
+    return distance / jnp.maximum(1, trusted.sum(axis=0)).astype(float)[None]
+
+
+def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) -> Scores:
+    """Scores with a tolerance [m] added to those of who were dropped last."""
+    return score + jnp.where(retained, 0.0, tolerance[None, None])
+
+
+def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
+    """The ϑ candidates with the greatest scores, of equal ones those in lower slots.
+
+    The farthest is taken ϑ times over. The scores enter that loop as numbers already computed: left to
+    itself, a compiler may evaluate a score twice and round it differently.
+    """
+    slots = jnp.arange(len(score))
+    score = jnp.where(candidates, score, -jnp.inf)
+
+    def farther(best: tuple[Any, Any], slot: tuple[Any, Any]) -> tuple[tuple[Any, Any], None]:
+        number, score = slot
+        beats = score > best[1]
+        return (jnp.where(beats, number, best[0]), jnp.where(beats, score, best[1])), None
+
+    def take(carry: tuple[Any, Any]) -> tuple[Any, Any]:
+        turn, score = carry
+        nobody = jnp.full(score.shape[1:], -1), jnp.full(score.shape[1:], -jnp.inf)
+        (number, _), _ = jax.lax.scan(farther, nobody, (slots, score))
+        taken = (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
+        return turn + 1, jnp.where(taken, -jnp.inf, score)
+
+    turns = jnp.max(theta)
+    left = jax.lax.while_loop(lambda carry: carry[0] < turns, take, (jnp.zeros_like(turns), score))[1]
+    return candidates & (left == -jnp.inf)
