@@ -22,7 +22,6 @@ import jaxnet
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.curves import Curve, curves
 from jaxnet.store.results import Results
-from jaxnet.view import report
 from jaxnet.view.text import progress, slopes
 
 CONFIG = Path(__file__).parents[1] / "configs" / "bound.yaml"
@@ -37,7 +36,7 @@ def main() -> None:
     with progress.reporting() as tell:
         results = jaxnet.run(jaxnet.load(CONFIG), progress=tell)
     simulated = time.monotonic()
-    written = list(report.write(results))
+    page = results.report()
     ended = time.monotonic()
     print(slopes.text(results))
     print(f"\n{ranking(results).to_string(index=False)}")
@@ -46,7 +45,7 @@ def main() -> None:
     print(
         f"{len(results.lanes):,} lanes: {simulated - began:.0f} s; fits and report: {ended - simulated:.0f} s"
     )
-    print(f"wrote {written[-1]}")
+    print(f"wrote {page}")
     sys.exit(int(max(off.values()) > ALLOWED or len(results.violations) > 0))
 
 

@@ -1,7 +1,7 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
-`load` reads a study from YAML, `run` simulates it into a results folder and `run_part` a part of it, `open`
-reads such a folder.
+`load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
+`open` reads a results folder. `Results` has its tables and arrays, fits, replays, plots and the report.
 """
 
 import importlib
@@ -10,15 +10,48 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from jaxnet.api import open, run, run_part
-    from jaxnet.config.study import load
+    from jaxnet.api import Part, Replay, Results, open, run, run_part, simulate
+    from jaxnet.config.document import ConfigError
+    from jaxnet.config.study import Study, load
+    from jaxnet.runs.cluster import ClusterError
+    from jaxnet.store.folder import FolderError
 
 # Where each name is; imported when it is asked for, so that the command's help is there at once.
-HOMES = {"load": "jaxnet.config.study", "open": "jaxnet.api", "run": "jaxnet.api", "run_part": "jaxnet.api"}
-__all__ = ["load", "open", "run", "run_part"]
+HOMES = {
+    "ClusterError": "jaxnet.runs.cluster",
+    "ConfigError": "jaxnet.config.document",
+    "FolderError": "jaxnet.store.folder",
+    "Part": "jaxnet.api",
+    "Replay": "jaxnet.api",
+    "Results": "jaxnet.api",
+    "Study": "jaxnet.config.study",
+    "load": "jaxnet.config.study",
+    "open": "jaxnet.api",
+    "run": "jaxnet.api",
+    "run_part": "jaxnet.api",
+    "simulate": "jaxnet.api",
+}
+__all__ = [
+    "ClusterError",
+    "ConfigError",
+    "FolderError",
+    "Part",
+    "Replay",
+    "Results",
+    "Study",
+    "load",
+    "open",
+    "run",
+    "run_part",
+    "simulate",
+]
 
 
 def __getattr__(name: str):
     if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,40 +1,117 @@
-"""What a script calls: `load` a study, `run` it, `open` its results."""
+"""What a script calls: `load` a study, `run` or `simulate` it, `open` its results."""
 
-from collections.abc import Callable
+import uuid
+import weakref
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsInt
 
+import pandas as pd
+import xarray as xr
 from upath import UPath
 
-from jaxnet.config.study import Study, load
+from jaxnet.config.study import Source, Study, load
+from jaxnet.runs.cache import enable
+from jaxnet.store import results as stored
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import Part, Results, open
+from jaxnet.store.results import Part, arrays_at, whole
+from jaxnet.view.text.progress import Report, reporting_to
 
-__all__ = ["Part", "Results", "Study", "load", "open", "run", "run_part"]
+if TYPE_CHECKING:
+    from jaxnet.view.figures.every import Plots
+
+__all__ = ["Part", "Replay", "Results", "Study", "load", "open", "run", "run_part", "simulate"]
+
+Place = str | Path | UPath
+Progress = Report | Literal[False] | None
+
+
+class Replay(NamedTuple):
+    """A lane simulated again: its row, its trajectory, and where that is stored."""
+
+    row: pd.Series
+    trajectory: xr.Dataset
+    path: UPath
+
+
+class Results(stored.Results):
+    """A results folder, read when asked, and what can be made of it."""
+
+    def fit(self) -> pd.DataFrame:
+        """Fit the ultimate error against ā, beside the bounds of theory; the fits.
+
+        Writes what `jaxnet fit` does. Raises FolderError for an unfinished run, where no ā is fixed or
+        swept, and while another process writes there.
+        """
+        for _ in write_fits(self):
+            pass
+        return self.fits
+
+    def replay(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> Replay:
+        """Simulate one lane again with its trajectory, by the study's own engine or another.
+
+        Raises FolderError if the study has no such lane, or the engine cannot simulate it.
+        """
+        enable()
+        from jaxnet.runs.replay import replay
+
+        path, row = replay(self, whole("cell", cell), whole("sample", sample), engine)
+        return Replay(row, arrays_at(path), path)
+
+    def report(self) -> UPath:
+        """Write figures and `report.html`, a page that works offline; the page's path.
+
+        Fits what is not fitted yet, and replays the worst lanes if the study has `recovery`. Raises
+        FolderError for an unfinished run, and while another process writes there.
+        """
+        *_, page = write_report(self)
+        return page
+
+    @property
+    def plot(self) -> "Plots":
+        """Figures, as in `results.plot.tails()`."""
+        from jaxnet.view.figures.every import Plots
+
+        return Plots(self)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: lanes, and the summary."""
+        from jaxnet.view.text import tables
+
+        return tables.html(self)
+
+
+def open(path: Place) -> Results:
+    """Results of a folder that a run has made; raises FolderError."""
+    return Results(stored.open(path).path)
 
 
 def run(
-    study: Study,
-    out: str | Path | UPath | None = None,
+    study: Source,
+    out: Place | None = None,
     fresh: bool = False,
-    progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
+    progress: Progress = None,
     devices: int | None = None,
     chunk: int | None = None,
     workers: int | None = None,
     cluster: str | None = None,
 ) -> Results:
-    """Simulate what is not there yet into `out`, a path or URL (default results/NAME).
+    """Simulate what is not there yet of a study, or of what `load` takes for one, into `out`.
 
-    `fresh` throws earlier results of that folder away; `progress` is told lanes done, all, failed.
+    That is a path or URL (default results/NAME). `fresh` throws earlier results of that folder away;
+    `progress` is told lanes done, all, failed; by default a terminal or notebook shows a bar, False is none.
     `devices` are the cores, or accelerators, used at most (default all); `chunk` is how many lanes advance
     side by side (default what suits the engine; another one changes rows by rounding). `workers` parts the
     cores among so many processes (a script that asks for them must guard its `__main__`), `cluster` is the
     address of a dask scheduler whose workers see the same folder.
 
-    Raises FolderError or ClusterError.
+    Raises ConfigError, FolderError or ClusterError.
     """
+    enable()
     from jaxnet.engine.cores import cores
     from jaxnet.runs.cluster import crew
 
+    study = load(study)
     folder = Folder(default_out(study, out))
     with folder.writing(), crew(folder.path, workers, cluster, devices or cores(), chunk) as others:
         from jaxnet.engine.batch import Machine  # takes as long as workers do, so they are called before
@@ -42,37 +119,90 @@ def run(
         from jaxnet.store.admission import admit
 
         admit(folder, study.config, fresh)
-        Run(study.config, study.cells, folder, progress, Machine(devices, chunk), others).whole()
+        with reporting_to(progress) as report:
+            Run(study.config, study.cells, folder, report, Machine(devices, chunk), others).whole()
     return Results(folder.path)
 
 
 def run_part(
-    study: Study,
+    study: Source,
     part: int,
     parts: int,
-    out: str | Path | UPath | None = None,
-    progress: Callable[[int, int, int], None] = lambda done, total, failed: None,
+    out: Place | None = None,
+    progress: Progress = None,
     devices: int | None = None,
     chunk: int | None = None,
 ) -> Part:
     """Simulate every `parts`-th shard from `part` on, counted from 0, into `lanes/` of `out`.
 
     Any number of these may run at the same time. `run` then simulates what is missing and makes tables and
-    arrays. Raises FolderError.
+    arrays. Raises ConfigError or FolderError.
     """
+    if not 0 <= part < parts:
+        raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
+    enable()
     from jaxnet.engine.batch import Machine
     from jaxnet.runs.run import Run
     from jaxnet.store.admission import admit
 
-    if not 0 <= part < parts:
-        raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
+    study = load(study)
     folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        run = Run(study.config, study.cells, folder, progress, machine)
-        return Part(folder.path, *run.part(part, parts))
+        with reporting_to(progress) as report:
+            run = Run(study.config, study.cells, folder, report, machine)
+            return Part(folder.path, *run.part(part, parts))
 
 
-def default_out(study: Study, out: str | Path | UPath | None) -> str | Path | UPath:
+def simulate(
+    study: Source,
+    samples: SupportsInt | None = None,
+    progress: Progress = None,
+    devices: int | None = None,
+) -> Results:
+    """Simulate a study, or what `load` takes for one, in memory; `samples` are those of each cell.
+
+    The Results have all that those of a folder have, in this process alone. What they hold is freed with
+    them; tables and arrays read from them stay.
+
+    Raises ConfigError.
+    """
+    study = load(study, {} if samples is None else {"samples": samples})
+    root, name = "memory://jaxnet", uuid.uuid4().hex
+    results = Results(Folder(f"{root}/{name}").path)
+    weakref.finalize(results, Folder(root).remove, name)
+    run(study, results.path, progress=progress, devices=devices)
+    return results
+
+
+def write_fits(results: stored.Results) -> Iterator[UPath]:
+    """Fit, and draw what was fitted; the files, one after the other."""
+    enable()
+    from jaxnet.statistics import ultimate
+    from jaxnet.view.figures import every as figures
+
+    with Folder(results.path).writing():
+        yield from ultimate.analyse(results)
+        yield from figures.draw(results, figures.ULTIMATE)
+
+
+def write_report(results: stored.Results) -> Iterator[UPath]:
+    """Fit, simulate the worst lanes again, draw, and write the page; the files, one after the other."""
+    enable()
+    from jaxnet.runs.replay import replay_worst
+    from jaxnet.statistics import ultimate
+    from jaxnet.view import page
+    from jaxnet.view.figures import every as figures
+
+    with Folder(results.path).writing():
+        _ = results.cells  # refuses an unfinished run
+        if ultimate.asked(results) and not (results.path / "fit.csv").exists():
+            yield from ultimate.analyse(results)
+        yield from replay_worst(results)
+        yield from figures.draw(results)
+        yield page.write(results)
+
+
+def default_out(study: Study, out: Place | None) -> Place:
     """Where results go."""
     return Path("results") / study.config.name if out is None else out

@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import itertools
 import os
 import re
 import signal
@@ -146,7 +145,6 @@ def run(
         study = jaxnet.load(config, overrides)
         from jaxnet.view.text import progress, tables
 
-        start_jax()
         if shard is not None:
             with progress.reporting() as report:
                 part = jaxnet.run_part(study, *shard, out, report, devices, chunk)
@@ -190,13 +188,11 @@ def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.runs.replay import replay as again
         from jaxnet.view.text import tables
 
-        start_jax()
-        path, row = again(opened, cell, sample, engine)
-        click.echo(tables.lane(opened, row))
-        click.echo(f"wrote {path}", err=True)
+        again = opened.replay(cell, sample, engine)
+        click.echo(tables.lane(opened, again.row))
+        click.echo(f"wrote {again.path}", err=True)
 
 
 @main.command()
@@ -219,15 +215,11 @@ def fit(results: str) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.statistics.ultimate import analyse
-        from jaxnet.store.folder import Folder
-        from jaxnet.view.figures import every as figures
+        from jaxnet.api import write_fits
         from jaxnet.view.text import slopes
 
-        start_jax()
-        with Folder(results).writing():
-            for path in itertools.chain(analyse(opened), figures.draw_ultimate(opened)):
-                click.echo(f"wrote {path}", err=True)
+        for path in write_fits(opened):
+            click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 
 
@@ -240,17 +232,7 @@ def report(results: str) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.store.folder import Folder
-        from jaxnet.view import report
+        from jaxnet.api import write_report
 
-        start_jax()
-        with Folder(results).writing():
-            for path in report.write(opened):
-                click.echo(f"wrote {path}", err=True)
-
-
-def start_jax() -> None:
-    """Keep compiled programs between runs, in a folder for this machine type and version of XLA."""
-    from jaxnet.runs.cache import enable
-
-    enable()
+        for path in write_report(opened):
+            click.echo(f"wrote {path}", err=True)

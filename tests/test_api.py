@@ -1,9 +1,75 @@
-"""A study is loaded from a file or from a mapping."""
+"""What a script or a notebook does: studies from what it holds, results and all that can be made of them."""
 
+import gc
+import io
+import os
+import pydoc
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
 import pytest
+import yaml
+from fsspec.implementations.memory import MemoryFileSystem
+from upath import UPath
 
 import jaxnet
-from jaxnet.config.document import ConfigError
+from jaxnet import ConfigError, FolderError
+from jaxnet.config.study import native
+from jaxnet.view.figures import every
+
+KEYS = {
+    "samples": 2,
+    "horizon": 1.0,
+    "tail": 0.5,
+    "engine": "flat",
+    "defence": "none",
+    "topology": "star",
+    "vehicles": 3,
+    "attack": {"vehicles": [2]},
+    "sweep": {"attack.magnitude": [1, 5.5]},
+    "save": {"errors": True, "trajectories": "all"},
+}
+EDGES = {"kind": "edges"}
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Two cells of two lanes, in memory, everything saved."""
+    return jaxnet.simulate(KEYS)
+
+
+def in_process(code: str, **environment: str) -> str:
+    """What a script prints in a process of its own, where JAX was not told of a cache."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("JAX_")}
+    return subprocess.check_output([sys.executable, "-c", code], text=True, env=kept | environment)
+
+
+# --- what there is ---------------------------------------------------------------------------------
+
+
+def test_the_package_says_what_there_is():
+    """To `dir` and to `help`, each name as what it is."""
+    assert set(jaxnet.__all__) <= set(dir(jaxnet))
+    text = pydoc.plain(pydoc.render_doc(jaxnet))
+    for name in jaxnet.__all__:
+        assert re.search(rf"^    (class )?{name}\(", text, re.MULTILINE), name
+
+
+def test_loading_imports_nothing_that_simulates_or_reads():
+    """A script or the command's `--help` starts at once."""
+    code = (
+        "import sys, jaxnet; dir(jaxnet); print([n for n in ('numpy', 'pydantic') if n in sys.modules])\n"
+        "try: jaxnet.load({'horizn': 1})\n"
+        "except jaxnet.ConfigError: jaxnet.load({})\n"
+        "print([n for n in ('jax', 'pandas', 'zarr', 'matplotlib') if n in sys.modules])"
+    )
+    assert in_process(code) == "[]\n[]\n"
+
+
+# --- a study out of what a script holds ------------------------------------------------------------
 
 
 def test_a_mapping_is_read_like_a_file(tmp_path):
@@ -12,10 +78,233 @@ def test_a_mapping_is_read_like_a_file(tmp_path):
     file = tmp_path / "one.yaml"
     file.write_text("name: one\nsamples: 2\nsweep:\n  topology: [path, star]\n  attack.magnitude: [1, 2]\n")
     assert jaxnet.load(keys, {"seed": 3}) == jaxnet.load(file, ["seed=3"])
+    assert jaxnet.load(str(file)) == jaxnet.load(UPath(file)) == jaxnet.load(keys)
     assert jaxnet.load({}).config.name == "study"
 
 
+def test_a_study_is_taken_as_it_is_or_changed():
+    """Without overrides it is the same object, with them another study of the other keys."""
+    study = jaxnet.load(KEYS)
+    assert jaxnet.load(study) is study
+    assert jaxnet.load(study, {"seed": 3}) == jaxnet.load(KEYS, {"seed": 3}) != study
+
+
+@pytest.mark.parametrize(
+    ("given", "plain"),
+    [
+        ({"seed": np.int64(3)}, {"seed": 3}),
+        ({"horizon": np.float64(10)}, {"horizon": 10.0}),
+        ({"save": {"errors": np.bool_(True)}}, {"save": {"errors": True}}),
+        ({"gain": np.array([1.0, 4.0, 3.0])}, {"gain": [1.0, 4.0, 3.0]}),
+        ({"attack": {"vehicles": pd.Series([3, 5], index=[7, 8])}}, {"attack": {"vehicles": [3, 5]}}),
+        ({"sweep": {"topology": pd.Index(["path", "star"])}}, {"sweep": {"topology": ["path", "star"]}}),
+        ({"sweep": {"attack.magnitude": np.arange(3)}}, {"sweep": {"attack.magnitude": [0, 1, 2]}}),
+        ({"defence": {"theta": {np.int64(2): np.int8(1)}}}, {"defence": {"theta": {2: 1}}}),
+        (
+            {
+                "attack": "none",
+                "vehicles": 2,
+                "topology": EDGES | {"edges": ((1, 0, 1), (2, 1, np.float32(0.5)))},
+            },
+            {"attack": "none", "vehicles": 2, "topology": EDGES | {"edges": [[1, 0, 1], [2, 1, 0.5]]}},
+        ),
+        ({"name": UPath("mine")}, {"name": "mine"}),
+        (
+            {"topology": {"kind": "star", "label": np.str_("1e3")}},
+            {"topology": {"kind": "star", "label": "1e3"}},
+        ),
+    ],
+)
+def test_numpy_pandas_tuples_and_paths_are_plain_values(given, plain):
+    """In a mapping and in overrides; the label, a number in YAML 1.2 alone, stays text."""
+    assert native(given) == plain
+    study = jaxnet.load(given)
+    assert study == jaxnet.load(plain)
+    if "sweep" not in given:
+        assert jaxnet.load({}, given) == study
+
+
 def test_what_is_wrong_in_a_mapping_is_said():
-    """As of a file."""
+    """As of a file; and of a value that no file can hold."""
     with pytest.raises(ConfigError, match=r"study:2:1: horizn: unknown key \(did you mean 'horizon'"):
         jaxnet.load({"horizn": 3})
+    with pytest.raises(ConfigError, match=r"sweep.seed.1: must be a number, .* or a mapping \(got \{1\}\)"):
+        jaxnet.load({"sweep": {"seed": [2, {1}]}})
+    with pytest.raises(ConfigError, match=r"attack: must be a number, .* \(got b'bias'\)"):
+        jaxnet.load({}, {"attack": b"bias"})
+    with pytest.raises(ConfigError, match=r"attack.magnitude: must be finite \(got NaN\)"):
+        jaxnet.load({}, {"attack.magnitude": np.nan})
+
+
+def test_a_study_is_shown_in_few_words():
+    """In a line, and in a notebook as a table in which a label is text."""
+    topologies = [{"kind": "star", "label": "<b>"}, *({"kind": "path", "label": f"p{n}"} for n in range(99))]
+    study = jaxnet.load({"name": "n" * 100, "samples": 7, "sweep": {"topology": topologies}})
+    assert repr(study) == f"Study('{'n' * 100}', cells=100, lanes=700)"
+    html = study._repr_html_()
+    assert "<th>lanes</th><td>700</td>" in html
+    assert "&lt;b&gt;, p0, p1" in html
+    assert "<b>" not in html
+    assert len(html) < 500
+
+
+# --- runs ------------------------------------------------------------------------------------------
+
+
+def test_a_run_takes_a_path_a_mapping_or_a_study(results, tmp_path):
+    """And makes the same rows of them, in a folder as in memory."""
+    file = tmp_path / "mine.yaml"
+    file.write_text(yaml.safe_dump({"name": "mine", **KEYS}))
+    for number, source in enumerate([file, str(file), KEYS, jaxnet.load(KEYS)]):
+        made = jaxnet.run(source, tmp_path / str(number))
+        pd.testing.assert_frame_equal(made.lanes, results.lanes, check_exact=True)
+    assert jaxnet.run_part(file, 1, 2, tmp_path / "part").simulated == 1
+    with pytest.raises(ConfigError, match="horizn: unknown key"):
+        jaxnet.run({"horizn": 3}, tmp_path / "none")
+    assert type(jaxnet.open(tmp_path / "0")) is type(made) is jaxnet.Results
+
+
+def test_memory_is_freed_with_the_results_and_not_before():
+    """What was read stays; what is being read keeps them alive."""
+
+    def held() -> int:
+        gc.collect()
+        return sum(name.startswith("/jaxnet/") for name in MemoryFileSystem.store)
+
+    before = held()
+    made = jaxnet.simulate(KEYS, samples=np.int64(3))
+    assert held() > before
+    rows, arrays = made.lanes, made.errors
+    assert len(rows) == 6
+    del made
+    assert held() == before
+    assert arrays["tracking"].shape[:2] == (2, 3)
+    assert np.isfinite(arrays["tracking"]).all()
+    assert [len(lanes) for _, lanes in jaxnet.simulate(KEYS).by_cell("sample")] == [2, 2]
+    assert held() == before
+
+
+def test_a_run_that_fails_leaves_nothing_in_memory():
+    """Here it is the caller's function that fails."""
+
+    def failing(*_: int) -> None:
+        raise RuntimeError("mine")
+
+    before = len(MemoryFileSystem.store)
+    with pytest.raises(RuntimeError, match="mine"):
+        jaxnet.simulate(KEYS, progress=failing)
+    gc.collect()
+    assert len(MemoryFileSystem.store) == before
+
+
+def test_python_keeps_compiled_programs_as_the_command_does(tmp_path):
+    """In the user's cache folder; one that JAX was told of before is left as it is."""
+    code = f"import jax, jaxnet; jax.numpy.ones(3).sum(); jaxnet.simulate({KEYS!r})"
+    in_process(code, XDG_CACHE_HOME=str(tmp_path))
+    assert list(tmp_path.glob("jaxnet/xla/*/*-cache"))
+    code = (
+        "import jax; jax.config.update('jax_compilation_cache_dir', '/mine')\n"
+        "from jaxnet.runs.cache import enable; enable(); print(jax.config.jax_compilation_cache_dir)"
+    )
+    assert in_process(code, XDG_CACHE_HOME=str(tmp_path)) == "/mine\n"
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+
+def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
+    """Those of a row of floats too; the row is the stored one, the trajectory the saved one."""
+    worst = results.lanes[["cell", "sample", "tail_mean"]].nlargest(1, "tail_mean").iloc[0]
+    again = results.replay(worst["cell"], worst["sample"])
+    assert again.row["tail_mean"] == worst["tail_mean"]
+    pd.testing.assert_series_equal(
+        results.row(worst["cell"], np.int64(worst["sample"])), again.row, check_names=False
+    )
+    saved = results.trajectories["state"].sel(cell=worst["cell"], sample=worst["sample"])
+    np.testing.assert_array_equal(again.trajectory["state"][0, 0], saved)
+    assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [1]
+
+
+@pytest.mark.parametrize(
+    ("cell", "sample", "said"),
+    [
+        (-1, 0, r"cell is a whole number from 0 on \(got -1\)"),
+        (0, 0.5, r"sample is a whole number from 0 on \(got 0.5\)"),
+        (2, 0, r"cells 0 to 1 and samples 0 to 1 \(got cell 2, sample 0\)"),
+    ],
+)
+def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
+    """With what was given and what is allowed."""
+    with pytest.raises(FolderError, match=said):
+        results.replay(cell, sample)
+
+
+def test_results_are_fitted_and_reported(results):
+    """Into the tables, bounds and figures that the commands write."""
+    with pytest.raises(FolderError, match=r"or Results.fit\(\)"):
+        _ = results.bounds
+    fits = results.fit()
+    assert {"model", "estimate"} <= set(fits)
+    pd.testing.assert_frame_equal(results.fits, fits)
+    assert len(results.bounds)
+    page = results.report()
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    drawn = {path.stem for path in (results.path / "figures").iterdir()}
+    assert drawn == {*every.NAMES} - {"unrecovered"}
+
+
+@pytest.mark.parametrize("name", sorted({*every.NAMES} - {"unrecovered"}))
+def test_a_notebook_shows_every_figure(results, name):
+    """Without pyplot and on a screen's scale; one that is saved by hand has the resolution for print."""
+    figure = getattr(results.plot, name)()
+    width, _ = figure.get_size_inches()
+    assert width_of(figure._repr_png_()) == int(100 * width)
+    figure.savefig(content := io.BytesIO())
+    assert width_of(content.getvalue()) == int(300 * width)
+
+
+def width_of(png: bytes) -> int:
+    """Of a picture [pixels]."""
+    assert png.startswith(b"\x89PNG")
+    return int.from_bytes(png[16:20], "big")
+
+
+def test_plot_has_figures_alone(results):
+    """So that a notebook's completion lists them."""
+    assert {name for name in dir(results.plot) if not name.startswith("_")} - {"results"} == {*every.NAMES}
+
+
+def test_a_figure_without_data_says_what_gives_them(tmp_path):
+    """Of each that needs more than rows."""
+    remedies = {
+        "panels": "save.errors=true or save.trajectories=all",
+        "bands": "save.errors=true",
+        "unrecovered": "recovery=",
+        "ultimate": "sweep.attack.magnitude=",
+        "ultimate_mean": "sweep.attack.magnitude=",
+    }
+    plain = {**KEYS, "sweep": {}, "save": {}}
+    bare = jaxnet.simulate(plain)
+    for name, remedy in remedies.items():
+        with pytest.raises(FolderError, match=re.escape(remedy)):
+            getattr(bare.plot, name)()
+    assert bare.plot.tails().axes
+    recovering = jaxnet.simulate(plain, samples=3).study
+    shares = jaxnet.simulate(jaxnet.load(recovering, {"recovery": {"tau": 0.01}})).plot.unrecovered()
+    assert shares.axes
+
+
+def test_results_are_shown_in_few_words(results):
+    """In a line, and in a notebook with lanes, failures and the summary."""
+    assert repr(results) == f"Results('{results.path}')"
+    html = results._repr_html_()
+    assert "4 of 4 lanes ok, 0 failed" in html
+    assert html.count("<tr") == 3
+    assert f"<td>{results.cells['tail_mean_mean'][1]:.4g}</td>" in html
+
+
+def test_an_unfinished_run_is_shown_as_such(results, tmp_path):
+    """Not as an error in a notebook."""
+    jaxnet.run(KEYS, tmp_path / "out")
+    (tmp_path / "out" / "cells.csv").unlink()
+    assert "unfinished run" in jaxnet.open(tmp_path / "out")._repr_html_()

@@ -35,12 +35,6 @@ def finished(config):
     return out, jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch, tmp_path):
-    """Compiled programs of tests go to a folder of the test."""
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "xla"))
-
-
 def jaxnet_does(*words):
     """One command, in this process."""
     return CliRunner().invoke(main, [str(word) for word in words])

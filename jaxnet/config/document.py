@@ -55,6 +55,13 @@ for kind, pattern in SCALARS.items():
     whole = re.compile(f"^(?:{pattern.pattern})$")
     Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
 
+
+class Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.2 would read as something else."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+
 LONGEST_INT = 300  # digits; a longer one is a float that is not finite
 
 

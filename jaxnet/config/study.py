@@ -1,9 +1,12 @@
 """A study: what a YAML file, a mapping or a script asks to be simulated."""
 
-import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from html import escape
+from pathlib import Path, PurePath
+from textwrap import shorten
+from types import NoneType
 from typing import Any
 
 import yaml
@@ -11,11 +14,11 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import Document
+from jaxnet.config.document import ConfigError, Document, Dumper, Keys, Problem, dotted
 from jaxnet.config.keys import Config
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A validated config and the cells that its sweep spans."""
 
@@ -27,26 +30,71 @@ class Study:
         """How many lanes it has, at most."""
         return len(self.cells) * self.config.most_samples
 
+    def __repr__(self) -> str:
+        """One line; `config` and `cells` have the rest."""
+        return f"Study({self.config.name!r}, cells={len(self.cells)}, lanes={self.lanes})"
 
-def load(
-    source: str | Path | UPath | Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
-) -> Study:
+    def _repr_html_(self) -> str:
+        """What a notebook shows: its size, and each swept key with its values."""
+        rows = {"cells": str(len(self.cells)), "lanes": str(self.lanes)}
+        for key in self.cells[0].labels:
+            values = dict.fromkeys(str(cell.labels[key]) for cell in self.cells)
+            rows[key] = shorten(", ".join(values), 100, placeholder=" …")
+        body = "".join(f"<tr><th>{escape(key)}</th><td>{escape(row)}</td></tr>" for key, row in rows.items())
+        return f"<table><caption>{escape(self.config.name)}</caption>{body}</table>"
+
+
+Source = Study | str | Path | UPath | Mapping[str, Any]
+
+
+def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
     """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
-    Overrides are a mapping by dotted key, or KEY=VALUE words. Raises ConfigError with everything that is
+    NumPy's and pandas' values count as Python's, tuples as lists. Overrides are a mapping by dotted key, or
+    KEY=VALUE words; a Study without any is returned as it is. Raises ConfigError with everything that is
     wrong; of a mapping it names the places in its YAML.
     """
+    if isinstance(overrides, Mapping):
+        overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
+    overrides = list(overrides)
+    if isinstance(source, Study):
+        if not overrides:
+            return source
+        source = cells.plain(source.config)
     if isinstance(source, Mapping):
-        document = Document(yaml.safe_dump({"name": "study", **source}, sort_keys=False), "study")
+        document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
     else:
         document = Document.read(source)
-    if isinstance(overrides, Mapping):
-        overrides = [f"{key}={as_yaml(value)}" for key, value in overrides.items()]
     for word in overrides:
         document.override(word)
     return Study(*cells.read(document))
 
 
-def as_yaml(value: Any) -> str:
-    """A plain value as YAML (JSON is YAML)."""
-    return json.dumps(value)
+def yaml_of(data: Any, inline: bool) -> str:
+    """Plain data as YAML: a line for each key, or everything in one line."""
+    text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
+    return text.removesuffix("...\n").rstrip("\n")
+
+
+def native(value: Any, *keys: Any) -> Any:
+    """Plain data of what a script holds at these keys: arrays and tuples become lists, paths text.
+
+    Raises ConfigError for anything that YAML has no word for.
+    """
+    value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy, pandas or JAX
+    if isinstance(value, Mapping):
+        return {plain_scalar(key, keys): native(inner, *keys, key) for key, inner in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [native(inner, *keys, number) for number, inner in enumerate(value)]
+    return plain_scalar(value, keys)
+
+
+def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
+    """A number, text, true, false or null as Python has it; raises ConfigError if it is none of these."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, PurePath | UPath):
+        return str(value)
+    if type(value) not in (bool, int, float, str, NoneType):
+        allowed = "must be a number, text, true, false, null, a list or a mapping"
+        raise ConfigError([Problem("study", dotted(keys), f"{allowed} (got {value!r})")])
+    return value

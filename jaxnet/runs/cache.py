@@ -11,10 +11,12 @@ SHORTEST = 0.1  # [s], of compilations that are kept
 
 
 def enable() -> None:
-    """Turn the cache on, in this process and those it starts; JAX_COMPILATION_CACHE_DIR names another folder.
+    """Turn the cache on, in this process and those it starts, unless JAX was told of another one before.
 
-    JAX is not imported for it.
+    That is by JAX_COMPILATION_CACHE_DIR or by its config. JAX is not imported for it.
     """
+    if "jax" in sys.modules and sys.modules["jax"].config.jax_compilation_cache_dir is not None:
+        return
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     machine = hashlib.sha256(f"{platform.machine()} {processor()}".encode()).hexdigest()[:12]
     folder = home / "jaxnet" / "xla" / f"{metadata.version('jaxlib')}-{machine}"
@@ -26,7 +28,8 @@ def enable() -> None:
         import jax
 
         jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", SHORTEST)
+        shortest = float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", shortest)
 
 
 def processor() -> str:

@@ -23,7 +23,7 @@ from upath import UPath
 
 import jaxnet
 from jaxnet.config.cells import plain
-from jaxnet.config.document import Loader
+from jaxnet.config.document import Dumper
 from jaxnet.config.keys import Config
 from jaxnet.store import lock
 
@@ -41,12 +41,6 @@ OURS = (
 )
 ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
-
-
-class Dumper(yaml.SafeDumper):
-    """Quotes text that YAML 1.2 would read as something else."""
-
-    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
 
 
 class FolderError(ValueError):

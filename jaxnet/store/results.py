@@ -5,7 +5,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import xarray as xr
@@ -18,11 +18,15 @@ from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Results:
     """A results folder, read when asked."""
 
     path: UPath
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"Results({str(self.path)!r})"
 
     @cached_property
     def study(self) -> Study:
@@ -47,8 +51,9 @@ class Results:
         `where` is a condition of pyarrow's datasets on the rows, `cells` are the numbers of those wanted;
         cells without rows are passed over.
         """
-        shards = [shard for shard in self.shards if cells is None or shard.cell.number in cells]
-        return rows.scan(Folder(self.path), shards, columns, where)
+        wanted = getattr(cells, "tolist", lambda: cells)()  # for `in` a Series holds its labels
+        shards = [shard for shard in self.shards if wanted is None or shard.cell.number in wanted]
+        yield from rows.scan(Folder(self.path), shards, columns, where)
 
     def failed(self, most: int) -> tuple[int, pd.DataFrame]:
         """How many lanes failed, and cell, sample and status of the first of them."""
@@ -58,8 +63,9 @@ class Results:
         found = [lanes for _, lanes in self.by_cell("sample", "status", where=~rows.OK)]
         return sum(map(len, found)), pd.concat(found, ignore_index=True).head(most)
 
-    def row(self, cell: int, sample: int) -> Any:
+    def row(self, cell: SupportsInt, sample: SupportsInt) -> Any:
         """One lane's row, a pandas Series; None if it is not there."""
+        cell, sample = whole("cell", cell), whole("sample", sample)
         mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
         for _, lanes in rows.scan(Folder(self.path), mine):
             return lanes[lanes["sample"] == sample].iloc[0]
@@ -80,17 +86,17 @@ class Results:
             raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
         return read_table(self.path / "cells.csv")
 
-    @cached_property
+    @property
     def fits(self) -> pd.DataFrame:
         """Fits of the ultimate error against ā."""
         return self.table("fit.csv")
 
-    @cached_property
+    @property
     def bounds(self) -> pd.DataFrame:
         """Bounds on the ultimate error."""
         return self.table("bounds.csv")
 
-    @cached_property
+    @property
     def violations(self) -> pd.DataFrame:
         """Lanes above a bound that claims to hold for them."""
         return self.table("violations.csv")
@@ -98,11 +104,12 @@ class Results:
     def table(self, name: str) -> pd.DataFrame:
         """One of the tables of `jaxnet fit`; raises FolderError if it is not there."""
         if not (self.path / name).exists():
-            raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it")
+            raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it, or Results.fit()")
         return read_table(self.path / name)
 
-    def replay_command(self, cell: int, sample: int, engine: str | None = None) -> str:
+    def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
         """What to type to see one lane again."""
+        cell, sample = whole("cell", cell), whole("sample", sample)
         words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
         return shlex.join(words + (["--engine", engine] if engine else []))
 
@@ -120,7 +127,7 @@ class Results:
         """One of the stores; raises FolderError if the study did not save it."""
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
-        return xr.open_zarr(store_at(self.path / name))
+        return arrays_at(self.path / name)
 
 
 class Part(NamedTuple):
@@ -132,13 +139,27 @@ class Part(NamedTuple):
     failed: int
 
 
+def whole(name: str, number: SupportsInt) -> int:
+    """A cell's or sample's number as Python has it; raises FolderError if it cannot be one."""
+    found = int(number)
+    if found != number or found < 0:
+        raise FolderError(f"{name} is a whole number from 0 on (got {number})")
+    return found
+
+
+def arrays_at(path: UPath) -> xr.Dataset:
+    """A store, read when it is asked for; one in memory at once, for that is freed with its Results."""
+    found = xr.open_zarr(store_at(path))
+    return found.load() if path.protocol == "memory" else found
+
+
 def read_table(path: UPath) -> pd.DataFrame:
     """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
     with path.open("rb") as file:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(path: str | Path) -> Results:
+def open(path: str | Path | UPath) -> Results:
     """Results of a folder that a run has made; raises FolderError."""
     folder = Folder(path)
     rows_there = any(folder.path.glob("lanes/*.parquet"))

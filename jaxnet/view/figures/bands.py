@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, scenes, size_of_lie
 from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.style import Figure
 
 SIZES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 

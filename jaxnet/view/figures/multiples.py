@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from jaxnet.config.keys import KINDS
 from jaxnet.view.figures import style
+from jaxnet.view.figures.style import Figure
 
 PANEL_HEIGHT = 1.45  # [in]
 ACROSS = 4  # panels in a row

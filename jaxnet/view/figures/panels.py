@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
@@ -16,6 +15,7 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.curves import FLOOR
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
+from jaxnet.view.figures.style import Figure
 
 MOST = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]

@@ -1,6 +1,10 @@
 """How figures look: type for a two-column journal, colours that survive grey and colour blindness."""
 
+import io
 from typing import Any
+
+import matplotlib as mpl
+from matplotlib import figure
 
 WIDTH = 7.16  # [in], across two columns
 
@@ -41,3 +45,18 @@ RC: Any = {
     "savefig.dpi": 300,
     "pdf.fonttype": 42,
 }
+
+
+class Figure(figure.Figure):
+    """A figure that is written as for print whoever does it, and that a notebook shows by itself."""
+
+    def savefig(self, *words: Any, **options: Any) -> None:
+        """Write it to a file, in the resolution and with the type for print."""
+        with mpl.rc_context(RC):
+            super().savefig(*words, **options)
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows."""
+        content = io.BytesIO()
+        self.savefig(content, format="png", dpi=self.dpi)
+        return content.getvalue()

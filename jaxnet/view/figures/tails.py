@@ -2,12 +2,12 @@
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.figure import Figure
 
 from jaxnet.statistics.curves import FLOOR
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.style import Figure
 
 MOST = 24  # cells that one figure takes
 DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
@@ -12,6 +11,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.view.figures import style
 from jaxnet.view.figures.panels import attacked_vehicles, name
+from jaxnet.view.figures.style import Figure
 
 MOST = 4  # graphs in a row
 SNAKE = 4  # vehicles in a row of a graph that is more of a chain

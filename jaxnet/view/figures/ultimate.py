@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxnet.statistics.curves import BOUND_NAMES, MOST, Curve, span
 from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.style import Figure
 
 BOUND_STYLE: dict[str, Any] = {
     "static": {"color": style.GREEN, "linestyle": "-"},

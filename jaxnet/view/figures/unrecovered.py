@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from jaxnet.statistics.curves import MOST, Curve, magnitude_is_swept, shares
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.multiples import as_text, title
+from jaxnet.view.figures.style import Figure
 
 LOOK: dict[str, Any] = {
     "color": style.BLUE,

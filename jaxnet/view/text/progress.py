@@ -1,12 +1,15 @@
-"""How far a run is: a live bar on a terminal, otherwise a plain line each half minute, on stderr."""
+"""How far a run is, on stderr: a live bar on a terminal or in a notebook, or a line each half minute."""
 
 import contextlib
+import importlib.util
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 HEARTBEAT = 30.0  # [s]
+REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
 
 Report = Callable[[int, int, int], None]
 
@@ -16,6 +19,23 @@ def reporting() -> Iterator[Report]:
     """A function to tell of lanes done, lanes in all, lanes failed."""
     with bar() if sys.stderr.isatty() else heartbeat() as report:
         yield report
+
+
+@contextlib.contextmanager
+def reporting_to(progress: Report | Literal[False] | None) -> Iterator[Report]:
+    """The function given; for None a live bar where somebody may look at it; else one that tells nobody."""
+    if callable(progress):
+        yield progress
+    elif progress is not False and (sys.stderr.isatty() or in_ipython()):
+        with bar() as report:
+            yield report
+    else:
+        yield lambda done, total, failed: None
+
+
+def in_ipython() -> bool:
+    """Whether IPython runs this, as it does a notebook's cells."""
+    return "IPython" in sys.modules and sys.modules["IPython"].get_ipython() is not None
 
 
 @contextlib.contextmanager
@@ -38,7 +58,10 @@ def bar() -> Iterator[Report]:
         TextColumn("{task.fields[failed]} failed"),
         TimeRemainingColumn(),
     ]
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    console = Console(stderr=True)
+    if console.is_jupyter and not importlib.util.find_spec("ipywidgets"):  # which rich would ask for
+        console = Console(stderr=True, force_jupyter=False, force_terminal=True)
+    with Progress(*columns, console=console, refresh_per_second=REFRESH) as progress:
         task = progress.add_task("lanes", total=None, rate="", failed=0)
         speed = Speed()
 

@@ -1,11 +1,13 @@
 """Results as text for a terminal."""
 
+from html import escape
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from jaxnet.config.keys import Sequential
+from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, Results
 
 MOST_ROWS = 60
@@ -38,6 +40,18 @@ def summary(results: Results) -> str:
     if len(table) > MOST_ROWS:
         text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
     return text
+
+
+def html(results: Results) -> str:
+    """The summary for a notebook, or why there is none."""
+    try:
+        rows = summary_rows(results)
+    except FolderError as error:
+        return f"<p>{escape(str(error))}</p>"
+    lanes = results.manifest["lanes"]
+    head = f"{results.path}: {lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed"
+    table = rows.to_html(index=False, max_rows=MOST_ROWS, float_format=number, na_rep="-", border=0)
+    return f"<p>{escape(head)}</p>{table}"
 
 
 def number(value: float) -> str:
