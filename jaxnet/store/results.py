@@ -12,8 +12,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.study import Study, load
-from jaxnet.store import layout, rows
-from jaxnet.store.arrays import store_at
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 
@@ -120,7 +119,7 @@ class Results:
         """One of the stores; raises FolderError if the study did not save it."""
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
-        return xr.open_zarr(store_at(self.path / name))
+        return arrays.read(self.path / name)
 
 
 class Part(NamedTuple):
