@@ -117,6 +117,7 @@ def test_arrays_are_labelled_as_the_contract_says(results):
 def test_arrays_are_selected_by_what_was_swept(results):
     """By one key, by one after the other, and by the number of a cell still."""
     for data in (results.errors, results.trajectories):
+        assert {"topology", "attack.magnitude"} < set(data.xindexes)  # xarray 2025.10 needs them
         attacked = data.sel({"attack.magnitude": 5.5})
         assert attacked["cell"].values.tolist() == [1, 3]
         assert attacked.sel(topology="cyclic")["cell"].item() == 3
