@@ -1,9 +1,9 @@
 """How does jaxnet's speed grow or fall with the lanes asked for, with vehicles and with cores?
 
-Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the nonlinear engine and the exact
-one without trimming, and the exact one trimming each 0.05 s. Every point is a process of its own; all points
-are run one after another, again and again: the median is shown with the least and the greatest. A point that
-needs more than the budget is skipped with all larger ones of its line, and said to be.
+Lanes per second on the cyclic graph over 30 s, with the defaults elsewhere: the nonlinear engine and the
+exact one without trimming, and the exact one trimming each 0.05 s. Every point is a process of its own; all
+points are run one after another, again and again: the median is shown with the least and the greatest. A
+point that needs more than the budget is skipped with all larger ones of its line, and said to be.
 
 Run it with `python experiments/benchmarks/scaling.py`; it takes about half an hour. It prints a table and
 draws docs/figures/scaling.png and scaling.pdf.

@@ -12,7 +12,7 @@ from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
-from jaxnet.store import arrays, layout, rows
+from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -31,15 +31,14 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
             f" {samples - 1} (got cell {cell}, sample {sample})"
         )
     chosen = with_engine(study.cells[cell], engine)
-    series = (*layout.ERRORS, *layout.trajectory_series([chosen]))
+    variables = layout.ERRORS | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
-    outcome = batch.simulate(job(chosen.scenario, study.config.seed, [sample], series), machine)
-    path = path_of(results, cell, sample, engine)
-    Folder(results.path).remove(str(path.relative_to(results.path)))
-    variables = layout.ERRORS | layout.TRAJECTORIES
-    store = arrays.prepare(path, {name: variables[name] for name in series}, [chosen], 1, 1)
-    arrays.member(store, "cell")[:], arrays.member(store, "sample")[:] = cell, sample
-    arrays.write(store, 0, slice(0, 1), outcome.series)
+    lane = job(chosen.scenario, study.config.seed, [sample], layout.series_of(variables))
+    outcome = batch.simulate(lane, machine)
+    path, folder = path_of(results, cell, sample, engine), Folder(results.path)
+    for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
+        file = str((path / name).relative_to(results.path))
+        folder.put(file, lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
     row = rows.table(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return path, row.to_pandas().iloc[0]
@@ -75,7 +74,7 @@ def replay_worst(results: Results) -> list[UPath]:
     paths = []
     for cell, sample in worst(results):
         path = path_of(results, cell, sample, "nonlinear")
-        if not path.exists():
+        if not (path / "zarr.json").exists():
             replay(results, cell, sample, "nonlinear")
         paths.append(path)
     return paths

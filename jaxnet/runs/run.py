@@ -22,7 +22,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Done, Work
 from jaxnet.statistics import recovery, summary
-from jaxnet.store import arrays, layout, rows
+from jaxnet.store import arrays, lane_store, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.store.layout import Shard
 
@@ -148,7 +148,7 @@ class Run:
             lanes = rows.scan(self.folder, every, ("sample", "status", "tail_mean"))
             chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
             if simulated or not self.folder.manifest["finished"] or not self.stored(chosen):
-                self.store_chosen(chosen, samples)
+                self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples // self.size)
         self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
@@ -162,23 +162,22 @@ class Run:
 
     def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
         """Whether the chosen lanes' trajectories are there as they were written."""
-        path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
-        lanes = ((cell, sample) for cell, samples in chosen.items() for sample in samples)
-        return all(arrays.intact(path, variables, *lane) for lane in lanes)
+        lanes = [(cell, sample) for cell, samples in chosen.items() for sample in samples]
+        return lane_store.holds(self.folder.path / CHOSEN, layout.trajectory_variables(self.cells), lanes)
 
-    def store_chosen(self, chosen: Mapping[int, Sequence[int]], samples: int) -> None:
+    def store_chosen(self, chosen: Mapping[int, Sequence[int]]) -> None:
         """Simulate the chosen lanes again with their trajectories, into a new store."""
+        path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
+        lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
         self.folder.remove(CHOSEN)
-        variables = layout.trajectory_variables(self.cells)
-        store = arrays.prepare(self.folder.path / CHOSEN, variables, self.cells, samples, chunk=1)
-        for cell, mine in chosen.items():
-            if not mine:
-                continue
-            one = job(self.cells[cell].scenario, self.study.seed, mine, tuple(variables))
-            outcome = batch.simulate(one, self.machine)
-            for place, sample in enumerate(mine):
-                series = {name: values[place : place + 1] for name, values in outcome.series.items()}
-                arrays.write(store, cell, slice(sample, sample + 1), series)
+        store = lane_store.create(arrays.store_at(path), variables, self.cells, lanes)
+        first = 0
+        for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
+            one = job(cell.scenario, self.study.seed, samples, layout.series_of(variables))
+            series = batch.simulate(one, self.machine).series
+            lane_store.write(store, first, cell, variables, series)
+            first += len(samples)
+        lane_store.seal(store, path, variables, len(lanes))
 
 
 def looks_of(study: Config, there: int, size: int) -> list[int]:
@@ -223,11 +222,11 @@ class Tally:
 
 
 def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:
-    """Samples of one cell whose trajectories are asked for."""
+    """Samples of one cell whose trajectories are asked for, ascending."""
     match save.trajectories:
         case keys.Samples(samples=samples):
-            return samples
+            return sorted(set(samples))
         case keys.Worst(worst=count):
             ok: Any = lanes[lanes["status"] == "ok"]
-            return ok.nlargest(count, "tail_mean")["sample"].tolist()
+            return sorted(ok.nlargest(count, "tail_mean")["sample"].tolist())
     return []

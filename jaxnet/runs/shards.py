@@ -8,9 +8,10 @@ Shards whose lanes can share a compiled program follow each other without a paus
 simulated.
 """
 
+import io
 import threading
 import warnings
-import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -25,11 +26,12 @@ from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job
-from jaxnet.store import arrays, rows
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard, Variable
 from jaxnet.store.rows import Stamp, TornError
 
+BESIDE = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
 TAKING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
 
 
@@ -45,14 +47,19 @@ class Work(NamedTuple):
     filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
 
     @property
-    def series(self) -> tuple[str, ...]:
-        """What is saved over time."""
-        return tuple(name for variables in self.stores.values() for name in variables)
+    def variables(self) -> dict[str, Variable]:
+        """What is saved over time, of all stores."""
+        return {name: each for variables in self.stores.values() for name, each in variables.items()}
 
-    def stamp(self, shard: Shard) -> Stamp:
+    @property
+    def series(self) -> tuple[str, ...]:
+        """What an engine is asked for to be saved over time."""
+        return layout.series_of(self.variables)
+
+    def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
         """What the shard's row file is to say of itself."""
         place = shard.cell.number, shard.samples.start, self.size
-        return Stamp(jaxnet.__version__, self.study, *place, self.filled or {})
+        return Stamp(jaxnet.__version__, self.study, *place, self.filled or {}, checksums)
 
 
 class Done(NamedTuple):
@@ -72,11 +79,13 @@ def simulate(
     """Simulate and store shards; each is told of when it is there. `load_done` is told of lanes before."""
     stores = {name: arrays.opened(work.folder.path / name) for name in work.filled or {}}
     for shard, outcome in outcomes(work, shards, machine, load_done):
+        values = arrays.stored(work.variables, outcome.series)
         if work.filled is None:
-            put_beside(work, shard, outcome.series)
+            checksums = put_beside(work, shard, values)
         else:
-            fill(work, shard, outcome.series, stores)
-        rows.write(work.folder, shard.number, rows.table(shard, outcome, work.types), work.stamp(shard))
+            checksums = fill(work, shard, values, stores)
+        table, stamp = rows.table(shard, outcome, work.types), work.stamp(shard, checksums)
+        rows.write(work.folder, shard.number, table, stamp)
         yield Done(shard.number, len(shard.samples), int((outcome.status != Status.ok).sum()))
 
 
@@ -107,11 +116,18 @@ def program_of(one: Job) -> Any:
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
 
 
-def fill(work: Work, shard: Shard, series: dict[str, np.ndarray], stores: dict[str, Any]) -> None:
-    """Write a shard's arrays into the stores."""
-    samples = slice(shard.samples.start, shard.samples.stop)
+def fill(work: Work, shard: Shard, values: dict[str, np.ndarray], stores: dict[str, Any]) -> dict[str, int]:
+    """Write a shard's arrays into the stores; the checksums of its chunks."""
+    samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
-        arrays.write(stores[name], shard.cell.number, samples, {key: series[key] for key in variables})
+        arrays.write(stores[name], (shard.cell.number, samples), {key: values[key] for key in variables})
+        checksums |= arrays.checksums(work.folder.path / name, variables, chunk_of(work, shard))
+    return checksums
+
+
+def chunk_of(work: Work, shard: Shard) -> tuple[int, int]:
+    """Where a shard's chunks are along cell and sample."""
+    return shard.cell.number, shard.samples.start // work.size
 
 
 def path_beside(work: Work, number: int) -> UPath:
@@ -119,13 +135,15 @@ def path_beside(work: Work, number: int) -> UPath:
     return (work.folder.path / rows.name_of(number)).with_suffix(".npz")
 
 
-def put_beside(work: Work, shard: Shard, series: dict[str, np.ndarray]) -> None:
-    """Write a shard's arrays beside its rows."""
-    types = {key: variable.dtype for variables in work.stores.values() for key, variable in variables.items()}
-    if types:
-        stored = {key: series[key].astype(dtype) for key, dtype in types.items()}
-        name = str(path_beside(work, shard.number).relative_to(work.folder.path))
-        work.folder.put(name, lambda file: np.savez(file, allow_pickle=False, **stored))
+def put_beside(work: Work, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
+    """Write a shard's arrays beside its rows; the checksum of their file."""
+    if not values:
+        return {}
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **values)
+    name = str(path_beside(work, shard.number).relative_to(work.folder.path))
+    work.folder.put(name, lambda file: file.write(content.getbuffer()))
+    return {BESIDE: zlib.crc32(content.getbuffer())}
 
 
 def there(work: Work, shard: Shard) -> Done | None:
@@ -136,7 +154,7 @@ def there(work: Work, shard: Shard) -> Done | None:
     path = work.folder.path / rows.name_of(shard.number)
     try:
         table, stamp = rows.read(path)
-        if stamp._replace(filled={}) != work.stamp(shard)._replace(filled={}):
+        if stamp._replace(filled={}, checksums={}) != work.stamp(shard, {})._replace(filled={}):
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell):
             raise TornError("has other columns")
@@ -156,42 +174,44 @@ def there(work: Work, shard: Shard) -> Done | None:
 def arrays_there(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
     if work.filled is None:
-        return stamp.filled.keys() >= work.stores.keys() or set(beside(work, shard)) >= set(work.series)
+        held = stamp.filled.keys() >= work.stores.keys()
+        return held or beside(work, shard, stamp).keys() >= work.variables.keys()
     if not stamp.filled.items() >= work.filled.items():
-        return take_in(work, shard, table)
-    check_arrays(work, shard)
+        return take_in(work, shard, table, stamp)
+    check_arrays(work, shard, stamp)
     return True
 
 
-def check_arrays(work: Work, shard: Shard) -> None:
+def check_arrays(work: Work, shard: Shard, stamp: Stamp) -> None:
     """Raise TornError if the shard's part of a store is not as it was written."""
     for name, variables in work.stores.items():
         store = work.folder.path / name
-        if not arrays.intact(store, variables, shard.cell.number, shard.samples.start // work.size):
+        if not arrays.intact(store, variables, chunk_of(work, shard), stamp.checksums):
             where = f"cell {shard.cell.number}, samples {shard.samples.start} to {shard.samples.stop - 1}"
             raise TornError(f"{name} is corrupt at {where}")
 
 
-def take_in(work: Work, shard: Shard, table: pa.Table) -> bool:
+def take_in(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Take the arrays beside a shard's rows into the stores; whether all that are wanted were there."""
     count = len(shard.samples)
     with TAKING:
-        series = {key: values[:count] for key, values in beside(work, shard).items()}
-        if not series.keys() >= set(work.series):
+        values = {key: each[:count] for key, each in beside(work, shard, stamp).items()}
+        if not values.keys() >= work.variables.keys():
             return False
-        fill(work, shard, series, {name: arrays.opened(work.folder.path / name) for name in work.stores})
-    rows.write(work.folder, shard.number, table.slice(0, count), work.stamp(shard))
+        stores = {name: arrays.opened(work.folder.path / name) for name in work.stores}
+        checksums = fill(work, shard, values, stores)
+    rows.write(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
     path_beside(work, shard.number).unlink()
     return True
 
 
-def beside(work: Work, shard: Shard) -> dict[str, np.ndarray]:
+def beside(work: Work, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
     """The arrays beside a shard's rows, none if there is no file of them; raises TornError."""
     path = path_beside(work, shard.number)
-    if not path.exists():
+    if BESIDE not in stamp.checksums or not path.exists():
         return {}
-    try:
-        with path.open("rb") as file, np.load(file) as held:
-            return dict(held)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise TornError(f"the arrays beside it are torn ({error})") from error
+    content = path.read_bytes()
+    if zlib.crc32(content) != stamp.checksums[BESIDE]:
+        raise TornError("the arrays beside it are torn or of other lanes")
+    with np.load(io.BytesIO(content)) as held:
+        return dict(held)

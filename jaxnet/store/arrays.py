@@ -1,23 +1,22 @@
 """`errors.zarr` and `trajectories.zarr`: labelled arrays over (cell, sample, time, …), readable by xarray.
 
-A chunk belongs to one cell and one shard (or one lane, where lanes are chosen), so a write is whole and
-touches nobody else's. Lanes that were not stored are not-a-number and take no room.
-
-`state` has a last dimension of its own name, as the contract says; its labels are therefore under
-`state_name`, since xarray takes a variable named like a dimension for that dimension's coordinate.
+A chunk belongs to one cell and one shard, so a write is whole and touches nobody else's. It ends with its
+checksum, which is kept elsewhere too: a chunk in another's place is told by it.
 """
 
 import uuid
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import google_crc32c
 import numpy as np
+import xarray as xr
 import zarr
 import zarr.errors
 from upath import UPath
+from xarray.indexes import PandasMultiIndex
 from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import FsspecStore
 
@@ -37,31 +36,47 @@ def prepare(
     group = opened(path, (*variables, "sample"))
     if group is None or any(member(group, name).chunks[1] != chunk for name in variables):
         group = zarr.open_group(store_at(path), mode="w")
-        create(group, variables, coords, chunk)
-        if "state" in variables:
+        create(group, variables, coords, (1, chunk))
+        if "states" in variables:
             add_navigator(group, cells, coords)
-        label_cells(group, cells)
+        add_labels(group, "cell", swept(cells, cells))
         group.attrs[IDENTITY] = uuid.uuid4().hex  # last, so that a store that has one is whole
     for name in variables:
         array = member(group, name)
         array.resize((array.shape[0], samples, *array.shape[2:]))
     member(group, "sample").resize((samples,))
     member(group, "sample")[:] = coords["sample"]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
-        zarr.consolidate_metadata(group.store)
+    consolidate(group)
     return group
 
 
-def opened(path: UPath, names: Sequence[str] = ()) -> zarr.Group | None:
-    """The store at this path for writing, if there is one with these arrays and it was made to its end."""
+def consolidate(group: zarr.Group) -> None:
+    """Have readers find all metadata in one place."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
+        zarr.consolidate_metadata(group.store)
+
+
+def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> zarr.Group | None:
+    """The store at this path for writing, if it has these arrays and the mark of one made to its end."""
     try:
         group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False)
         for name in names:
             member(group, name)
     except (FileNotFoundError, ValueError, KeyError):  # none there, or its metadata is torn
         return None
-    return group if IDENTITY in group.attrs else None
+    return group if mark in group.attrs else None
+
+
+def read(path: UPath) -> xr.Dataset:
+    """The store at this path; all its coordinates select, of chosen lanes several at a time."""
+    data = xr.open_zarr(store_at(path))
+    labels = [str(name) for name in data.coords if name not in data.xindexes]
+    if "lane" in data.dims:
+        return data.set_xindex(labels, PandasMultiIndex)
+    for name in labels:
+        data = data.set_xindex(name)
+    return data
 
 
 def store_at(path: UPath) -> Any:
@@ -84,18 +99,21 @@ def member(group: zarr.Group, name: str) -> zarr.Array:
 
 
 def create(
-    group: zarr.Group, variables: Mapping[str, Variable], coords: Mapping[str, Any], chunk: int
+    group: zarr.Group,
+    variables: Mapping[str, Variable],
+    coords: Mapping[str, Any],
+    chunks: tuple[int, ...],
 ) -> None:
-    """Empty arrays, and the coordinates of their dimensions."""
+    """Empty arrays, parted along their first dimensions, and the coordinates of their dimensions."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
-        add(group, "state_name" if dim == "state" else dim, (dim,), coords[dim])
+        add(group, dim, (dim,), coords[dim])
     member(group, "time").attrs["units"] = "s"
-    for name, (dims, dtype, meaning) in variables.items():
+    for name, (dims, dtype, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims]
         array = group.create_array(
             name,
             shape=shape,
-            chunks=(1, chunk, *shape[2:]),
+            chunks=(*chunks, *shape[len(chunks) :]),
             compressors=(ZstdCodec(), Crc32cCodec()),
             dtype=dtype,
             fill_value=np.nan,
@@ -113,42 +131,77 @@ def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray)
 
 def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str, Any]) -> None:
     """`navigator`, the same for all lanes of a cell."""
-    paths = [cell.scenario.navigator.jets(coords["time"])[0].T for cell in cells]
-    add(group, "navigator", NAVIGATOR.dims, np.stack(paths))
+    add(group, "navigator", NAVIGATOR.dims, np.stack([path_of_navigator(cell, coords) for cell in cells]))
     member(group, "navigator").attrs["long_name"] = NAVIGATOR.meaning
 
 
-def label_cells(group: zarr.Group, cells: Sequence[Cell]) -> None:
-    """Swept keys as coordinates along `cell`."""
-    names = ["state_name"] if "state_name" in group else []
-    for key in cells[0].labels:
-        values = np.array([cell.labels[key] for cell in cells])
+def path_of_navigator(cell: Cell, coords: Mapping[str, Any]) -> np.ndarray:
+    """Where the navigator of a cell is at each time [m]."""
+    return cell.scenario.navigator.jets(coords["time"])[0].T
+
+
+def swept(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[Any]]:
+    """Values of a study's swept keys in these cells."""
+    return {key: [cell.labels[key] for cell in along] for key in cells[0].labels}
+
+
+def add_labels(group: zarr.Group, dim: str, labels: Mapping[str, Sequence[Any]]) -> None:
+    """Coordinates along a dimension besides its own."""
+    names = []
+    for key, given in labels.items():
+        values = np.array(given)
         names.append(f"{key}_name" if key in group else key)  # a swept attack beside the signal `attack`
-        add(group, names[-1], ("cell",), values.astype(object) if values.dtype.kind in "UO" else values)
+        add(group, names[-1], (dim,), values.astype(object) if values.dtype.kind in "UO" else values)
     group.attrs["coordinates"] = " ".join(names)
 
 
-def write(group: zarr.Group, cell: int, samples: slice, series: Mapping[str, np.ndarray]) -> None:
-    """Store the series of consecutive samples of one cell, also what is not a number in every lane."""
-    for name, values in series.items():
+def stored(variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What an engine's series come to in these arrays."""
+    values = {name: series[variable.series] for name, variable in variables.items()}
+    if "states" in values:
+        values["states"] = wrapped(values["states"])
+    return {name: each.astype(variables[name].dtype) for name, each in values.items()}
+
+
+def write(group: zarr.Group, place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
+    """Store values at their place along the first dimensions, also what is not a number in every lane."""
+    for name, each in values.items():
         array = member(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
-        stored = wrapped(values) if name == "state" else values
-        array[cell, samples] = stored.astype(array.dtype)
+        array[place] = each
 
 
-def intact(path: UPath, variables: Mapping[str, Variable], cell: int, block: int) -> bool:
-    """Whether the chunks of one cell and shard are there as they were written, by their checksums."""
-    for name, (dims, *_) in variables.items():
-        place = (cell, block, *[0] * (len(dims) - 2))
+def checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]) -> dict[str, int]:
+    """With what the chunks at a place end, by array."""
+    found = {}
+    for name, file in chunks(path, variables, place):
+        end: Any = file.fs.cat_file(file.path, start=-CHECKSUM)
+        found[name] = int.from_bytes(end, "little")
+    return found
+
+
+def intact(
+    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...], written: Mapping[str, int]
+) -> bool:
+    """Whether the chunks at a place are those that were written there, by the checksums noted then."""
+    for name, file in chunks(path, variables, place):
         try:
-            chunk = (path / name / "c" / "/".join(map(str, place))).read_bytes()
+            chunk = file.read_bytes()
         except FileNotFoundError:
             return False
-        if len(chunk) <= CHECKSUM:
+        if int.from_bytes(chunk[-CHECKSUM:], "little") != written.get(name):
             return False
-        if google_crc32c.value(chunk[:-CHECKSUM]) != int.from_bytes(chunk[-CHECKSUM:], "little"):
+        if google_crc32c.value(chunk[:-CHECKSUM]) != written[name]:
             return False
     return True
+
+
+def chunks(
+    path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]
+) -> Iterator[tuple[str, UPath]]:
+    """Each array's name, and its file at a place along the first dimensions."""
+    for name, variable in variables.items():
+        whole = (*place, *[0] * (len(variable.dims) - len(place)))
+        yield name, path / name / "c" / "/".join(map(str, whole))
 
 
 def wrapped(states: np.ndarray) -> np.ndarray:

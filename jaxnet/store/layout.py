@@ -13,30 +13,29 @@ ROW_BYTES = 120  # of a row in a file, at most
 
 
 class Variable(NamedTuple):
-    """An array of a store: its dimensions, type and meaning."""
+    """An array of a store: its dimensions, type and meaning, and the engine's series that it holds."""
 
     dims: tuple[str, ...]
     dtype: str
     meaning: str
+    series: str
 
 
 LANE_TIME = ("cell", "sample", "time")
 ERRORS = {
-    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]"),
-    "disagreement": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]"),
+    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]", "tracking"),
+    "disagreement": Variable(
+        LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]", "disagreement"
+    ),
 }
 TRAJECTORIES = {
-    "state": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]"),
-    "attack": Variable((*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]"),
-    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force"),
+    "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]", "state"),
+    "attack": Variable(
+        (*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]", "attack"
+    ),
+    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force", "kept"),
 }
-NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]")
-
-
-def trajectory_series(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """Series of a trajectory: `kept` only where a defence decides."""
-    decides = any(cell.scenario.defence.decides for cell in cells)
-    return ("state", "attack", "kept") if decides else ("state", "attack")
+NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]", "navigator")
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
@@ -102,19 +101,35 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
             chosen = count * len(cells)
         case _:
             chosen = 0
-    chosen_bytes = variable_bytes(trajectory_variables(cells), cells) if chosen else 0
+    chosen_bytes = variable_bytes(along_lanes(trajectory_variables(cells)), cells) if chosen else 0
     return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen * chosen_bytes
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Arrays of a trajectory."""
-    return {name: TRAJECTORIES[name] for name in trajectory_series(cells)}
+    """Arrays of a trajectory: `kept` only where a defence decides."""
+    decides = any(cell.scenario.defence.decides for cell in cells)
+    return {name: variable for name, variable in TRAJECTORIES.items() if decides or name != "kept"}
+
+
+def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
+    """What an engine is asked for to fill some arrays."""
+    return tuple(variable.series for variable in variables.values())
+
+
+def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
+    """The same arrays, and the navigator's, of chosen lanes along one dimension."""
+    every = {**variables, "navigator": NAVIGATOR}
+    return {
+        name: variable._replace(dims=("lane", *variable.dims[variable.dims.index("time") :]))
+        for name, variable in every.items()
+    }
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
     """Bytes of one lane's part of some arrays."""
     coords = coordinates(cells, 1)
     return sum(
-        int(np.prod([len(coords[dim]) for dim in variable.dims[2:]])) * np.dtype(variable.dtype).itemsize
+        int(np.prod([len(coords[dim]) for dim in variable.dims[variable.dims.index("time") :]]))
+        * np.dtype(variable.dtype).itemsize
         for variable in variables.values()
     )

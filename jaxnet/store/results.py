@@ -12,8 +12,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.study import Study, load
-from jaxnet.store import layout, rows
-from jaxnet.store.arrays import store_at
+from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 
@@ -149,7 +148,7 @@ def whole(name: str, number: SupportsInt) -> int:
 
 def arrays_at(path: UPath) -> xr.Dataset:
     """A store, read when it is asked for; one in memory at once, for that is freed with its Results."""
-    found = xr.open_zarr(store_at(path))
+    found = arrays.read(path)
     return found.load() if path.protocol == "memory" else found
 
 

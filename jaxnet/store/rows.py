@@ -40,6 +40,7 @@ class Stamp(NamedTuple):
     first: int  # sample
     size: int  # samples of a whole shard
     filled: dict[str, str]  # stores that its lanes are in, by name, and their identities
+    checksums: dict[str, int]  # of its chunks there by array, or of the file of arrays beside it
 
 
 def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:

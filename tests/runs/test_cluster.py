@@ -112,9 +112,11 @@ def test_three_parts_in_any_order(study, whole, tmp_path):
     with pytest.raises(FolderError, match="another study"):
         jaxnet.run_part(jaxnet.load(STUDY, {"seed": 1}), 1, 3, tmp_path / "out")
     (tmp_path / "out" / "lanes" / "00002.npz").write_bytes(b"PK")
-    with pytest.warns(UserWarning, match=r"00002.parquet: the arrays beside it are torn .* simulated again"):
+    swap(*(tmp_path / "out" / "lanes" / f"{shard}.npz" for shard in ("00005", "00008")))
+    with pytest.warns(UserWarning, match=r"the arrays beside it are torn .* simulated again") as said:
         told = told_by(study, tmp_path / "out")
-    assert told[0] == (7 * 256, 12 * 256, 0)  # all of two parts, but for the torn one
+    assert sorted(re.search(r"\d{5}", str(each.message))[0] for each in said) == ["00002", "00005", "00008"]
+    assert told[0] == (5 * 256, 12 * 256, 0)  # all of two parts, but for these
     assert_same(jaxnet.open(tmp_path / "out"), whole)
     assert not list((tmp_path / "out").glob("lanes/*.npz"))
 
@@ -127,7 +129,7 @@ def told_by(study, out, **keys):
 
 
 def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
-    """Row files cut short, with a bit changed, of another study; chunks with a bit changed, and gone."""
+    """Row files cut short, with a bit changed, of another study; chunks with a bit changed, gone, swapped."""
     jaxnet.run(study, tmp_path / "out")
     other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), tmp_path / "other")
     cut, changed, foreign = done(tmp_path / "out")[2:5]
@@ -137,14 +139,17 @@ def test_what_was_torn_is_told_and_done_again(study, whole, tmp_path):
     flip(tmp_path / "out" / "errors.zarr" / "tracking" / "c" / "6" / "0" / "0", 500)
     (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "8" / "0" / "0").unlink()
     (tmp_path / "out" / "errors.zarr" / "disagreement" / "c" / "9" / "0" / "0").write_bytes(b"")
+    swap(*(tmp_path / "out" / "errors.zarr" / "tracking" / "c" / cell / "0" / "0" for cell in ("0", "1")))
     with pytest.warns(UserWarning, match="simulated again") as said:
         told = told_by(study, tmp_path / "out")
-    assert told[0][0] == (SHARDS - 6) * 256
+    assert told[0][0] == (SHARDS - 8) * 256
     assert_same(jaxnet.open(tmp_path / "out"), whole)
     words = {re.search(r"\d{5}", str(each.message))[0]: str(each.message) for each in said}
     assert "torn" in words["00002"]
     assert "torn" in words["00003"]
     assert "another study" in words["00004"]
+    assert "errors.zarr is corrupt at cell 0" in words["00000"]
+    assert "errors.zarr is corrupt at cell 1" in words["00001"]
     assert "errors.zarr is corrupt at cell 6, samples 0 to 255" in words["00006"]
     assert "errors.zarr is corrupt at cell 8" in words["00008"]
     assert "errors.zarr is corrupt at cell 9" in words["00009"]
@@ -196,9 +201,10 @@ def test_lanes_that_failed_at_once_are_stored_like_others(study, tmp_path):
     arrays.prepare(place, layout.ERRORS, cells, samples=4, chunk=2)
     store = arrays.opened(place)
     blank = np.full((2, 51), np.nan)
-    arrays.write(store, 3, slice(2, 4), dict.fromkeys(layout.ERRORS, blank))
-    assert arrays.intact(place, layout.ERRORS, cell=3, block=1)
-    assert not arrays.intact(place, layout.ERRORS, cell=3, block=0)
+    arrays.write(store, (3, slice(2, 4)), dict.fromkeys(layout.ERRORS, blank))
+    written = arrays.checksums(place, layout.ERRORS, (3, 1))
+    assert arrays.intact(place, layout.ERRORS, (3, 1), written)
+    assert not arrays.intact(place, layout.ERRORS, (3, 0), written)
 
 
 def test_parts_of_a_longer_study(study, whole, tmp_path):
@@ -216,6 +222,13 @@ def test_parts_of_a_longer_study(study, whole, tmp_path):
     assert not results.errors["tracking"].isnull().any()
     assert not (out / "fit.csv").exists()
     assert results.row(0, 300) is None
+
+
+def swap(one, other):
+    """Put two files in each other's place."""
+    content = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(content)
 
 
 def flip(path, place):

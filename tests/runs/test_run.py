@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,9 +23,11 @@ import jaxnet
 from jaxnet.cli import main
 from jaxnet.config.document import ConfigError
 from jaxnet.runs.replay import replay
+from jaxnet.store import layout
 from jaxnet.store.admission import admit
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
+from jaxnet.view.figures import panels
 from jaxnet.view.text.tables import lane
 from tests import systems
 
@@ -88,16 +91,9 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     errors, paths = results.errors, results.trajectories
     assert errors["tracking"].dims == ("cell", "sample", "time")
     assert errors["tracking"].dtype == np.float32
-    assert paths["state"].dims == ("cell", "sample", "time", "vehicle", "state")
-    assert paths["state"].dtype == np.float64
-    assert paths["state_name"].values.tolist() == [
-        "x",
-        "y",
-        "heading",
-        "speed",
-        "turn_rate",
-        "force",
-    ]
+    assert paths["states"].dims == ("cell", "sample", "time", "vehicle", "state")
+    assert paths["states"].dtype == np.float64
+    assert paths["state"].values.tolist() == ["x", "y", "heading", "speed", "turn_rate", "force"]
     assert paths["navigator"].dims == ("cell", "time", "axis")
     assert paths["attack"].dims == ("cell", "sample", "time", "vehicle", "axis")
     assert paths["kept"].dims == ("cell", "sample", "time", "vehicle", "source")
@@ -106,16 +102,26 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert paths["source"].values.tolist() == list(range(13))
     np.testing.assert_allclose(paths["time"].values, np.arange(21) * 0.1)
     np.testing.assert_allclose(paths["kept"].sum("source").values, 1.0, atol=1e-6)
-    heading = paths["state"].isel(state=2).values
+    heading = paths.sel(state="heading")["states"].values
     assert (heading > -np.pi).all()
     assert (heading <= np.pi).all()
-    position = paths["state"].isel(state=slice(0, 2)).values
+    position = paths["states"].sel(state=["x", "y"]).values
     apart = np.linalg.norm(position - paths["navigator"].values[:, None, :, None], axis=-1)
     np.testing.assert_allclose(apart[:, :, 10:].mean(axis=(2, 3)).ravel(), results.lanes["tail_mean"])
     np.testing.assert_allclose(errors["tracking"].values, apart.mean(axis=3), rtol=1e-6)
     attack = np.linalg.norm(paths["attack"].values, axis=-1)
     np.testing.assert_allclose(attack[1][:, :, [1, 4, 7, 10]], 5.5)
     assert not attack[1][:, :, [0, 2, 3, 5, 6, 8, 9, 11]].any()
+
+
+def test_arrays_are_selected_by_what_was_swept(results):
+    """By one key, by one after the other, and by the number of a cell still."""
+    for data in (results.errors, results.trajectories):
+        assert {"topology", "attack.magnitude"} < set(data.xindexes)  # xarray 2025.10 needs them
+        attacked = data.sel({"attack.magnitude": 5.5})
+        assert attacked["cell"].values.tolist() == [1, 3]
+        assert attacked.sel(topology="cyclic")["cell"].item() == 3
+        assert data.sel(cell=3).drop_vars("sample").identical(attacked.isel(cell=1).drop_vars("sample"))
 
 
 def test_the_stored_study_runs_as_it_is(results):
@@ -137,8 +143,8 @@ def test_more_samples_extend_a_folder(config, results, tmp_path):
     assert rows.groupby("cell").size().tolist() == [5] * 4
     first = rows[rows["sample"] < 3].reset_index(drop=True)
     pd.testing.assert_frame_equal(first, results.lanes, check_exact=True)
-    old = results.trajectories["state"].values
-    np.testing.assert_array_equal(more.trajectories["state"].values[:, :3], old)
+    old = results.trajectories["states"].values
+    np.testing.assert_array_equal(more.trajectories["states"].values[:, :3], old)
     assert more.errors["sample"].size == 5
     assert not np.isnan(more.errors["tracking"].values).any()
 
@@ -209,6 +215,7 @@ def test_swept_attacks_stand_beside_their_signals(config, tmp_path):
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "odd")
     assert results.trajectories["attack_name"].values.tolist() == ["none", "rotating"]
     assert results.trajectories["attack"].ndim == 5
+    assert results.trajectories.sel(attack_name="rotating")["cell"].item() == 1
     assert results.study.config.name == "1e5"
 
 
@@ -231,21 +238,58 @@ def test_one_writer_at_a_time(config, tmp_path):
 
 
 def test_chosen_trajectories(config, tmp_path):
-    """The worst lane of each cell, or named samples, are filled and equal to the whole's; others are not."""
-    keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5]}
+    """The worst lane of each cell, or named samples, are equal to the whole's, and nothing else is there."""
+    keys = {"sweep.topology": ["cyclic"]}
     whole = jaxnet.run(jaxnet.load(config, keys), tmp_path / "all")
-    states = whole.trajectories["state"].values
+    worst = whole.lanes.groupby("cell")["tail_mean"].idxmax()
     choices = {
-        "worst": ({"worst": 1}, [int(whole.lanes["tail_mean"].argmax())]),
-        "samples": ({"samples": [0, 2]}, [0, 2]),
+        "worst": ({"worst": 1}, [divmod(row, 3) for row in worst]),
+        "samples": ({"samples": [2, 0]}, [(0, 0), (0, 2), (1, 0), (1, 2)]),
     }
-    for name, (choice, samples) in choices.items():
+    for name, (choice, lanes) in choices.items():
         given = jaxnet.load(config, {**keys, "save.trajectories": choice})
-        part = jaxnet.run(given, tmp_path / name).trajectories["state"].values
-        assert part.shape == states.shape
-        filled = [sample for sample in range(3) if not np.isnan(part[0, sample]).any()]
-        assert filled == samples
-        np.testing.assert_array_equal(part[0, samples], states[0, samples])
+        part = jaxnet.run(given, tmp_path / name).trajectories
+        assert part["states"].dims == ("lane", "time", "vehicle", "state")
+        assert list(zip(part["cell"].values, part["sample"].values, strict=True)) == lanes
+        assert part["attack.magnitude"].values.tolist() == [5.5 * cell for cell, _ in lanes]
+        for cell, sample in lanes:
+            one = part.sel({"cell": cell, "sample": sample, "attack.magnitude": 5.5 * cell})
+            wanted = whole.trajectories.sel(cell=cell, sample=sample)
+            for variable in wanted.data_vars:
+                np.testing.assert_array_equal(one[variable].squeeze(), wanted[variable])
+        assert {variable.encoding["chunks"][0] for variable in part.data_vars.values()} == {1}
+        stored = sum(variable.nbytes for variable in part.data_vars.values())
+        assert stored == layout.disk_bytes(given.config, given.cells, lanes=0)
+
+
+def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
+    """Two in each other's place, one with a bit changed, one gone; where all is well nothing is written."""
+    given = {"engine": "flat", "horizon": 2.0, "tail": 1.0, "topology": "star"}
+    study = systems.study(samples=3, save={"trajectories": {"samples": [0, 2]}}, **given)
+    whole = jaxnet.run(study, tmp_path / "out").trajectories.load()
+    chunks = tmp_path / "out" / "trajectories.zarr" / "states" / "c"
+    first, second = (chunks / lane / "0/0/0" for lane in "01")
+    content = first.read_bytes()
+
+    def swap() -> None:
+        first.write_bytes(second.read_bytes())
+        second.write_bytes(content)
+
+    for harm in (swap, lambda: first.write_bytes(bytes([content[0] ^ 1]) + content[1:]), second.unlink):
+        harm()
+        assert jaxnet.run(study, tmp_path / "out").trajectories.identical(whole)
+        assert first.read_bytes() == content
+    written = first.stat().st_mtime_ns
+    jaxnet.run(study, tmp_path / "out")
+    assert first.stat().st_mtime_ns == written
+
+
+def test_no_lane_to_be_chosen(config, tmp_path):
+    """Where all have failed: the store is there, and has none."""
+    keys = {"engine.max_steps": 1, "sweep": {}, "save.trajectories": {"worst": 1}}
+    results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
+    assert results.trajectories["states"].shape == (0, 21, 12, 6)
+    panels.figure(results, trajectories=True, errors=False)
 
 
 def test_saving_more_later_keeps_the_rows(config, tmp_path):
@@ -264,16 +308,16 @@ def test_what_is_saved_may_change_at_any_time(config, tmp_path):
     """All trajectories, then the worst alone, then all again, cut short in between: none is missing."""
     keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5], "save.errors": False}
     out = tmp_path / "changing"
-    first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["states"].values
     worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
-    assert np.isnan(worst.trajectories["state"].values).any(axis=(2, 3, 4)).sum() == 2
+    assert worst.trajectories.sizes["lane"] == 1
 
     def stop(done: int, total: int, failed: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         jaxnet.run(jaxnet.load(config, keys), out, progress=stop)
-    again = jaxnet.run(jaxnet.load(config, keys), out).trajectories["state"].values
+    again = jaxnet.run(jaxnet.load(config, keys), out).trajectories["states"].values
     np.testing.assert_array_equal(again, first)
 
 
@@ -404,5 +448,20 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     assert "DIFFERS" in lane(copy, other)
     assert other["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
-    paths = xr.open_zarr(path)["state"].values[0, 0, :, :, :2]
-    np.testing.assert_allclose(paths, results.trajectories["state"].values[1, 2, :, :, :2], atol=1e-5)
+    paths = xr.open_zarr(path)["states"].values[0, :, :, :2]
+    np.testing.assert_allclose(paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # warnings are caught by one thread at a time
+def test_two_replays_of_one_lane_at_once(results, tmp_path):
+    """Neither stops the other, and whoever reads meanwhile finds the store whole."""
+    shutil.copytree(results.path, tmp_path / "copy")
+    copy = jaxnet.open(tmp_path / "copy")
+    path, _ = replay(copy, 1, 2)
+    whole = xr.open_zarr(path).load()
+    with ThreadPoolExecutor() as pool:
+        replays = [pool.submit(replay, copy, 1, 2) for _ in range(6)]
+        while not all(one.done() for one in replays):
+            assert xr.open_zarr(path).identical(whole)
+    assert {one.result()[0] for one in replays} == {path}
+    assert xr.open_zarr(path).identical(whole)

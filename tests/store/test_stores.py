@@ -135,6 +135,12 @@ def test_results_at_a_url_are_those_on_the_disk(url, study, local):
     assert other.startswith(f"{rows}: torn")
     assert "00001.parquet: errors.zarr is corrupt at cell 1, samples 0 to 1; its lanes" in torn
     assert whole == {rows: rows.read_bytes(), chunk: chunk.read_bytes()}
+    other = place(url) / "errors.zarr/tracking/c/0/0/0"
+    chunk.write_bytes(other.read_bytes())
+    other.write_bytes(whole[chunk])
+    with pytest.warns(UserWarning, match=r"errors.zarr is corrupt at cell [01], .* simulated again"):
+        assert progress(study, url) == (0, 4)
+    assert whole[chunk] == chunk.read_bytes()
     assert progress(jaxnet.load(STUDY, {"samples": 3}), url)[1] == 6
     assert_equal(jaxnet.open(url), local)
     assert jaxnet.open(url).cells["lanes"].tolist() == [3, 3]
@@ -151,7 +157,7 @@ def test_parts_make_the_same_in_a_bucket(bucket, study, local):
     for words in (["show", url], ["replay", url, "--cell", "1", "--sample", "1"]):
         assert (again := CliRunner().invoke(main, words)).exit_code == 0, again.output
     replayed = xr.open_zarr(store_at(place(url) / "replays/cell-1-sample-1.zarr"))
-    np.testing.assert_array_equal(replayed["state"][0, 0], local.trajectories["state"][1, 1])
+    np.testing.assert_array_equal(replayed["states"][0], local.trajectories["states"][1, 1])
 
 
 def test_what_is_not_ours_is_left_alone(url, study):

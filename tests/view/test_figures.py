@@ -50,6 +50,16 @@ def test_panels(results):
     np.testing.assert_allclose([line.get_ydata() for line in drawn.lines], tracked, rtol=1e-6)
 
 
+def test_panels_of_chosen_lanes(results, tmp_path):
+    """The first lane of each cell that was chosen, as it is among all."""
+    choice = jaxnet.load(results.path / "study.yaml", {"save.trajectories": {"samples": [0]}})
+    chosen = jaxnet.run(choice, tmp_path / "out")
+    drawn, wanted = (panels.figure(each, trajectories=True, errors=False) for each in (chosen, results))
+    for mine, theirs in zip(drawn.axes, wanted.axes, strict=True):
+        for line, other in zip(mine.lines, theirs.lines, strict=True):
+            np.testing.assert_array_equal(line.get_xydata(), other.get_xydata())
+
+
 def test_topologies(results):
     """An arrow for every link, in the attack's look where the link is attacked."""
     figure = topology.figure(results.study.cells)

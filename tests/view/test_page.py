@@ -299,7 +299,7 @@ def test_the_slider_moves_the_vehicles(opened, folder):
     import xarray as xr
 
     shown = opened(1400, "light")
-    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["state"].values[0, 0]
+    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
     slider = shown.locator("#lanes input")
     honest = [0, 2, 3, 5, 6, 8, 9, 11]
 

@@ -1,7 +1,7 @@
 """The paper's figure: a row per attack, trajectories of each topology, and the errors of all of them."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,10 @@ def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
     grid = GridSpec(len(rows), len(widths), figure=drawn, width_ratios=widths)
     if trajectories:
         data = results.trajectories
-        reach = farthest(data)
+        lanes = {cell.number: first_lane(data, cell) for cells in rows for cell in cells}
+        reach = farthest(lane for lane in lanes.values() if lane is not None)
         for number, cells in enumerate(rows):
-            draw_trajectories(drawn, grid, number, cells, data, reach)
+            draw_trajectories(drawn, grid, number, cells, lanes, reach)
     if errors:
         for number, cells in enumerate(rows):
             title = f"({chr(ord('a') + number * len(widths) + columns)}) errors"
@@ -44,10 +45,21 @@ def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
     return drawn
 
 
-def farthest(data: xr.Dataset) -> float:
-    """Greatest coordinate of any vehicle or the navigator, rounded up for a frame [m]."""
-    positions = np.nan_to_num(np.abs(data["state"].isel(state=slice(0, 2)).values))
-    return float(np.ceil(1.04 * max(positions.max(), np.abs(data["navigator"].values).max())))
+def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
+    """The first lane of a cell that was stored and did not fail at once."""
+    paths = data[["states", "navigator"]]
+    if "lane" in data.dims:
+        mine, along = paths.isel(lane=data["cell"] == cell.number), "lane"
+    else:
+        mine, along = paths.isel(cell=cell.number), "sample"
+    lanes = (mine.isel({along: number}).load() for number in range(mine.sizes[along]))
+    return next((lane for lane in lanes if not lane["states"].isel(time=0).isnull().any()), None)
+
+
+def farthest(lanes: Iterable[xr.Dataset]) -> float:
+    """Greatest coordinate of any vehicle or navigator, rounded up for a frame [m]."""
+    paths = (lane[name].values[..., :2] for lane in lanes for name in ("states", "navigator"))
+    return float(np.ceil(1.04 * max((np.nanmax(np.abs(path)) for path in paths), default=1.0)))
 
 
 def layout(cells: Sequence[Cell]) -> list[list[Cell]]:
@@ -86,12 +98,17 @@ def setting(cell: Cell) -> str:
 
 
 def draw_trajectories(
-    drawn: Figure, grid: GridSpec, row: int, cells: Sequence[Cell], data: xr.Dataset, reach: float
+    drawn: Figure,
+    grid: GridSpec,
+    row: int,
+    cells: Sequence[Cell],
+    lanes: Mapping[int, xr.Dataset | None],
+    reach: float,
 ) -> None:
     """Paths in the plane, a panel per topology, all from -reach to reach [m]."""
     for column, cell in enumerate(cells):
         panel = drawn.add_subplot(grid[row, column])
-        draw_plane(panel, cell, data.isel(cell=cell.number))
+        draw_plane(panel, cell, lanes[cell.number])
         letter = chr(ord("a") + row * grid.ncols + column)
         panel.set_title(f"({letter}) {name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
@@ -105,16 +122,14 @@ def draw_trajectories(
         panel.locator_params(nbins=5)
 
 
-def draw_plane(panel: Axes, cell: Cell, data: xr.Dataset) -> None:
-    """One lane in the plane: the first that was stored."""
-    states = data["state"]
-    filled = np.flatnonzero(~np.isnan(states.isel(time=0, vehicle=0, state=0).values))
-    path = data["navigator"].values
-    panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
-    if not len(filled):
+def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
+    """One lane in the plane."""
+    if lane is None:
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
         return
-    positions = states.isel(sample=int(filled[0])).values[:, :, :2]
+    path = lane["navigator"].values
+    panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
+    positions = lane["states"].values[:, :, :2]
     lying = attacked_vehicles(cell)
     for vehicle in range(positions.shape[1]):
         look = LYING if vehicle + 1 in lying else HONEST

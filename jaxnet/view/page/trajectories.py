@@ -4,11 +4,10 @@ import re
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from upath import UPath
 
 from jaxnet.statistics.curves import size_of
-from jaxnet.store.arrays import store_at
+from jaxnet.store.arrays import read
 from jaxnet.store.results import Results
 from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -21,7 +20,7 @@ MOST_LANES = 60
 def lanes(results: Results) -> list[dict[str, Any]]:
     """Trajectories of replayed lanes, greatest tail error per ā first, at MOST_FRAMES instants at most."""
     found: list[tuple[Any, ...]] = []
-    for path in sorted(results.path.glob("replays/cell-*.zarr")):
+    for path in sorted(file.parent for file in results.path.glob("replays/cell-*.zarr/zarr.json")):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
         row = results.row(int(named[1]), int(named[2])) if named else None
         if named and row is not None:
@@ -41,11 +40,11 @@ def lane(
     results: Results, number: int, sample: int, engine: str | None, error: float, path: UPath
 ) -> dict[str, Any]:
     """One lane's trajectory."""
-    cell, data = results.study.cells[number], xr.open_zarr(store_at(path))
+    cell, data = results.study.cells[number], read(path).isel(lane=0)
     times = data.sizes["time"]
     frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
-    states = data["state"].isel(cell=0, sample=0).values[frames, :, :2]
-    navigator = data["navigator"].isel(cell=0).values[frames]
+    states = data["states"].values[frames, :, :2]
+    navigator = data["navigator"].values[frames]
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {engine} engine" if engine else ""
     return {
