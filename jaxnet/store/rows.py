@@ -67,7 +67,7 @@ def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> p
     for key, label in shard.cell.labels.items():
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [Status(code).name for code in outcome.status]
-    columns |= outcome.metrics
+    columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
     columns |= {
         "steps": outcome.steps.astype(np.int64),
         "switches": outcome.switches.astype(np.int64),
