@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from jaxnet.api import Part, Replay, Results, open, run, run_part, simulate
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
+    from jaxnet.kinds.kind import KindError
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError
 
@@ -21,6 +22,7 @@ HOMES = {
     "ClusterError": "jaxnet.runs.cluster",
     "ConfigError": "jaxnet.config.document",
     "FolderError": "jaxnet.store.folder",
+    "KindError": "jaxnet.kinds.kind",
     "Part": "jaxnet.api",
     "Replay": "jaxnet.api",
     "Results": "jaxnet.api",
@@ -35,6 +37,7 @@ __all__ = [
     "ClusterError",
     "ConfigError",
     "FolderError",
+    "KindError",
     "Part",
     "Replay",
     "Results",

@@ -11,7 +11,7 @@ from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import MARK, names_distribution
-from jaxnet.kinds.registry import KindError
+from jaxnet.kinds.kind import KindError
 
 WORDS = {
     "float_type": "must be a number",

@@ -5,8 +5,7 @@ from typing import Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.kind import Kind
-from jaxnet.kinds.registry import KindError
+from jaxnet.kinds.kind import Kind, KindError
 
 
 class Of:

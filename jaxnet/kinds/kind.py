@@ -20,6 +20,10 @@ class Fault(NamedTuple):
     message: str
 
 
+class KindError(ValueError):
+    """A kind from outside that cannot be had, or that failed; says which and where."""
+
+
 class Kind(Record):
     """One of several ways. `label` names it in tables.
 

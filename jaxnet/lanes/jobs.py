@@ -12,6 +12,7 @@ from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.proofs import prove
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
@@ -94,16 +95,19 @@ def attack_of(scenario: Scenario, draw: Draw) -> tuple[Any, np.ndarray, Any]:
     """
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count, m = len(draw.samples), scenario.vehicles
-    scale = np.broadcast_to(scaled(drawn, scenario.horizon), count)
-    unit = np.asarray(drawn.vectors()) if not drawn.strategic else first_vectors(drawn, count)
+    signal, sizes = drawn.signal(), drawn.sizes(scenario.horizon)
+    given = None if drawn.strategic else np.asarray(drawn.vectors())
+    prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
+    unit = first_vectors(signal, count) if given is None else given
+    scale = np.broadcast_to(scaled(drawn, sizes), count)
     attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
     vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
-    return drawn.signal(), vectors, scale
+    return signal, vectors, scale
 
 
-def first_vectors(drawn: AnyAttack, count: int) -> np.ndarray:
+def first_vectors(signal: Any, count: int) -> np.ndarray:
     """Where a strategic attack's vectors have room, as many as it has functions; it sets them at once."""
-    functions = np.asarray(drawn.signal().basis(np.zeros(count))).shape[1]
+    functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
     return np.ones((2, 1, functions, 1))
 
 
