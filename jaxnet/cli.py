@@ -210,7 +210,7 @@ def show(results: str) -> None:
 @main.command()
 @results_argument
 def fit(results: str) -> None:
-    """Fit the ultimate error against the size of the lie, beside the bounds of theory.
+    """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
     """

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from jaxnet.config.keys import Scenario
@@ -19,8 +20,16 @@ from jaxnet.model.lane import Lane, Network
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
-    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`."""
-    draw = Draw(seed, samples, scenario.vehicles)
+    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`.
+
+    In double precision whatever the process's default is.
+    """
+    with jax.enable_x64(True):
+        return made(scenario, Draw(seed, samples, scenario.vehicles), save)
+
+
+def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
+    """The same of a draw's samples."""
     sources = hearing.slots(scenario.topology.links(scenario.vehicles))
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     signal, vectors, amplitude = attack_of(scenario, draw)
@@ -33,7 +42,7 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
         vehicle=tree(vehicle),
         navigator=tree(scenario.navigator.drawn(draw, "navigator")),
         defence=tree(scenario.defence.drawn(draw, "defence")),
-        signal=tree(signal, len(samples)),
+        signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
         amplitude=amplitude,
     )
@@ -116,8 +125,6 @@ def tree(drawn: Any, count: int = 1) -> Any:
 
     A number alone is the same in `count` lanes.
     """
-    import jax
-
     leaves = jax.tree.map(lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn))
     return jax.tree.map(lanes_first, leaves)
 

@@ -50,7 +50,7 @@ def test_all_looks_together_err_no_more_than_one_may():
 
 
 def test_counts():
-    """By hand: over τ ā, failed lanes in neither number, no share where nobody lies."""
+    """By hand: over τ ā, failed lanes in neither number, no share where nobody is attacked."""
     cells = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}}).cells
     rows = pd.DataFrame(
         {

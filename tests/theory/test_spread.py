@@ -104,7 +104,7 @@ def test_the_weights_are_settled_where_nobody_has_a_choice(network):
 
 
 def test_the_ring_that_trims():
-    """2.475, attackers 2.025: an honest vehicle keeps its lying neighbour, a liar an honest one.
+    """2.475, attackers 2.025: an honest vehicle keeps its attacked neighbour, a liar an honest one.
 
     With x of the liars and y of the others, x = (0.45 / 0.55) y and y = (0.45 / 0.55) (1 + x).
     """
