@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, scenes, magnitude_words
+from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, magnitude_words, scenes
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 

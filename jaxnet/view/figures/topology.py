@@ -55,8 +55,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation) -> None:
     attacked = attacked_vehicles(cell)
     decides = cell.scenario.defence.decides
     for i, j in np.argwhere(network.weights > 0):
-        attacked = bool(attacked) and network.attacked[i, j]
-        look = ATTACKED if attacked else TRUSTED if decides and network.trusted[i, j] else PLAIN
+        under_attack = attacked and network.attacked[i, j]
+        look = ATTACKED if under_attack else TRUSTED if decides and network.trusted[i, j] else PLAIN
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, look)

@@ -15,8 +15,8 @@ from jaxnet.statistics.curves import (
     Band,
     Curve,
     bands_span,
-    shares,
     magnitude_words,
+    shares,
     span,
 )
 from jaxnet.statistics.groups import Group

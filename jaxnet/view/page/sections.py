@@ -19,9 +19,9 @@ from jaxnet.statistics.curves import (
     all_bands,
     curves,
     magnitude_is_swept,
+    magnitude_words,
     scenes,
     shares,
-    magnitude_words,
 )
 from jaxnet.statistics.limits import unchecked
 from jaxnet.store.results import Results, read_table
