@@ -193,6 +193,7 @@ def compiled(module: Any) -> bytes:
     return repr([(each.__code__.co_code, each.__code__.co_consts) for each in functions]).encode()
 
 
+@functools.cache
 def version_of(module: str) -> str | None:
     """Version of the distribution that a module came with, None if it came with none."""
     owners = metadata.packages_distributions().get(module.partition(".")[0])
