@@ -92,10 +92,11 @@ def leibniz(order: int) -> list[tuple[int, float]]:
 def greatest() -> np.ndarray:
     """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
 
-    Inside a piece it exceeds the greater end by half its length times the greatest slope at most.
+    Inside a piece it exceeds the greater end by half its length times the greatest slope at most; S itself
+    rises, and does not.
     """
     ends = np.abs(step(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
-    slopes = np.append(ends[1:].max(axis=1), 840.0)
+    slopes = np.array([0.0, *ends[2:].max(axis=1), 840.0])
     return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
 
 
