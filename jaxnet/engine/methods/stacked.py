@@ -32,7 +32,6 @@ from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 
 LEAST_STEP = 4 * 2.0**-52  # of the time, or of 1 s if that is more: below it a step no longer moves the time
-FACTOR = 5.0  # by which diffrax shortens a refused step at most
 
 State = Float[Array, "n m"]
 
@@ -109,7 +108,7 @@ class Held(NamedTuple):
 
 def simulate(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Outcome:
     """Lanes from 0 to the horizon, all side by side."""
-    lane, tolerances = inputs
+    lane, _ = inputs
 
     def advance(n: Int[Array, ""], fleet: Fleet) -> Fleet:
         return decide(move(fleet, n, inputs, network, clock, plan), n + 1, lane, network, clock, plan)
@@ -177,9 +176,11 @@ def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -
 
     def on_axis(each: Any) -> Any:
         hears = hearing.matrix(each) > 0
-        return jax.lax.fori_loop(
-            0, len(hears), lambda _, reached: reached | (hears[:, 1:] & reached[None]).any(axis=1), hears[:, 0]
-        )
+
+        def spread(_: Any, reached: Any) -> Any:
+            return reached | (hears[:, 1:] & reached[None]).any(axis=1)
+
+        return jax.lax.fori_loop(0, len(hears), spread, hears[:, 0])
 
     return jax.vmap(on_axis)(weights).all()
 
@@ -199,12 +200,36 @@ def move(fleet: Fleet, number: Any, inputs: Inputs, network: Network, clock: Clo
     return fleet._replace(state=state, steps=steps, status=status)
 
 
-class FromTick(diffrax.PIDController):
-    """Diffrax's controller, whose first attempt is the whole tick: a guess may fail where the field does."""
+class Controller(diffrax.PIDController):
+    """Diffrax's, but for where it begins and how it gives up."""
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, *rest: Any) -> Any:
-        """The end of the first step, and the controller's state."""
-        return super().init(terms, t0, t1, y0, t1 - t0, *rest)
+    def init(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, args: Any, func: Any, error_order: Any
+    ) -> Any:
+        """Try the whole tick first: a guess would fail where the vector field does."""
+        return super().init(terms, t0, t1, y0, t1 - t0, args, func, error_order)
+
+    def adapt_step_size(
+        self,
+        t0: Any,
+        t1: Any,
+        y0: Any,
+        y1_candidate: Any,
+        args: Any,
+        y_error: Any,
+        error_order: Any,
+        controller_state: Any,
+    ) -> Any:
+        """Call a finite step too small to move the time `max_steps_reached`, one that is not finite
+        `dt_min_reached`.
+        """
+        *found, result = super().adapt_step_size(
+            t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
+        )
+        finite = jnp.isfinite(y1_candidate).all() & jnp.isfinite(y_error).all()
+        results = diffrax.RESULTS
+        stuck = (result == results.dt_min_reached) & finite
+        return (*found, results.where(stuck, results.max_steps_reached, result))
 
 
 def solved(
@@ -228,21 +253,17 @@ def solved(
         None,
         state,
         held,
-        stepsize_controller=FromTick(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False),
+        stepsize_controller=Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False),
         event=diffrax.Event(stands),
         max_steps=max_steps,
         throw=False,
     )
-    assert solution.ts is not None and solution.ys is not None
-    time, state, result = solution.ts[0], solution.ys[0], solution.result
-    beyond = FACTOR * shortest
-    ahead = field(time + beyond, state + beyond * field(time, state, held), held)
-    stuck, results = result == diffrax.RESULTS.dt_min_reached, diffrax.RESULTS
+    assert solution.ys is not None
+    result, results = solution.result, diffrax.RESULTS
     status = fail(jnp.asarray(0), Status.singular, result == results.event_occurred)
-    status = fail(status, Status.nonfinite, stuck & ~jnp.isfinite(ahead).all())
-    status = fail(status, Status.max_steps, stuck | (result == results.max_steps_reached))
+    status = fail(status, Status.max_steps, result == results.max_steps_reached)
     status = fail(status, Status.nonfinite, result != results.successful)
-    return state, solution.stats["num_steps"], status
+    return solution.ys[0], solution.stats["num_steps"], status
 
 
 def motion(time: Any, state: State, held: Held, network: Network, plan: Plan) -> State:
@@ -280,9 +301,7 @@ def feedback(
     return graph, navigator[3][:, None] * graph[:, 0][None] + added[3], error
 
 
-def of_axes(
-    inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]
-) -> Float[Array, "2 m"]:
+def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]) -> Float[Array, "2 m"]:
     """The input that has on each axis the jerk that the law with that axis' weights asks for.
 
     For `L ⊗ I₂` keeps axes apart: what is solved with one axis' weights is right on that axis.
@@ -294,9 +313,7 @@ def of_axes(
     return jnp.linalg.solve(jnp.moveaxis(decoupling, 2, 0), wanted.T[..., None])[..., 0].T
 
 
-def observe(
-    fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock, plan: Plan
-) -> Observation:
+def observe(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock, plan: Plan) -> Observation:
     """The fleets as they are measured at this tick."""
     now = times(number, lane, clock)
     speed, turn_rate = lane.vehicle.pace(fleet.state)
