@@ -2,6 +2,7 @@
 
 `load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
 `open` reads a results folder. `Results` has its tables and arrays, fits, replays, plots and the report.
+`field` gives the vector field of one lane.
 """
 
 import importlib
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from jaxnet.api import Part, Replay, Results, open, run, run_part, simulate
+    from jaxnet.api import Part, Replay, Results, field, open, run, run_part, simulate
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
     from jaxnet.kinds.kind import KindError
@@ -27,6 +28,7 @@ HOMES = {
     "Replay": "jaxnet.api",
     "Results": "jaxnet.api",
     "Study": "jaxnet.config.study",
+    "field": "jaxnet.api",
     "load": "jaxnet.config.study",
     "open": "jaxnet.api",
     "run": "jaxnet.api",
@@ -42,6 +44,7 @@ __all__ = [
     "Replay",
     "Results",
     "Study",
+    "field",
     "load",
     "open",
     "run",

@@ -1,10 +1,10 @@
-"""What a script calls: `load` a study, `run` or `simulate` it, `open` its results."""
+"""What a script calls: `load` a study, `run` or `simulate` it, `open` its results; `field` is one lane's."""
 
 import uuid
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, SupportsInt
 
 import pandas as pd
 import xarray as xr
@@ -18,12 +18,15 @@ from jaxnet.store.results import Part, arrays_at, whole
 from jaxnet.view.text.progress import Report, reporting_to
 
 if TYPE_CHECKING:
+    from jax import Array
+
     from jaxnet.view.figures.every import Plots
 
-__all__ = ["Part", "Replay", "Results", "Study", "load", "open", "run", "run_part", "simulate"]
+__all__ = ["Part", "Replay", "Results", "Study", "field", "load", "open", "run", "run_part", "simulate"]
 
 Place = str | Path | UPath
 Progress = Report | Literal[False] | None
+VectorField = Callable[[Any, Any, Any], Any]  # time, state (n, m), ignored: the state's derivative
 
 
 class Replay(NamedTuple):
@@ -173,6 +176,21 @@ def simulate(
     weakref.finalize(results, Folder(root).remove, name)
     run(study, results.path, progress=progress, devices=devices)
     return results
+
+
+def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tuple[VectorField, "Array"]:
+    """The vector field of one lane of a study, or of what `load` takes for one, and the state it starts from.
+
+    `field(t, state, args)`, as diffrax takes it, is pure and jitted, in t [s] and a state (6, m), rows
+    x, y, heading, speed and what else the vehicle has; `args` is ignored. Vehicles decide whom to retain at
+    every evaluation, whatever `tick` is, so where a decision changes the field jumps.
+
+    Raises ConfigError, ValueError if the study has no such lane, or if its defence or attack decides at ticks
+    only, and RuntimeError if JAX does not calculate in double precision.
+    """
+    from jaxnet.runs.field import field
+
+    return field(load(study), whole("cell", cell), whole("sample", sample))
 
 
 def write_fits(results: stored.Results) -> Iterator[UPath]:

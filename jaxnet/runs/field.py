@@ -1,0 +1,37 @@
+"""The vector field of one lane, to be handed to whatever integrates: decisions are taken inside, as the paper
+has it.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxnet.config.study import Study
+from jaxnet.engine.methods.stacked import Held, motion
+from jaxnet.lanes.jobs import job
+
+
+def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any], Any], jax.Array]:
+    """The field and its start; see `jaxnet.field`."""
+    if cell >= len(study.cells):
+        raise ValueError(f"the study has cells 0 to {len(study.cells) - 1} (got cell {cell})")
+    if jnp.zeros(()).dtype != jnp.float64:
+        raise RuntimeError(
+            "a vector field needs double precision: call jax.config.update('jax_enable_x64', True) first"
+        )
+    scenario = study.cells[cell].scenario
+    if scenario.attack.strategic or (scenario.defence.decides and scenario.defence.ticks_only):
+        kind = (scenario.attack if scenario.attack.strategic else scenario.defence).kind
+        raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
+    one = job(scenario.model_copy(update={"tick": 0.0}), study.config.seed, [sample])
+    alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
+    lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
+    held = Held(lane, lane.weights[None], lane.vectors)
+
+    @jax.jit
+    def ours(time: Any, state: Any, args: Any = None) -> Any:
+        return motion(jnp.asarray(time, float), jnp.asarray(state, float), held, network, one.plan)
+
+    return ours, lane.initial
