@@ -50,22 +50,22 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     assert "Fading on 2 in what they transmit" in said
     assert "Nearest: nothing is known of whom it retains" in said
 
-    run = [sys.executable, "-m", "jaxnet", "run", "study.yaml", "samples=5000", "--workers", "2"]
+    run = [sys.executable, "-m", "jaxnet", "run", "study.yaml", "samples=1500", "--workers", "2"]
     killed = subprocess.Popen(
         run, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stderr=subprocess.PIPE
     )
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     while not list(folder.glob("results/study/lanes/*.parquet")) and time.monotonic() < deadline:
-        time.sleep(0.05)
+        time.sleep(0.02)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
     there = len(list(folder.glob("results/study/lanes/*.parquet")))
-    assert 0 < there < 12, "killed in the middle"
-    jaxnet_in(folder, "run", "study.yaml", "samples=5000", "--workers", "2")
+    assert 0 < there < 6, "killed in the middle"
+    jaxnet_in(folder, "run", "study.yaml", "samples=1500", "--workers", "2")
 
     results = jaxnet.open(folder / "results" / "study")
     lanes = results.lanes
-    assert len(lanes) == 6 * 5000
+    assert len(lanes) == 6 * 1500
     assert (lanes["status"] == "ok").all()
     assert (lanes["peak_speed"] > 1).all()
     assert "peak_speed_mean" in results.cells
