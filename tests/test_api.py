@@ -24,7 +24,7 @@ KEYS = {
     "samples": 2,
     "horizon": 1.0,
     "tail": 0.5,
-    "engine": "flat",
+    "engine": "exact",
     "defence": "none",
     "topology": "star",
     "vehicles": 3,

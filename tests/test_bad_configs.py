@@ -58,7 +58,7 @@ NUMBERS = [
     Bad(
         "attack: none\nrecovery: {tau: 0.01}\nsamples: {→until: {half_width: 0.1}}",
         "samples.until",
-        "nobody lies in any cell",
+        "nobody is attacked in any cell",
     ),
     Bad("recovery: {→tau: 0}", "recovery.tau", "must be greater than 0 (got 0)"),
     Bad("recovery: {→ta: 1}", "recovery.ta", "did you mean 'tau'?"),
@@ -95,7 +95,11 @@ NUMBERS = [
 
 KINDS = [
     Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
-    Bad("→topology: ring", "topology|topology.kind", "star, cyclic, path, figure1, edges (got"),
+    Bad(
+        "→topology: ring",
+        "topology|topology.kind",
+        'one of cyclic, edges, figure1, path, random_regular, star, or module:Class (got "ring")',
+    ),
     Bad("→topology: 3", "topology", "(got 3)"),
     Bad("→topology: []", "topology", "(got [])"),
     Bad("→topology:", "topology", "(got null)"),
@@ -109,7 +113,8 @@ KINDS = [
         "did you mean 'cyclic'?",
     ),
     Bad("topology: {→kind: [star]}", "topology.kind", '(got ["star"])'),
-    Bad("topology: {→kind: true}", "topology.kind", "(got true)"),
+    Bad("topology: {→kind: true}", "topology.kind", "random_regular, star, or module:Class (got true)"),
+    Bad("topology: {→kind:}", "topology.kind", "(got null)"),
     Bad("topology: {kind: star, →navigator_weight: 0.1}", "topology.navigator_weight", "unknown"),
     Bad("topology: {→navigator_weight: 0}", "topology.navigator_weight", "greater than 0 (got 0)"),
     Bad("topology: {→navigator_weight: 1.1}", "topology.navigator_weight", "at most 1 (got 1.1)"),
@@ -119,7 +124,7 @@ KINDS = [
     Bad("topology: {kind: edges, →edges: 3}", "topology.edges", "must be a list (got 3)"),
     Bad("topology: {kind: edges, edges: [[1, 0, 1]], →label: 3}", "topology.label", "must be text"),
     Bad("topology: {kind: edges, edges: [[1, 0, 1]], →edge: 3}", "topology.edge", "mean 'edges'?"),
-    Bad("→navigator: circle", "navigator|navigator.kind", 'lissajous\' (got "circle")'),
+    Bad("→navigator: circle", "navigator|navigator.kind", 'one of lissajous, or module:Class (got "circle")'),
     Bad("navigator: {→amplitude: 3}", "navigator.amplitude", "must be a list (got 3)"),
     Bad("navigator: {→phase: [0, 0, 0]}", "navigator.phase", "2 entries (got [0, 0, 0])"),
     Bad("navigator: {→amplitud: [9, 9]}", "navigator.amplitud", "did you mean 'amplitude'?"),
@@ -140,7 +145,17 @@ KINDS = [
     Bad("attack: {→vehicles: 2}", "attack.vehicles", "must be a list (got 2)"),
     Bad("attack: {vehicles: [2, →5.0]}", "attack.vehicles.1", "must be a whole number (got 5.0)"),
     Bad("attack: {vehicles: [→true]}", "attack.vehicles.0", "must be a whole number (got true)"),
-    Bad("→defence: trim", "defence|defence.kind", 'none, trusted_trim (got "trim")'),
+    Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),
+    Bad("attack: {kind: envelope, →of: 3}", "attack.of", "must be a mapping, or one of bias, chirp, "),
+    Bad("→attack: envelope", "attack.of", "required"),
+    Bad(
+        "attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "mean 'direction'?"
+    ),
+    Bad(
+        "→defence: trim",
+        "defence|defence.kind",
+        'one of none, trusted_trim, w_msr, or module:Class (got "trim")',
+    ),
     Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
     Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),
     Bad("defence: {→theta: 1.5}", "defence.theta", "must be a whole number (got 1.5)"),
@@ -157,8 +172,13 @@ KINDS = [
     Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
     Bad("defence: {→trusted: [1]}", "defence.trusted", "must be a mapping (got [1])"),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
-    Bad("→engine: flt", "engine|engine.kind", 'one of chassis, flat (got "flt")'),
-    Bad("→engine: flat\ntick: 0", "engine", "the exact engine trims at ticks only"),
+    Bad(
+        "→engine: flt", "engine|engine.kind", 'one of exact, nonlinear, stacked, or module:Class (got "flt")'
+    ),
+    Bad("→engine: exat", "engine|engine.kind", "did you mean 'exact'?"),
+    Bad("→engine: flat", "engine|engine.kind", "flat was renamed to exact"),
+    Bad("engine: {→kind: chassis}", "engine.kind", "chassis was renamed to nonlinear"),
+    Bad("→engine: exact\ntick: 0", "engine", "the exact engine decides at ticks only: give a tick"),
     Bad("engine: {→solver: euler}", "engine.solver", "'dopri5', 'tsit5' or 'dopri8' (got \"euler\")"),
     Bad("engine: {→rtol: 0}", "engine.rtol", "must be greater than 0 (got 0)"),
     Bad("engine: {→rtol: 1}", "engine.rtol", "must be less than 1 (got 1)"),

@@ -72,8 +72,7 @@ def find(family: str, name: str) -> Any:
     if found is None and ":" in name:
         found = imported(name, name)
     if found is None:
-        known = ", ".join(names(family))
-        raise KindError(f"must be one of {known}, or module:Class (got {json.dumps(name)})")
+        raise unknown(family, name)
     base = base_of(family)
     if not (isinstance(found, type) and issubclass(found, base)) and not isinstance(found, base):
         shown = found.__name__ if isinstance(found, type) else repr(found)[:60]
@@ -83,6 +82,12 @@ def find(family: str, name: str) -> Any:
     if not home_of(found).startswith("jaxnet."):
         OUTSIDE[name] = found
     return found
+
+
+def unknown(family: str, given: Any) -> KindError:
+    """What is said of a name that means no kind, or of something that is no name."""
+    known, shown = ", ".join(names(family)), json.dumps(given, default=repr)
+    return KindError(f"must be one of {known}, or module:Class (got {shown})")
 
 
 HANDED: dict[str, Any] = {}  # objects that a script has handed over, by their references

@@ -72,7 +72,7 @@ def test_counts():
 
 
 def test_the_table_has_the_shares(tmp_path):
-    """Counted from the rows, with the exact interval; nothing for the cell in which nobody lies."""
+    """Counted from the rows, with the exact interval; nothing for the cell in which nobody is attacked."""
     results = jaxnet.run(systems.study(samples=40, **keys()), tmp_path / "out")
     rows, cells = results.lanes, results.cells
     over = rows[rows["tail_mean"] > rows["attack.magnitude"]].groupby("cell").size()
