@@ -148,13 +148,11 @@ KINDS = [
     Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),
     Bad("attack: {kind: envelope, →of: 3}", "attack.of", "must be a mapping, or one of bias, chirp, "),
     Bad("→attack: envelope", "attack.of", "required"),
-    Bad(
-        "attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "mean 'direction'?"
-    ),
+    Bad("attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "'direction'?"),
     Bad(
         "→defence: trim",
         "defence|defence.kind",
-        'one of none, trusted_trim, w_msr, or module:Class (got "trim")',
+        'none, trusted_trim, w_msr, or module:Class (got "trim")',
     ),
     Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
     Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),
@@ -172,9 +170,7 @@ KINDS = [
     Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
     Bad("defence: {→trusted: [1]}", "defence.trusted", "must be a mapping (got [1])"),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
-    Bad(
-        "→engine: flt", "engine|engine.kind", 'one of exact, nonlinear, stacked, or module:Class (got "flt")'
-    ),
+    Bad("→engine: flt", "engine|engine.kind", 'exact, nonlinear, stacked, or module:Class (got "flt")'),
     Bad("→engine: exat", "engine|engine.kind", "did you mean 'exact'?"),
     Bad("→engine: flat", "engine|engine.kind", "flat was renamed to exact"),
     Bad("engine: {→kind: chassis}", "engine.kind", "chassis was renamed to nonlinear"),
