@@ -50,7 +50,7 @@ def test_jets_follow_each_other_along_the_motion(seed):
     known = np.stack([velocity, acceleration, jerk])
     np.testing.assert_allclose(np.stack(differentiated(state, inputs)), known, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(drawn.inputs_for(state, jerk), inputs, rtol=1e-8, atol=1e-8)
-    x, y, heading, speed, steering, acceleration = np.asarray(state)
+    *_, heading, speed, steering, acceleration = np.asarray(state)
     bicycle = [speed * np.cos(heading), speed * np.sin(heading), speed * np.tan(steering) / drawn.wheelbase]
     rest = [acceleration, inputs[1], inputs[0]]
     np.testing.assert_allclose(drawn.motion(state, inputs), bicycle + rest, rtol=1e-12, atol=1e-12)
