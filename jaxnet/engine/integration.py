@@ -46,6 +46,7 @@ class Held(NamedTuple):
 class Signals(NamedTuple):
     """What depends on the time alone."""
 
+    time: Times  # itself
     navigator: Float[Array, "4 2 lanes"]
     basis: Basis
 
@@ -56,7 +57,6 @@ class Fleet(NamedTuple):
     state: State
     slope: State  # the vector field there
     signals: Signals
-    time: Times
     step: Times  # [s] proposed for the next attempt
     ticks: Int[Array, " lanes"]  # passed
     at_tick: Bool[Array, " lanes"]  # at a tick at which they have not yet heard
@@ -131,7 +131,6 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
         state=lane.initial,
         slope=jnp.zeros_like(lane.initial),
         signals=signals(lane, zero),
-        time=zero,
         step=zero + clock.interval,
         ticks=none,
         at_tick=jnp.ones(status.shape, bool),
@@ -152,23 +151,22 @@ def step(
     plan: Plan,
 ) -> Fleet:
     """One attempted step of the moving lanes."""
-    (lane, tolerances), going = inputs, moving(fleet, clock)
+    (lane, tolerances), going, time = inputs, moving(fleet, clock), fleet.signals.time
     goal = clock.at(fleet.ticks + 1)
-    pieces = jnp.maximum(1.0, jnp.ceil((goal - fleet.time) / fleet.step))
-    end = jnp.where(pieces > 1, fleet.time + (goal - fleet.time) / pieces, goal)
+    pieces = jnp.maximum(1.0, jnp.ceil((goal - time) / fleet.step))
+    end = jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
     trial = stepper.attempt(
         lambda now, state: field(lane, network, fleet.held, fleet.mind, now, state, plan),
         lambda time: signals(lane, time),
         rule,
-        fleet.time,
+        time,
         end,
         fleet.state,
         fleet.slope,
         tolerances,
     )
     kept, steps = going & (trial.error < 1.0), fleet.steps + going.astype(int)
-    time = jnp.where(kept, end, fleet.time)
-    proposed = stepper.next_step(end - fleet.time, trial.error, rule)
+    proposed = stepper.next_step(end - time, trial.error, rule)
     state = jnp.where(kept[None, None], trial.state, fleet.state)
     still = (jnp.abs(state[SPEED]) < LEAST_SPEED).any(axis=0)
     stuck = going & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
@@ -181,7 +179,6 @@ def step(
         state=state,
         slope=jnp.where(kept[None, None], trial.slope, fleet.slope),
         signals=where(kept, trial.signals, fleet.signals),
-        time=time,
         step=jnp.where(going, proposed, fleet.step),
         ticks=ticks,
         at_tick=arrived,
@@ -199,7 +196,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
     lane, tolerances = inputs
     here, first = fleet.at_tick & (fleet.status == Status.ok), fleet.ticks == 0
     before = ticks.begin(lane, network, plan) if plan.in_field else fleet.mind
-    decided = decide(lane, network, plan, before, fleet.state, fleet.signals, clock.at(fleet.ticks))
+    decided = decide(lane, network, plan, before, fleet.state, fleet.signals)
     mind = where(here, decided, fleet.mind)
     lanes, vehicles = ticks.changed(mind, fleet.mind)
 
@@ -230,16 +227,14 @@ def where(flagged: Bool[Array, " lanes"], new: Any, old: Any) -> Any:
 
 def signals(lane: Lane, time: Times) -> Signals:
     """The navigator and the attacks' functions at these times."""
-    return Signals(lane.navigator.jets(time), lane.signal.basis(time))
+    return Signals(time, lane.navigator.jets(time), lane.signal.basis(time))
 
 
-def decide(
-    lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, now: Signals, time: Times
-) -> Mind:
+def decide(lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, now: Signals) -> Mind:
     """What is decided for what is received now."""
     own = lane.vehicle.output_jets(state)
     errors = tuple(jet - there[:, None] for jet, there in zip(own, now.navigator, strict=False))
-    return ticks.decide(lane, network, plan, mind, errors, now.basis, time)
+    return ticks.decide(lane, network, plan, mind, errors, now.basis, now.time)
 
 
 def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bool[Array, " n"]]:
@@ -255,7 +250,7 @@ def field(
 ) -> State:
     """`ẋ = f(x, u(t, x))` with the weights held, or decided at every evaluation without memory."""
     if plan.in_field:
-        chosen = decide(lane, network, plan, ticks.begin(lane, network, plan), state, now, lane.amplitude)
+        chosen = decide(lane, network, plan, ticks.begin(lane, network, plan), state, now)
         held, _ = hold(lane, network, chosen, plan)
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
     attack = signal.combined(vectors, control.driven(lane.gain, now.basis))

@@ -27,7 +27,7 @@ SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the factor from one step to the next
 FIRST = 0.01  # of the time in which the state would change by itself
 
 Times = Float[Array, " lanes"]
-States = Float[Array, "6 m lanes"]
+States = Float[Array, "n m lanes"]
 VectorField = Callable[[Any, States], States]  # of the signals at a time, and the states
 
 

@@ -53,8 +53,17 @@ def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
             lambda: lane.defence.decide(errors, received(network, errors, errors), everybody, memory, around)
         )
         everybody = first_decision(shape[0], lane)
-    vectors = lane.vectors if plan.strategic else ()
-    return Mind(everybody, memory, vectors, ())
+    if not plan.strategic:
+        return Mind(everybody, memory, (), ())
+    nothing = sight(lane, network, everybody, errors, lane.signal.basis(around.time), around.time)
+    return Mind(everybody, memory, lane.vectors, lane.signal.begin(nothing))
+
+
+def sight(lane: Lane, network: Network, decision: Any, errors: Any, basis: Any, time: Any) -> Seen:
+    """What a strategic attacker sees."""
+    return Seen(
+        errors, decision, lane.weights, network.hearing.sources, network.hearing.attacked, basis, time
+    )
 
 
 def first_decision(decided: Any, lane: Lane) -> Any:
@@ -90,9 +99,7 @@ def decide(
 ) -> Mind:
     """Have attackers choose, and vehicles receive and decide."""
     if plan.strategic:
-        hearing = network.hearing
-        seen = Seen(errors, mind.decision, lane.weights, hearing.sources, hearing.attacked, basis, time)
-        vectors, plot = lane.signal.aim(seen, mind.plot)
+        vectors, plot = lane.signal.aim(sight(lane, network, mind.decision, errors, basis, time), mind.plot)
         mind = mind._replace(vectors=bounded(vectors, lane), plot=plot)
     if not plan.decides:
         return mind
@@ -104,15 +111,26 @@ def decide(
         mind.memory,
         surroundings(lane, network, time),
     )
-    return mind._replace(decision=decision, memory=memory)
+    return mind._replace(decision=of_heard(decision, lane), memory=memory)
+
+
+def of_heard(decision: Any, lane: Lane) -> Any:
+    """A decision in which a slot without a source, or of one that this lane does not hear, never counts."""
+    heard = jnp.broadcast_to(lane.weights > 0, decision.shape)
+    return decision | ~heard if decision.dtype == bool else jnp.where(heard, decision, 0.0)
 
 
 def bounded(vectors: Any, lane: Lane) -> Any:
-    """Vectors scaled to ā, and down where their norm (no less than the spectral one) is over 1."""
-    norm = jnp.sqrt((vectors**2).sum(axis=(0, 2)))
-    attacked = (lane.vectors != 0).any(axis=(0, 2))
-    scale = jnp.where(attacked, lane.amplitude[None] / jnp.maximum(1.0, norm), 0.0)
-    return vectors * scale[None, :, None]
+    """Vectors scaled to ā, and down where their norm (no less than the spectral one) is over 1.
+
+    The norm is taken of vectors over their greatest component, for the square of a great one is infinite.
+    """
+    greatest = jnp.maximum(1.0, jnp.abs(vectors).max(axis=(0, 2), keepdims=True))
+    unit = vectors / greatest
+    norm = jnp.sqrt((unit**2).sum(axis=(0, 2), keepdims=True))
+    unit = unit / jnp.maximum(1.0 / greatest, norm)
+    attacked = (lane.vectors != 0).any(axis=(0, 2), keepdims=True)
+    return jnp.where(attacked, lane.amplitude[None, None, None] * unit, 0.0)
 
 
 def vectors_of(lane: Lane, mind: Mind) -> Any:

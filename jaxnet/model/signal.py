@@ -31,7 +31,8 @@ class Harmonic(NamedTuple):
 def turning(cosine: Any, sine: Any, rate: Any) -> Any:
     """`cos` and `sin` of an angle that grows at a constant rate, with three derivatives: (4, 2, …)."""
     xp = cosine.__array_namespace__()
-    now, ahead, rate = xp.stack([cosine, sine]), xp.stack([-sine, cosine]), xp.asarray(rate)[None]
+    now, ahead = xp.stack([cosine, sine]), xp.stack([-sine, cosine])
+    rate = xp.broadcast_to(xp.asarray(rate), cosine.shape)[None]
     return xp.stack([now, rate * ahead, -(rate**2) * now, -(rate**3) * ahead])
 
 

@@ -70,7 +70,7 @@ class Attack(AnyAttack):
     """A signal of bounded size on what attacked vehicles transmit, or on what they hear of the navigator.
 
     An attack of one's own gives `basis`, `vectors` and `sizes`, or, if it is strategic, `basis`, `sizes` and
-    `aim`.
+    `aim`, and `begin` if it has a memory.
     """
 
     present: ClassVar[bool] = True
@@ -90,10 +90,6 @@ class Attack(AnyAttack):
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
     )
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Numbers that each vehicle has make vectors, and are not asked for while lanes run."""
-        super().__init_subclass__(**options)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
@@ -145,11 +141,18 @@ class Attack(AnyAttack):
         """`max over t of ‖β^(k)(t)‖` for k = 0..3 within [0, horizon], or more: (4, lanes)."""
         raise NotImplementedError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
+    def begin(self, seen: Any) -> Any:
+        """The memory of a strategic attack before the first tick, when nothing was decided and no error seen.
+
+        Any pytree of arrays whose last axis is over lanes.
+        """
+        return ()
+
     def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
         """At a tick, vectors (2, m, B, lanes) until the next and the memory; asked of strategic attacks.
 
         They are unit vectors: scaled to ā, and down where their norm is over 1. `seen` is what there is to
-        see (`engine.tick.Seen`); the memory is () at first.
+        see (`engine.tick.Seen`).
         """
         raise NotImplementedError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 

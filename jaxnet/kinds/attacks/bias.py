@@ -18,7 +18,7 @@ class Bias(Attack):
 
     def signal(self) -> Any:
         """A harmonic of no frequency."""
-        return Harmonic(np.zeros_like(self.magnitude))
+        return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
         """The direction, times cos 0."""

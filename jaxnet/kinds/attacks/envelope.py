@@ -12,6 +12,7 @@ from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import Number, Positive, bounds
 from jaxnet.kinds.kind import Fault
 
+ROUNDING = 1e-12  # relative, of times that are sums
 PIECES = 256  # of the rise, in each of which the envelope is bounded
 
 
@@ -61,7 +62,8 @@ class Envelope(Attack):
         ]
         for key in inside if self.of.present else []:
             yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
-        if self.stop is not None and bounds(self.stop)[0] < bounds(self.start)[1] + bounds(self.rise)[1]:
+        top = bounds(self.start)[1] + bounds(self.rise)[1]
+        if self.stop is not None and bounds(self.stop)[0] < top * (1 - ROUNDING):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
         if self.of.strategic:
             yield Fault(("attack.of", "attack"), "a strategic attack has no signal of its own")
@@ -92,10 +94,11 @@ def leibniz(order: int) -> list[tuple[int, float]]:
 def greatest() -> np.ndarray:
     """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
 
-    Inside a piece it exceeds the greater end by half its length times the greatest slope at most.
+    Inside a piece it exceeds the greater end by half its length times the greatest slope at most; S itself
+    rises, and does not.
     """
     ends = np.abs(step(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
-    slopes = np.append(ends[1:].max(axis=1), 840.0)
+    slopes = np.array([0.0, *ends[2:].max(axis=1), 840.0])
     return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
 
 

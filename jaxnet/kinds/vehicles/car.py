@@ -28,7 +28,7 @@ class Car(Vehicle):
 
     def curvature(self, state: Any) -> Any:
         """`κ = tan δ / L` [1/m]."""
-        return state.__array_namespace__().tan(state[STEERING]) / self.wheelbase
+        return state.__array_namespace__().tan(state[STEERING]) / self.wheelbase[None]
 
     def output_jets(self, state: Any) -> tuple[Any, Any, Any]:
         """Position, velocity `v h` and acceleration `a h + v² κ n`."""
@@ -44,8 +44,8 @@ class Car(Vehicle):
 
     def steered(self, state: Any) -> Any:
         """`v² / (L cos² δ)`, by which the steering rate enters the jerk to the left."""
-        bend = self.curvature(state)
-        return state[SPEED] ** 2 * (1 + (self.wheelbase * bend) ** 2) / self.wheelbase
+        tangent = state.__array_namespace__().tan(state[STEERING])
+        return state[SPEED] ** 2 * (1 + tangent**2) / self.wheelbase[None]
 
     def decoupling(self, state: Any) -> Any:
         """`ψ = [h, v² / (L cos² δ) n]`."""
@@ -72,7 +72,7 @@ class Car(Vehicle):
         xp = position.__array_namespace__()
         speed, _ = pace(jets)
         heading = xp.arctan2(velocity[1], velocity[0])
-        steering = xp.arctan(self.wheelbase * cross(velocity, acceleration) / speed**3)
+        steering = xp.arctan(self.wheelbase[None] * cross(velocity, acceleration) / speed**3)
         along = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, steering, along])
 

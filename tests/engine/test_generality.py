@@ -1,0 +1,227 @@
+"""What no kind of ours uses all of: weights that are numbers, by axis, with a memory; attacks that choose.
+
+Each is written twice, as a kind and as a plain program, and both engines are held to the latter.
+"""
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxnet.engine.status import Status
+from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.defences import Defence
+from jaxnet.kinds.fields import Positive
+from jaxnet.lanes.jobs import job
+from tests import reference, systems
+from tests.engine.marching import march, received
+from tests.engine.test_exactness import attack_on_links, navigator_at
+from tests.kinds import few
+
+TICK, SMOOTHING = 0.05, 0.2
+RANDOM = {
+    "kind": "random_regular",
+    "degree": 3,
+    "navigator_weight": 0.2,
+    "redraw": True,
+}
+
+
+class Filtered(Defence):
+    """Weights by `w / (1 + filtered² )` of the distance by axis of what is received to `own + ė/k1 + ë/k2`.
+
+    The memory is the filtered distance, a low-pass over ticks.
+    """
+
+    kind = "filtered"
+
+    smoothing: Positive = SMOOTHING
+
+    def start(self, around: Any) -> Any:
+        """Nothing was far at first."""
+        return {"distance": jnp.zeros((2, *around.weights.shape))}
+
+    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
+        """Each axis by itself."""
+        apart = [there - here[:, None] for there, here in zip(received, own, strict=True)]
+        _, k1, k2 = (each[None, None, None] for each in around.gain)
+        distance = jnp.abs(apart[0] + apart[1] / k1 + apart[2] / k2)
+        share = self.smoothing[None, None, None]
+        distance = memory["distance"] + share * (distance - memory["distance"])
+        return around.weights[None] / (1.0 + distance**2), {"distance": distance}
+
+
+class Alike(Filtered):
+    """The same by distance in the plane, one weight for both axes; it weighs where nobody is heard too."""
+
+    kind = "alike"
+
+    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
+        """By the mean of both axes' distances."""
+        decision, memory = super().decide(own, received, last, memory, around)
+        distance = memory["distance"].mean(axis=0)
+        return jnp.maximum(around.weights, 0.01) / (1.0 + distance**2), memory
+
+
+class Steering(Attack):
+    """At every tick against the fleet's mean error, at every third along it; the memory counts ticks."""
+
+    kind = "steering"
+    strategic: ClassVar[bool] = True
+
+    scale: Positive = 5.0
+
+    def basis(self, time: Any) -> Any:
+        """Constant between ticks."""
+        xp = time.__array_namespace__()
+        return xp.stack([xp.ones_like(time), *[xp.zeros_like(time)] * 3])[:, None]
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """1, and no derivatives."""
+        return np.eye(4, 1)
+
+    def begin(self, seen: Any) -> Any:
+        """No tick yet."""
+        return jnp.zeros(seen.time.shape, int)
+
+    def aim(self, seen: Any, memory: Any) -> Any:
+        """Everybody the same."""
+        mean = seen.errors[0].mean(axis=1, keepdims=True)
+        turn = jnp.where(memory % 3 == 2, 1.0, -1.0)[None, None]
+        vectors = turn * self.scale[None, None] * mean
+        return jnp.broadcast_to(vectors, seen.errors[0].shape)[:, :, None], memory + 1
+
+
+class Returning(Steering):
+    """Whatever number it is given, from the fifth tick on and at everybody."""
+
+    kind = "returning"
+
+    def aim(self, seen: Any, memory: Any) -> Any:
+        """Along x."""
+        number = jnp.where(memory < 4, 1.0, self.scale)[None, None, None]
+        vectors = jnp.stack([number, 0.0 * number])[:, 0]
+        return jnp.broadcast_to(vectors, (2, seen.errors[0].shape[1], 1, memory.shape[0])), memory + 1
+
+
+def filtered_weights(kind, weights, carried, gain, attack):
+    """The plain program of the two defences: `choose` for `march`."""
+    memory = np.zeros((2, *weights.shape))
+
+    def choose(n, error):
+        nonlocal memory
+        heard = received(error, carried, attack(n * TICK)[:3])
+        apart = heard - error[:, :, None]
+        distance = np.abs(apart[0] + apart[1] / gain[1] + apart[2] / gain[2])
+        memory = memory + SMOOTHING * (np.moveaxis(distance, -1, 0) - memory)
+        seen = memory if kind == "filtered" else np.stack([memory.mean(axis=0)] * 2)
+        raw = weights if kind == "filtered" else np.maximum(weights, 0.01)
+        return np.where(weights > 0, raw, 0.0) / (1.0 + seen**2), lambda t: attack(t)[:3]
+
+    return choose
+
+
+def named(kind):
+    """How a config names a class of this file."""
+    return {"kind": f"{__name__}:{kind.__name__}"}
+
+
+KEYS = {"horizon": 5.0, "tail": 1.0, "output_step": TICK, "tick": TICK}
+INSTANTS = np.arange(101) * TICK
+ATTACK = {"kind": "rotating", "magnitude": 5.0, "threat": "replaces"}
+SMALL = {"vehicles": 6, "topology": RANDOM, "attack": ATTACK | {"vehicles": [2, 5]}}
+
+
+def simulated(engine, samples=2, **keys):
+    """Lanes of a study with an output time at each tick, and what came of them."""
+    study = systems.study(engine=engine, **KEYS, **keys)
+    one = systems.lanes(study, samples)
+    return one, few.simulate(one)
+
+
+def errors_of(one, outcome, number):
+    """Stored positions relative to the navigator's: (ticks + 1, m, 2)."""
+    path = np.stack([navigator_at(one, number)(t)[0] for t in INSTANTS])
+    return outcome.series["state"][number, :, :, :2] - path[:, None]
+
+
+def start_of(one, number):
+    """E and two derivatives at t = 0: (3, m, 2)."""
+    return reference.flat_jets(systems.lane(one, number).initial.T) - navigator_at(one, number)(0.0)[:3, None]
+
+
+@pytest.mark.parametrize(
+    ("engine", "kind", "accuracy"),
+    [("exact", Filtered, 1e-9), ("exact", Alike, 1e-9), ("nonlinear", Filtered, 1e-5)],
+)
+def test_weights_that_are_numbers_with_a_memory(engine, kind, accuracy):
+    """They follow received positions, velocities and accelerations and the gain; each lane's own graph."""
+    one, outcome = simulated(engine, defence=named(kind), gain=[2.0, 4.0, 2.5], **SMALL)
+    assert (outcome.status == Status.ok).all()
+    for number in range(2):
+        lane, attack = systems.lane(one, number), attack_on_links(one, number)
+        carried = ~lane.links
+        choose = filtered_weights(kind.kind, lane.weights, carried, lane.gain, attack)
+        known = march(choose, carried, lane.gain, start_of(one, number), TICK, 100)
+        assert np.abs(errors_of(one, outcome, number) - known[:, 0]).max() <= accuracy
+        kept = outcome.series["kept"][number]
+        assert not kept[:, lane.weights == 0].any()
+        assert np.ptp(kept, axis=0).max() > 0.1
+    assert outcome.switches.tolist() == [0, 0]
+
+
+def steered(m, links, magnitude):
+    """The plain program of the strategic attack, and the vectors that it chose."""
+    chosen = []
+
+    def choose(n, error):
+        vector = (1.0 if n % 3 == 2 else -1.0) * 5.0 * error[0].mean(axis=0)
+        vector = magnitude * vector / max(1.0, np.hypot(*vector))
+        chosen.append(vector)
+        added = np.zeros((3, m, m + 1, 2))
+        added[0][links] = vector
+        return choose.weights, lambda t: added
+
+    return choose, chosen
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
+def test_an_attack_that_chooses_at_ticks(engine, accuracy):
+    """Against or along the mean error, scaled down to ā where it is far and not where it is near."""
+    keys = {"topology": "cyclic", "gain": [6.0, 11.0, 6.0], "initial": {"position": {"uniform": [-2, 2]}}}
+    navigator = {"kind": "lissajous", "amplitude": [1.0, 1.0], "frequency": [0.4, 0.4], "phase": [0.0, 1.57]}
+    attack = named(Steering) | {"magnitude": 0.3}
+    one, outcome = simulated(engine, attack=attack, defence="none", navigator=navigator, **keys)
+    assert (outcome.status == Status.ok).all()
+    sizes = []
+    for number in range(2):
+        lane = systems.lane(one, number)
+        choose, chosen = steered(12, lane.links, 0.3)
+        choose.weights = np.stack([lane.weights] * 2)
+        known = march(choose, np.ones((12, 13), bool), lane.gain, start_of(one, number), TICK, 100)
+        assert np.abs(errors_of(one, outcome, number) - known[:, 0]).max() <= accuracy
+        signal = outcome.series["attack"][number]
+        np.testing.assert_allclose(signal[:100, 1], chosen, rtol=0, atol=10 * accuracy)
+        assert not signal[:, 0].any()
+        sizes += np.linalg.norm(signal[:, 1], axis=-1).tolist()
+    assert max(sizes) <= 0.3 * (1 + 1e-12)
+    assert min(sizes) < 0.29
+
+
+@pytest.mark.parametrize("number", [0.5, 1.0, 7.0, 1e150, 1e300, float("nan"), float("inf")])
+def test_no_attack_that_chooses_is_over_its_magnitude(number):
+    """Whatever it returns, for whomever; what has no direction leaves no lane that calls itself ok."""
+    attack = named(Returning) | {"magnitude": 3.0}
+    scenario = systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario
+    made = scenario.attack.model_copy(update={"scale": number})
+    outcome = few.simulate(job(scenario.model_copy(update={"attack": made}), 0, [0], systems.EVERYTHING))
+    signal = outcome.series["attack"][0]
+    if not np.isfinite(number):
+        assert outcome.status.tolist() == [Status.nonfinite]
+        assert np.isnan(outcome.metrics["tail_mean"]).all()
+        return
+    assert outcome.status.tolist() == [Status.ok]
+    attacked = signal[4:, [1, 4, 7, 10]]
+    np.testing.assert_allclose(attacked, np.broadcast_to([3 * min(1, number), 0], attacked.shape), rtol=1e-14)
+    assert not np.delete(signal, [1, 4, 7, 10], axis=1).any()
