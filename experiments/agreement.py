@@ -98,9 +98,8 @@ def parting(one: Job, outcomes: list[Outcome], number: int) -> Parting:
     if not differs.any():
         raise AssertionError("the engines are apart though they decided alike")
     tick = int(np.argmax(differs))
-    memory = (
-        mine[tick - 1] * one.inputs.lane.defence.tolerance[number]
-    )  # a first decision has none: they agree there
+    tolerance = one.inputs.lane.defence.tolerance[number]
+    memory = mine[tick - 1] * tolerance  # a first decision has none: they agree there
     margins = []
     for outcome, ours, others in zip(outcomes, (mine, theirs), (theirs, mine), strict=True):
         score = scores(one, outcome, number, tick) + memory

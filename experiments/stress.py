@@ -3,8 +3,8 @@
 Cells drawn at random: a graph of eight vehicles that each hear five sources with random weights; a random
 set of attacked vehicles on either channel, constant, sinusoidal or rotating, of random size, frequency,
 direction and phase; nobody or some trimming, with random ϑ and trusted sources; random stable gains. Every
-vehicle's error at every output time is held against the bounds that hold for its lane, its transient allowed for
-(SCIENCE, O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
+vehicle's error at every output time is held against the bounds that hold for its lane, its transient allowed
+for (SCIENCE, O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
 
 The ratios shown are those of a lane's greatest error in the tail to its limit there, where the attack and not
 the start has caused it. Of static it reaches 1, for constant attacks in phase attain it.
@@ -126,7 +126,7 @@ def gain(rng: np.random.Generator) -> list[float]:
 
 
 def attack(rng: np.random.Generator) -> dict[str, Any]:
-    """Some vehicles; half of the cells have directions and phases in common, the others one for each vehicle."""
+    """Of some vehicles; half of the cells have directions and phases in common, the others one for each."""
     angle = {"uniform": [0, 2 * np.pi]} if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
     direction, moving = {"direction": angle}, {"phase": angle, "frequency": {"uniform": [0, 3]}}
     kind = str(rng.choice(["bias", "sinusoid", "rotating"]))

@@ -2,8 +2,8 @@
 
 Runs configs/bound.yaml: star, path and ring of twelve vehicles, without defence and with trimming, four
 vehicles attacked by a constant signal in phase or rotating ones with phases of their own, twelve sizes of it,
-256 draws of everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds of
-theory, and writes the report. Then answers:
+256 draws of everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds
+of theory, and writes the report. Then answers:
 
 - do the simulated slopes of the constant attack meet the exact ones (SCIENCE, O3)?
 - how conservative is each bound?

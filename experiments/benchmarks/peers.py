@@ -111,7 +111,8 @@ def greatest_error(job: Job, positions: Positions) -> float:
 
 def kept(job: Job, number: int) -> Float[np.ndarray, "times m sources"]:
     """Weights of a lane that nobody trims, at every output time."""
-    weights = job.network.hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
+    hearing = jax.tree.map(jnp.asarray, job.network.hearing)
+    weights = hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
     return np.broadcast_to(weights, (int(job.clock.outputs) + 1, *weights.shape))
 
 
