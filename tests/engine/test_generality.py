@@ -59,7 +59,7 @@ class Alike(Filtered):
 
     def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
         """By the mean of both axes' distances."""
-        decision, memory = super().decide(own, received, last, memory, around)
+        _, memory = super().decide(own, received, last, memory, around)
         distance = memory["distance"].mean(axis=0)
         return jnp.maximum(around.weights, 0.01) / (1.0 + distance**2), memory
 

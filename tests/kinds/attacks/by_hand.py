@@ -1,4 +1,6 @@
-"""Attacks written out from their words for one vehicle, differentiated by JAX; of the package only numbers."""
+"""Attacks written out from their words for one vehicle, differentiated by JAX; of the package only
+numbers.
+"""
 
 import functools
 import math

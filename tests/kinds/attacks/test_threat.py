@@ -1,4 +1,6 @@
-"""Links that replace what is sent: the exact answers of both engines, and bounds that hold and are attained."""
+"""Links that replace what is sent: the exact answers of both engines, and bounds that hold and are
+attained.
+"""
 
 import numpy as np
 import pandas as pd
