@@ -208,3 +208,27 @@ def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     assert set(lanes["status"]) == {"ok", "disconnected"}
     assert lanes.loc[lanes["status"] == "ok", "tail_mean"].notna().all()
     assert lanes.loc[lanes["status"] != "ok", "tail_mean"].isna().all()
+
+
+def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
+    """By an entry point's name, and as a class of `__main__` that a script hands over."""
+    module, _, _ = blocks()
+    (tmp_path / "their_kinds.py").write_text(module)
+    info = tmp_path / "their_package-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-package\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[jaxnet.attacks]\nfading = their_kinds:Fading\n")
+    script = module + (
+        "\nimport jaxnet\n"
+        "keys = {'vehicles': 4, 'horizon': 1.0, 'tail': 0.5, 'engine': 'exact', 'defence': Nearest()}\n"
+        "attack = {'kind': 'fading', 'vehicles': [2], 'lifetime': 5.0}\n"
+        "results = jaxnet.simulate({**keys, 'attack': attack}, samples=2)\n"
+        "print(results.study.config.attack.reference(), results.study.config.defence.reference())\n"
+        "print(sorted(results.manifest['modules']), (results.lanes['status'] == 'ok').all())\n"
+    )
+    (tmp_path / "script.py").write_text(script)
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[:2] == ["fading __main__:Nearest", "['__main__', 'their_kinds'] True"]
