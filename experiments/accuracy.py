@@ -66,7 +66,7 @@ def static_gain(name: str, defence: str, error: float, apart: float) -> None:
     if (name, defence) == ("cyclic", "trusted_trim"):
         error = apart = 0.0
     what = name if defence == "none" else f"{name}, trimmed"
-    ours = metrics.tail_mean[0] / 2, metrics.tail_disagreement[0] / 2
+    ours = metrics["tail_mean"][0] / 2, metrics["tail_disagreement"][0] / 2
     print(f"{what:24} {ours[0]:12.6f} {error:8.4f} {ours[1]:15.6f} {apart:8.4f}", flush=True)
 
 

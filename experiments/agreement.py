@@ -4,9 +4,9 @@ Without trimming nothing but the integrator's error is between them: at most 1e-
 With trimming they may part where two scores lie so near each other that this error decides whom to drop; what
 follows may differ for good, or, among neighbours that have converged, only in the count of switches. Of such
 lanes it is looked up where they parted: the first tick at which a vehicle drops another source, and by how
-much each engine preferred its choice, found from its own positions and the lies told. A distance between two
-positions changes by no more than 2 d, d the distance between the engines' positions, so the engines can
-differ on a knife's edge alone: where both margins are under 4 d.
+much each engine preferred its choice, found from its own positions and what the attacks add. A distance
+between two positions changes by no more than 2 d, d the distance between the engines' positions, so the
+engines can differ on a knife's edge alone: where both margins are under 4 d.
 
 Then, by the exact engine, the share of lanes that trimming has not saved after 90 s (SCIENCE O6: 4 to 9 %).
 
@@ -26,7 +26,7 @@ import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.lanes.jobs import job
-from jaxnet.model import hearing
+from jaxnet.model import hearing, trimming
 from jaxnet.runs.cache import enable
 
 TOPOLOGIES = ("star", "path", "cyclic")
@@ -57,7 +57,7 @@ def main(lanes: int) -> None:
 def agree(what: str, lanes: int, **keys: Any) -> tuple[list[Outcome], np.ndarray]:
     """A line; the outcomes and how far apart they are lane by lane [m], not-a-number where one failed."""
     outcomes = [simulate(lanes_of(engine, range(lanes), **keys)) for engine in ENGINES]
-    mine, theirs = (np.stack([o.metrics.tail_mean, o.metrics.tail_max]) for o in outcomes)
+    mine, theirs = (np.stack([o.metrics["tail_mean"], o.metrics["tail_max"]]) for o in outcomes)
     apart = np.abs(mine - theirs)
     (mean, greatest), both = np.nanmax(apart, axis=1), np.isfinite(apart).all(axis=0).sum()
     over = (apart.max(axis=0) > ALLOWED).sum()
@@ -78,9 +78,9 @@ def show(samples: list[int], apart: np.ndarray) -> None:
     outcomes = [simulate(each) for each in jobs] if samples else []
     for number, sample in enumerate(samples):
         tick, margins, distance = parting(jobs[0], outcomes, number)
-        told = f"{margins[0]:.1e}, {margins[1]:.1e}"
+        preferred = f"{margins[0]:.1e}, {margins[1]:.1e}"
         edge = "yes" if max(margins) <= 4 * distance else "NO"
-        print(f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {told:>19} {distance:8.1e}  {edge}")
+        print(f"{sample:6} {apart[sample]:10.1e} {tick * TICK:14.2f} {preferred:>19} {distance:8.1e}  {edge}")
 
 
 class Parting(NamedTuple):
@@ -98,7 +98,8 @@ def parting(one: Job, outcomes: list[Outcome], number: int) -> Parting:
     if not differs.any():
         raise AssertionError("the engines are apart though they decided alike")
     tick = int(np.argmax(differs))
-    memory = mine[tick - 1] * one.inputs.lane.tolerance[number]  # a first decision has none: they agree there
+    tolerance = one.inputs.lane.defence.tolerance[number]
+    memory = mine[tick - 1] * tolerance  # a first decision has none: they agree there
     margins = []
     for outcome, ours, others in zip(outcomes, (mine, theirs), (theirs, mine), strict=True):
         score = scores(one, outcome, number, tick) + memory
@@ -117,14 +118,17 @@ def dropped(one: Job, outcome: Outcome, number: int) -> np.ndarray:
 
 
 def scores(one: Job, outcome: Outcome, number: int, tick: int) -> np.ndarray:
-    """`Δ_ik` [m] by slot and listener, from the positions of a lane at a tick and the lies told."""
-    defence: Any = one.network.defence
+    """`Δ_ik` [m] by slot and listener, from the positions of a lane at a tick and the attacks."""
+    network, weights = one.network, one.inputs.lane.weights[number]
     navigator = jax.tree.map(lambda leaf: leaf[number], one.inputs.lane.navigator)
     path = navigator.jets(np.array(tick * TICK))[0]
-    told = np.concatenate([path[:, None], outcome.series["state"][number, tick, :, :2].T], axis=1)
+    sent = np.concatenate([path[:, None], outcome.series["state"][number, tick, :, :2].T], axis=1)
     with jax.enable_x64(True):
-        lies = jnp.asarray(outcome.series["attack"][number, tick].T)
-        return np.asarray(defence.deviation(one.network.hearing.heard(jnp.asarray(told), lies)))
+        arrays = map(jnp.asarray, (sent, outcome.series["attack"][number, tick].T))
+        received = network.hearing.received(*arrays)[..., None]
+        trusted = jnp.asarray((network.trusted & (weights > 0))[..., None])
+        references: Any = jnp.asarray(network.shared.references)
+        return np.asarray(trimming.deviation(received, trusted, references)[..., 0])
 
 
 def unrecovered(lanes: int) -> float:

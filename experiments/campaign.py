@@ -1,7 +1,7 @@
 """A million lanes on worker processes that are killed on the way: does the study end as if nothing had been?
 
 Runs configs/campaign.yaml with two workers: a ring of twelve, trimmed, at four frequencies and eight sizes of
-the lie, 31,250 draws each. A worker is killed (SIGKILL) three times, the command itself once, and given
+the attack, 31,250 draws each. A worker is killed (SIGKILL) three times, the command itself once, and given
 again; then the report is made. Printed are wall times, the peak memory of each kind of process, and whether
 all rows are there; a sample of shards is simulated anew, undisturbed, and must be equal to the last bit.
 

@@ -173,8 +173,8 @@ def compare(ours: Path, theirs: Path) -> None:
     pd.testing.assert_frame_equal(mine.lanes, other.lanes, check_exact=True)
     for name in ("cells.csv", "study.yaml"):
         assert (ours / name).read_bytes() == (theirs / name).read_bytes(), name
-    told = [{**each.manifest, "wall_seconds": None} for each in (mine, other)]
-    assert told[0] == told[1]
+    manifests = [{**each.manifest, "wall_seconds": None} for each in (mine, other)]
+    assert manifests[0] == manifests[1]
     if (theirs / "errors.zarr").exists():
         xr.testing.assert_equal(mine.errors.load(), other.errors.load())
 

@@ -1,4 +1,4 @@
-"""The paper's simulation: does the fleet track its navigator, and what do four liars cost?
+"""The paper's simulation: does the fleet track its navigator, and what do four attacked vehicles cost?
 
 Twelve two-wheeled robots, three topologies, without attack and with vehicles 2, 5, 8 and 11 corrupted by
 ā = 5 m, everyone trimming who may. Writes results/paper with the eight-panel figure, and prints a table in

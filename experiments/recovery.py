@@ -1,8 +1,8 @@
 """How often does trimming not save the fleet, from which attacks, and on what does the answer depend?
 
-Twelve vehicles on a ring, each trimming one neighbour, four of them lying, so that Assumption 2 of the paper
-holds and theory promises recovery. A lane has not recovered if the mean error of its tail is above ā/100.
-First configs/recovery.yaml: ten thousand lanes of two attacks after 90 s. Then one thing at a time is
+Twelve vehicles on a ring, each trimming one neighbour, four of them attacked, so that Assumption 2 of the
+paper holds and theory promises recovery. A lane has not recovered if the mean error of its tail is above
+ā/100. First configs/recovery.yaml: ten thousand lanes of two attacks after 90 s. Then one thing at a time is
 varied: the kind of attack and its phases, its frequency, its size, the tick, the horizon. The shares stand
 with their exact 95 % intervals. At last the worst lanes are simulated again by the nonlinear engine, to see
 that they are no artefact of the exact one.

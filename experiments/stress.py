@@ -1,13 +1,13 @@
-"""Do the bounds hold, whatever the graph, the lies, the defence and the gain?
+"""Do the bounds hold, whatever the graph, the attack, the defence and the gain?
 
 Cells drawn at random: a graph of eight vehicles that each hear five sources with random weights; a random
-set of liars on either channel, constant, sinusoidal or rotating, of random size, frequency, direction and
-phase; nobody or some trimming, with random ϑ and trusted sources; random stable gains. Every vehicle's error
-at every output time is held against the bounds that hold for its lane, its transient allowed for
-(SCIENCE, O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
+set of attacked vehicles on either channel, constant, sinusoidal or rotating, of random size, frequency,
+direction and phase; nobody or some trimming, with random ϑ and trusted sources; random stable gains. Every
+vehicle's error at every output time is held against the bounds that hold for its lane, its transient allowed
+for (SCIENCE, O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
 
-The ratios shown are those of a lane's greatest error in the tail to its limit there, where lies and not the
-start have caused it. Of static it reaches 1, for constant lies in phase attain it.
+The ratios shown are those of a lane's greatest error in the tail to its limit there, where the attack and not
+the start has caused it. Of static it reaches 1, for constant attacks in phase attain it.
 
 Run it with `python experiments/stress.py`, or with `--lanes 2000`; 100,000 lanes take minutes.
 """
@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
-from jaxnet.config.network import navigator_of
 
 import jaxnet
 from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import outputs_of
 from jaxnet.engine.batch import Machine, simulate
 from jaxnet.engine.status import Status
-from jaxnet.lanes.jobs import job, outputs_of
+from jaxnet.lanes.jobs import job
 from jaxnet.model import graph
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.limits import limits_of, tail_of
@@ -38,7 +38,7 @@ class Count(NamedTuple):
 
     lanes: int
     violations: int  # lanes in which a vehicle at some output time, or the row, is over its limit
-    ratio: float  # greatest error in the tail over the limit, of lanes where lies cause it
+    ratio: float  # greatest error in the tail over the limit, of lanes where the attack causes it
 
     def plus(self, other: "Count") -> "Count":
         """Both together."""
@@ -78,7 +78,7 @@ def check(scenario: Scenario, seed: int) -> tuple[dict[str, Count], int]:
     """Counts by bound over lanes of one scenario, and how many failed."""
     lanes, times = range(LANES), np.arange(outputs_of(scenario) + 1) * scenario.output_step
     outcome = simulate(job(scenario, seed, lanes, ("state",)), Machine(chunk=LANES // 2))
-    path = navigator_of(scenario).jets(times)[0].T
+    path = scenario.navigator.jets(times)[0].T
     errors = np.linalg.norm(outcome.series["state"][..., :2] - path[:, None], axis=-1)
     greatest, ok = outcome.metrics["tail_max"], outcome.status == Status.ok
     counts = {}
@@ -86,8 +86,8 @@ def check(scenario: Scenario, seed: int) -> tuple[dict[str, Count], int]:
         limit = limits[-len(tail_of(scenario)) :].max(axis=(0, 1))
         over = (np.moveaxis(errors, 0, -1) > limits).any(axis=(0, 1)) | (greatest > limit)
         held = ok & np.isfinite(limit)
-        lied = held & (greatest > TRANSIENT)
-        ratio = (greatest[lied] / limit[lied]).max(initial=0.0)
+        caused = held & (greatest > TRANSIENT)
+        ratio = (greatest[caused] / limit[caused]).max(initial=0.0)
         counts[bound] = Count(int(held.sum()), int((ok & over).sum()), float(ratio))
     return counts, int((~ok).sum())
 
@@ -126,16 +126,16 @@ def gain(rng: np.random.Generator) -> list[float]:
 
 
 def attack(rng: np.random.Generator) -> dict[str, Any]:
-    """Some liars; half of the cells have directions and phases in common, the others one for each liar."""
+    """Of some vehicles; half of the cells have directions and phases in common, the others one for each."""
     angle = {"uniform": [0, 2 * np.pi]} if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
     direction, moving = {"direction": angle}, {"phase": angle, "frequency": {"uniform": [0, 3]}}
     kind = str(rng.choice(["bias", "sinusoid", "rotating"]))
     numbers = {"bias": direction, "sinusoid": direction | moving, "rotating": moving}[kind]
-    liars = rng.choice(VEHICLES, rng.integers(1, 5), replace=False) + 1
+    attacked = rng.choice(VEHICLES, rng.integers(1, 5), replace=False) + 1
     return {
         "kind": kind,
         "magnitude": {"uniform": [0, 20]},
-        "vehicles": sorted(liars.tolist()),
+        "vehicles": sorted(attacked.tolist()),
         "channel": str(rng.choice(["neighbour", "navigator"])),
         **numbers,
     }

@@ -29,13 +29,13 @@ def main() -> None:
     for what, attack in (("recovers (rotating)", recovering), ("does not recover (sinusoid)", chattering)):
         limit = lane(0, attack)
         status = Status(int(limit.status[0])).name
-        print(f"\n{what}; tick 0: {status}, tail mean {limit.metrics.tail_mean[0]:.3g} m")
+        print(f"\n{what}; tick 0: {status}, tail mean {limit.metrics['tail_mean'][0]:.3g} m")
         print(f"{'tick [s]':>9} {'distance to tick 0 [m]':>23} {'tail mean [m]':>14} {'switches':>9}")
         for tick in TICKS:
             ours = lane(tick, attack)
             apart = np.linalg.norm(positions(ours) - positions(limit), axis=2)
             farthest = np.nanmax(apart)
-            mean = ours.metrics.tail_mean[0]
+            mean = ours.metrics["tail_mean"][0]
             print(f"{tick:9} {farthest:23.3g} {mean:14.3g} {ours.switches[0]:9}", flush=True)
 
 

@@ -1,11 +1,11 @@
-"""What does the lie cost, and what does theory say that it may cost?
+"""What does an attack cost, and what does theory say that it may cost?
 
-Runs configs/bound.yaml: star, path and ring of twelve vehicles, without defence and with trimming, four liars
-that tell a constant lie in phase or rotating ones with phases of their own, twelve sizes of it, 256 draws of
-everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds of theory, and
-writes the report. Then answers:
+Runs configs/bound.yaml: star, path and ring of twelve vehicles, without defence and with trimming, four
+vehicles attacked by a constant signal in phase or rotating ones with phases of their own, twelve sizes of it,
+256 draws of everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds
+of theory, and writes the report. Then answers:
 
-- do the simulated slopes of the constant lie meet the exact ones (SCIENCE, O3)?
+- do the simulated slopes of the constant attack meet the exact ones (SCIENCE, O3)?
 - how conservative is each bound?
 - is the ring the best topology, as the paper ranks them, and why?
 
@@ -41,7 +41,7 @@ def main() -> None:
     print(slopes.text(results))
     print(f"\n{ranking(results).to_string(index=False)}")
     off = {name: abs(slope(curves(results), name) - exact) for name, exact in EXACT.items()}
-    print(f"\ngreatest distance from the exact slopes of the constant lie: {max(off.values()):.1e}")
+    print(f"\ngreatest distance from the exact slopes of the constant attack: {max(off.values()):.1e}")
     print(
         f"{len(results.lanes):,} lanes: {simulated - began:.0f} s; fits and report: {ended - simulated:.0f} s"
     )
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def slope(found: list[Curve], topology: str) -> float:
-    """Of tail_max against ā by least squares, untrimmed, under the constant lie."""
+    """Of tail_max against ā by least squares, untrimmed, under the constant attack."""
     asked = {"topology": topology, "defence": "none", "attack": "bias"}
     (curve,) = (each for each in found if each.group.labels == asked)
     fit = curve.fit("tail_max")
@@ -59,7 +59,7 @@ def slope(found: list[Curve], topology: str) -> float:
 
 
 def ranking(results: Results) -> pd.DataFrame:
-    """Mean error per ā of each topology, lie and defence, and the share that does not recover."""
+    """Mean error per ā of each topology, attack and defence, and the share that does not recover."""
     rows = []
     for curve in curves(results):
         shares = curve.shares()[0]

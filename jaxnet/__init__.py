@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jaxnet.api import Part, Replay, Results, field, open, run, run_part, simulate
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
+    from jaxnet.kinds.kind import KindError
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError
 
@@ -22,6 +23,7 @@ HOMES = {
     "ClusterError": "jaxnet.runs.cluster",
     "ConfigError": "jaxnet.config.document",
     "FolderError": "jaxnet.store.folder",
+    "KindError": "jaxnet.kinds.kind",
     "Part": "jaxnet.api",
     "Replay": "jaxnet.api",
     "Results": "jaxnet.api",
@@ -37,6 +39,7 @@ __all__ = [
     "ClusterError",
     "ConfigError",
     "FolderError",
+    "KindError",
     "Part",
     "Replay",
     "Results",

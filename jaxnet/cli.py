@@ -55,14 +55,15 @@ def interrupts() -> Iterator[None]:
 def user_errors() -> Iterator[None]:
     """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
     from jaxnet.config.document import ConfigError
+    from jaxnet.kinds.registry import KindError, blaming
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError
 
     try:
-        with interrupts(), warnings.catch_warnings():
+        with interrupts(), warnings.catch_warnings(), blaming():
             warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
-    except (ConfigError, FolderError, ClusterError) as error:
+    except (ConfigError, FolderError, ClusterError, KindError) as error:
         click.echo(str(error), err=True)
         if isinstance(error, ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)
@@ -209,7 +210,7 @@ def show(results: str) -> None:
 @main.command()
 @results_argument
 def fit(results: str) -> None:
-    """Fit the ultimate error against the size of the lie, beside the bounds of theory.
+    """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
     """

@@ -24,7 +24,7 @@ KEYS = {
     "samples": 2,
     "horizon": 1.0,
     "tail": 0.5,
-    "engine": "flat",
+    "engine": "exact",
     "defence": "none",
     "topology": "star",
     "vehicles": 3,
@@ -220,8 +220,8 @@ def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
     pd.testing.assert_series_equal(
         results.row(worst["cell"], np.int64(worst["sample"])), again.row, check_names=False
     )
-    saved = results.trajectories["state"].sel(cell=worst["cell"], sample=worst["sample"])
-    np.testing.assert_array_equal(again.trajectory["state"][0, 0], saved)
+    saved = results.trajectories["states"].sel(cell=worst["cell"], sample=worst["sample"])
+    np.testing.assert_array_equal(again.trajectory["states"][0, 0], saved)
     assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [1]
 
 

@@ -1,7 +1,6 @@
 """The stress script: no bound is broken by 2,000 lanes of random cells, and it would tell if one were."""
 
 import numpy as np
-from jaxnet.model.defence import TrustedTrim
 
 import jaxnet
 from experiments import stress
@@ -33,6 +32,6 @@ def test_cells_share_two_programs():
     scenarios = [jaxnet.load(stress.keys(rng)).cells[0].scenario for _ in range(20)]
     networks = [job(scenario, 0, [0]).network for scenario in scenarios]
     assert {network.hearing.sources.shape for network in networks} == {(stress.HEARD, stress.VEHICLES)}
-    trimming = [network.defence for network in networks if isinstance(network.defence, TrustedTrim)]
+    trimming = [network.shared for network in networks if network.shared != ()]
     assert 0 < len(trimming) < 20
-    assert {len(defence.references) for defence in trimming} == {stress.HEARD}
+    assert {len(shared.references) for shared in trimming} == {stress.HEARD}

@@ -23,7 +23,7 @@ import click
 import yaml
 from distributed import LocalCluster
 
-from jaxnet.store.layout import SHARDS
+from jaxnet.engine.methods.exact import Exact
 
 STUDY = {"name": "cluster", "samples": 0, "engine": "exact", "sweep": {"attack.magnitude": [1, 5]}}
 WAYS = {
@@ -86,7 +86,7 @@ def timed(config: Path, way: tuple[str, ...], *overrides: str) -> tuple[float, f
     if process.returncode:
         raise RuntimeError(process.stderr.read() if process.stderr else "")
     shutil.rmtree(out)
-    after = (len(seen) - 1) * SHARDS["exact"] / (seen[-1] - seen[0]) if len(seen) > 2 else float("nan")
+    after = (len(seen) - 1) * Exact.shard / (seen[-1] - seen[0]) if len(seen) > 2 else float("nan")
     return took, after
 
 

@@ -20,11 +20,11 @@ def main() -> None:
     """A line for each number of lanes, and their ratio."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--lanes", type=int, nargs=2, default=[10_000, 100_000], metavar=("FEW", "MANY"))
-    peaks = [told(lanes) for lanes in parser.parse_args().lanes]
+    peaks = [measured(lanes) for lanes in parser.parse_args().lanes]
     print(f"ratio {peaks[1] / peaks[0]:.2f}; {verdict(max(peaks))} {LIMIT:,} MiB")
 
 
-def told(lanes: int) -> float:
+def measured(lanes: int) -> float:
     """Peak memory [MiB] of so many lanes, printed."""
     peak = peak_memory(lanes)
     print(f"{lanes:9,} lanes: {peak:7,.0f} MiB", flush=True)

@@ -2,12 +2,12 @@
 
 Each takes an untrimmed job and gives positions [m] at its output times, (lanes, times, m, 2), by an adaptive
 5(4) method at rtol 1e-7 and atol 1e-9. None shares a line of the model with the package. What does not
-depend on the state is computed once per lane; in particular what is heard of navigator and liars,
+depend on the state is computed once per lane; in particular what is received of navigator and attacks,
 
     a0 ⊗ (y_0‴ + P(y_0)) + d‴ + P(d),        P(y) = k0 y + k1 ẏ + k2 ÿ,
 
 is a sum of harmonics of time whose vectors are known beforehand, so that the law is left with
-`L (σ + P(y) + ψ u) = heard`. It is solved as the paper states it, `M u = …` with the dense 2m × 2m matrix
+`L (σ + P(y) + ψ u) = received`. It is solved as the paper states it, `M u = …` with the dense 2m × 2m matrix
 `M = Ψ⁻¹ (L ⊗ I₂) Ψ` of the moment (inputs in the order u_1 of all vehicles, then u_2 of all), or, with
 `dense=False`, by the structure of M: with the inverse of L, computed once.
 """
@@ -29,6 +29,7 @@ from scipy.integrate import solve_ivp
 from scipy.io import loadmat, savemat
 
 from jaxnet.engine.batch import Job
+from jaxnet.model.signal import Harmonic
 from jaxnet.runs import exactness
 
 RTOL, ATOL = 1e-7, 1e-9
@@ -48,7 +49,7 @@ class Fleet(NamedTuple):
     inverse: Float[np.ndarray, "m m"]
     gain: Float[np.ndarray, "3"]
     frequency: Float[np.ndarray, "3"]  # [rad/s], of the navigator's axes and the attack
-    cosine: Float[np.ndarray, "3 2 m"]  # what is heard at cos(frequency t)
+    cosine: Float[np.ndarray, "3 2 m"]  # what is received at cos(frequency t)
     sine: Float[np.ndarray, "3 2 m"]
 
 
@@ -59,31 +60,33 @@ def fleets(job: Job) -> list[Fleet]:
     return [fleet(lane, *map(np.asarray, job.network.hearing)) for lane in lanes]
 
 
-def fleet(lane: Any, sources: np.ndarray, attacked: np.ndarray) -> Fleet:
-    """A lane of these slots, and by how much each harmonic is heard."""
-    laplacian, told, lies = links(lane.weights, sources, attacked)
-    # What is heard is the real part of these vectors times exp(i frequency t).
+def fleet(lane: Any, sources: np.ndarray, speakers: np.ndarray, attacked: np.ndarray) -> Fleet:
+    """A lane of these slots, and by how much each harmonic is received."""
+    assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
+    assert (speakers == sources).all(), "the peers know attacks that add alone"
+    laplacian, from_navigator, added = links(lane.weights, sources, attacked)
+    # What is received is the real part of these vectors times exp(i frequency t).
     vectors: Any = np.zeros((3, *lane.initial[:2].shape), complex)
     path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)
-    vectors[[0, 1], [0, 1]] = path[:, None] * told
-    vectors[2] = (lane.attack.cosine - 1j * lane.attack.sine) @ lies.T
-    frequency = np.append(lane.navigator.frequency, lane.attack.frequency)
+    vectors[[0, 1], [0, 1]] = path[:, None] * from_navigator
+    vectors[2] = (lane.vectors[..., 0] - 1j * lane.vectors[..., 1]) @ added.T
+    frequency = np.append(lane.navigator.frequency, lane.signal.frequency)
     vectors *= np.polyval([1.0, *lane.gain[::-1]], 1j * frequency)[:, None, None]
     inverse = np.linalg.inv(laplacian)
     return Fleet(lane.initial, laplacian, inverse, lane.gain, frequency, vectors.real, -vectors.imag)
 
 
 def links(weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray) -> tuple[np.ndarray, ...]:
-    """From weights by slot: L, a0, and with what weight each vehicle (row) hears each signal (column)."""
+    """From weights by slot: L, a0, and with what weight each vehicle (row) receives each attack (column)."""
     m = sources.shape[1]
-    laplacian, told, lies, everyone = np.eye(m), np.zeros(m), np.zeros((m, m)), np.arange(m)
-    for source, lying, weight in zip(sources, attacked, weights, strict=True):
+    laplacian, from_navigator, added, everyone = np.eye(m), np.zeros(m), np.zeros((m, m)), np.arange(m)
+    for source, carries, weight in zip(sources, attacked, weights, strict=True):
         vehicle = source > 0
-        liar = np.where(vehicle, source - 1, everyone)
-        laplacian[everyone, liar] -= np.where(vehicle, weight, 0.0)
-        told += np.where(vehicle, 0.0, weight)
-        lies[everyone, liar] += np.where(lying, weight, 0.0)
-    return laplacian, told, lies
+        attacker = np.where(vehicle, source - 1, everyone)
+        laplacian[everyone, attacker] -= np.where(vehicle, weight, 0.0)
+        from_navigator += np.where(vehicle, 0.0, weight)
+        added[everyone, attacker] += np.where(carries, weight, 0.0)
+    return laplacian, from_navigator, added
 
 
 def output_times(job: Job) -> Float[np.ndarray, " times"]:
@@ -108,7 +111,8 @@ def greatest_error(job: Job, positions: Positions) -> float:
 
 def kept(job: Job, number: int) -> Float[np.ndarray, "times m sources"]:
     """Weights of a lane that nobody trims, at every output time."""
-    weights = job.network.hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
+    hearing = jax.tree.map(jnp.asarray, job.network.hearing)
+    weights = hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
     return np.broadcast_to(weights, (int(job.clock.outputs) + 1, *weights.shape))
 
 
@@ -132,7 +136,7 @@ def scipy_lane(lane: Fleet, times: np.ndarray, dense: bool) -> Float[np.ndarray,
 
 
 def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.ndarray]:
-    """`ẋ = f(t, x)` of the exacttened state, all vehicles at once, vectors of the plane as complex numbers.
+    """`ẋ = f(t, x)` of the flattened state, all vehicles at once, vectors of the plane as complex numbers.
 
     With h = exp(iθ), n = ih: ψ_i⁻¹ ψ_j has the entries Re(conj(r_i) c_j), r = (h, n / v), c = (h, v n).
     """
@@ -208,8 +212,8 @@ def jax_field(t: Any, state: Any, lane: Fleet, dense: bool) -> jax.Array:
     drift = 2.0 * force * turn_rate * left - speed * turn_rate**2 * along
     own = k0 * state[:2] + k1 * velocity + k2 * acceleration + drift
     angle = lane.frequency * t
-    heard = jnp.tensordot(jnp.cos(angle), lane.cosine, 1) + jnp.tensordot(jnp.sin(angle), lane.sine, 1)
-    demand = heard - own @ lane.laplacian.T
+    received = jnp.tensordot(jnp.cos(angle), lane.cosine, 1) + jnp.tensordot(jnp.sin(angle), lane.sine, 1)
+    demand = received - own @ lane.laplacian.T
     if dense:
         rows, columns = jnp.stack([along, left / speed]), jnp.stack([along, speed * left])
         mixing = jnp.einsum("axi,bxj,ij->aibj", rows, columns, lane.laplacian)

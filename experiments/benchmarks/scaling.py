@@ -52,7 +52,7 @@ LINES = [
         {"color": style.RED, "marker": "s", "linestyle": (0, (5, 1.5))},
     ),
     Line(
-        "flat, trimming",
+        "exact, trimming",
         {"engine": "exact"},
         4_096,
         {"color": style.GREEN, "marker": "^", "linestyle": (0, (1, 1))},

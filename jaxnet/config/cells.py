@@ -18,8 +18,7 @@ from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted,
 from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
-from jaxnet.kinds.kind import Fault, Kind
-from jaxnet.kinds.registry import KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError
 
 Place = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
 

@@ -9,7 +9,7 @@ from jaxnet.config.keys import KINDS, Config, Samples, Scenario, Sequential
 from jaxnet.config.wording import shown
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import bounds, is_drawn
-from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.kind import Fault, Kind, KindError
 
 MULTIPLE = 1e-9  # relative
 MOST_MULTIPLE = 1e8
@@ -26,6 +26,16 @@ def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         )
     if study.recovery is not None:
         yield from recovery_faults(study, cells)
+    yield from metric_faults(study)
+
+
+def metric_faults(study: Config) -> Iterator[Fault]:
+    """Every column of a row has a name of its own."""
+    names = ["cell", "sample", "status", "steps", "switches", *(metric.name for metric in study.measured())]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    odd = [name for name in names if not name.isidentifier()]
+    if twice or odd:
+        yield Fault(("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})")
 
 
 def chosen_faults(chosen: list[int], samples: Any) -> Iterator[Fault]:
@@ -66,6 +76,8 @@ def of_kind(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
     """What a kind finds wrong with its scenario, or what went wrong in one from outside."""
     try:
         return list(kind.faults(scenario))
+    except KindError as error:
+        return [Fault((key,), str(error))]
     except Exception as error:
         blamed = registry.blame(error)
         if blamed is None:

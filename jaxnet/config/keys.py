@@ -22,10 +22,10 @@ from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
-from jaxnet.kinds.registry import KindError
 from jaxnet.kinds.vehicles import Vehicle
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 

@@ -18,9 +18,10 @@ def schema() -> dict[str, Any]:
     """
     whole = Config.model_json_schema()
     for family in KINDS:
+        default = Scenario.model_fields[family].default.reference()
         kinds = {name: registry.find(family, name) for name in registry.names(family)}
         for name, kind in kinds.items():
-            whole["$defs"] |= definitions(kind, name)
+            whole["$defs"] |= definitions(kind, name, default)
         whole["$defs"][family] = {
             "anyOf": [
                 {"enum": list(kinds)},
@@ -29,17 +30,34 @@ def schema() -> dict[str, Any]:
                 {"type": "object", "properties": {"kind": {"pattern": OUTSIDE}}, "required": ["kind"]},
             ],
         }
-        default = Scenario.model_fields[family].default.reference()
-        whole["properties"][family] = {"$ref": f"#/$defs/{family}", "default": default}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **whole}
+        whole["properties"][family] = {"family": family, "default": default}
+    whole["properties"]["metrics"]["items"] = {
+        "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 
 
-def definitions(kind: Any, name: str) -> dict[str, Any]:
-    """What the schema says of a kind, and of what its keys take."""
+def definitions(kind: Any, name: str, default: str) -> dict[str, Any]:
+    """What the schema says of a kind, and of what its keys take; only the default's may go unnamed."""
     own = kind.model_json_schema(ref_template="#/$defs/{model}")
     inner = own.pop("$defs", {})
     own["properties"] = {"kind": {"const": name, "default": name, "type": "string"}, **own["properties"]}
+    if name != default:
+        own["required"] = ["kind", *own.get("required", [])]
     return {**inner, kind.__name__: own}
+
+
+def referring(part: Any) -> Any:
+    """The same with a reference wherever a key takes a kind of a family (`kinds.family.Of`)."""
+    if isinstance(part, list):
+        return [referring(each) for each in part]
+    if not isinstance(part, dict):
+        return part
+    if isinstance(part.get("family"), str):
+        family = part["family"]
+        part = {key: each for key, each in part.items() if key != "family"}
+        return {"$ref": f"#/$defs/{family}", **part}
+    return {key: referring(each) for key, each in part.items()}

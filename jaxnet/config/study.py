@@ -16,6 +16,10 @@ from jaxnet.config import cells
 from jaxnet.config.cells import Cell
 from jaxnet.config.document import ConfigError, Document, Dumper, Keys, Problem, dotted
 from jaxnet.config.keys import Config
+from jaxnet.kinds import registry
+from jaxnet.kinds.graphs.edges import Edges
+from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.metrics import Metric
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,9 +54,11 @@ Source = Study | str | Path | UPath | Mapping[str, Any]
 def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
     """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
-    NumPy's and pandas' values count as Python's, tuples as lists. Overrides are a mapping by dotted key, or
-    KEY=VALUE words; a Study without any is returned as it is. Raises ConfigError with everything that is
-    wrong; of a mapping it names the places in its YAML.
+    Modules beside the file can be imported, for kinds of one's own. In a mapping a kind may be an object, a
+    graph one of networkx; NumPy's and pandas' values count as Python's, tuples as lists. Overrides are a
+    mapping by dotted key, or KEY=VALUE words; a Study without any is returned as it is.
+
+    Raises ConfigError with everything that is wrong; of a mapping it names the places in its YAML.
     """
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
@@ -65,6 +71,7 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
     else:
         document = Document.read(source)
+        registry.search(Path(str(source)).resolve().parent)
     for word in overrides:
         document.override(word)
     return Study(*cells.read(document))
@@ -81,12 +88,24 @@ def native(value: Any, *keys: Any) -> Any:
 
     Raises ConfigError for anything that YAML has no word for.
     """
-    value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy, pandas or JAX
+    value = value.tolist() if hasattr(value, "tolist") else written(value)  # of NumPy, pandas or JAX
     if isinstance(value, Mapping):
         return {plain_scalar(key, keys): native(inner, *keys, key) for key, inner in value.items()}
     if isinstance(value, list | tuple | range):
         return [native(inner, *keys, number) for number, inner in enumerate(value)]
     return plain_scalar(value, keys)
+
+
+def written(value: Any) -> Any:
+    """A kind, a class of one, a metric or a graph of networkx as a config writes it; anything else as it
+    is.
+    """
+    if isinstance(value, Kind):
+        return {"kind": registry.adopt(type(value)), **cells.tidy(dict(value))}
+    if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
+        return registry.adopt(value)
+    graph = Edges.adopted(value)
+    return value if graph is None else written(graph)
 
 
 def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:

@@ -11,7 +11,7 @@ from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import MARK, names_distribution
-from jaxnet.kinds.registry import KindError
+from jaxnet.kinds.kind import KindError
 
 WORDS = {
     "float_type": "must be a number",
@@ -46,7 +46,7 @@ def explain(error: Any, data: Any) -> str:
     if kind == "metric":
         return context["error"]
     if kind == "kind_name":
-        hint = suggestion(str(given["kind"]), registry.names(context["family"]), fallback=False)
+        hint = suggestion(str(given.get("kind")), registry.names(context["family"]), fallback=False)
         return context["error"] + hint
     if kind in ("too_short", "too_long"):
         word, number = (
@@ -96,7 +96,8 @@ def model_in(field: Any, value: Any) -> Any:
     """The model, or the union of models, of a key: of a kind the one that its value names."""
     family = next((mark.family for mark in field.metadata if isinstance(mark, Of)), None)
     if family is None:
-        return field.annotation
+        models = records(field.annotation)
+        return models[0] if len(models) == 1 else field.annotation
     try:
         name = value.get("kind") if isinstance(value, dict) else value
         return registry.find(family, name) if isinstance(name, str) else None

@@ -59,7 +59,7 @@ class Fleet(NamedTuple):
     signals: Signals
     step: Times  # [s] proposed for the next attempt
     ticks: Int[Array, " lanes"]  # passed
-    at_tick: Bool[Array, " lanes"]  # at a tick at which they have not yet heard
+    at_tick: Bool[Array, " lanes"]  # at a tick at which they have not yet received
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
     mind: Mind
     held: Held

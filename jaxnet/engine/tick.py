@@ -15,6 +15,7 @@ from jaxnet.engine.metrics import SERIES, Observation
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import retained, signal
 from jaxnet.model.hearing import AxisWeights
@@ -67,10 +68,10 @@ def sight(lane: Lane, network: Network, decision: Any, errors: Any, basis: Any, 
 
 
 def first_decision(decided: Any, lane: Lane) -> Any:
-    """Everybody retained, in the form in which the defence decides; raises ValueError if that is none."""
+    """Everybody retained, in the form in which the defence decides; raises KindError if that is none."""
     slots = lane.weights.shape
     if decided.shape not in (slots, (2, *slots)) or decided.dtype not in (jnp.bool_, jnp.float64):
-        raise ValueError(
+        raise KindError(
             f"{lane.defence.kind}.decide: a decision is boolean or double precision, of shape {slots} or"
             f" {(2, *slots)} (got {decided.dtype} of shape {decided.shape})"
         )

@@ -5,8 +5,7 @@ from typing import Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.kind import Kind
-from jaxnet.kinds.registry import KindError
+from jaxnet.kinds.kind import Kind, KindError
 
 
 class Of:
@@ -22,10 +21,12 @@ class Of:
             value = {"kind": value}
         if isinstance(value, base):
             return value
-        if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
+        if not isinstance(value, dict):
             known = ", ".join(registry.names(self.family))
             raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
         try:
+            if not isinstance(value.get("kind"), str):
+                raise registry.unknown(self.family, value.get("kind"))
             found = registry.find(self.family, value["kind"])
         except KindError as error:
             raise PydanticCustomError(
@@ -42,4 +43,4 @@ class Of:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
         """A place that `config.schema` fills in."""
-        return {"$ref": f"#/$defs/{self.family}"}
+        return {"family": self.family}

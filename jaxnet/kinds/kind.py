@@ -20,6 +20,10 @@ class Fault(NamedTuple):
     message: str
 
 
+class KindError(ValueError):
+    """A kind from outside that cannot be had, or that failed; says which and where."""
+
+
 class Kind(Record):
     """One of several ways. `label` names it in tables.
 
@@ -45,7 +49,9 @@ class Kind(Record):
 
     @classmethod
     def reference(cls) -> str:
-        """How a config names the class: the name that it was found by, or `module:Class`."""
+        """How a config names the class: ours by its kind, others as they were found or by `module:Class`."""
+        if cls.__module__.startswith("jaxnet."):
+            return cls.kind
         return REFERENCES.get(cls, f"{cls.__module__}:{cls.__qualname__}")
 
     def __reduce__(self) -> Any:

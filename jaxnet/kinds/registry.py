@@ -6,19 +6,21 @@ What a class is made of (its module's source, its distribution's version) is tol
 depend on it.
 """
 
+import contextlib
 import functools
 import hashlib
 import importlib
 import importlib.util
 import json
+import os
 import pkgutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxnet.kinds.kind import REFERENCES, Kind
+from jaxnet.kinds.kind import REFERENCES, Kind, KindError
 
 
 class Family(NamedTuple):
@@ -43,10 +45,6 @@ FAMILIES = {
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 
 
-class KindError(ValueError):
-    """A kind from outside that cannot be had, or that failed; says which and where."""
-
-
 class Provenance(NamedTuple):
     """What a class from outside is made of."""
 
@@ -66,22 +64,54 @@ def find(family: str, name: str) -> Any:
     """The class (of `metrics` the metric) that a name means in a family; raises KindError."""
     if (family, name) in RENAMED:
         raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
-    found = builtin(family, name)
+    found = HANDED.get(name)
+    if found is None:
+        found = builtin(family, name)
     if found is None:
         found = installed(family, name)
     if found is None and ":" in name:
         found = imported(name, name)
     if found is None:
-        raise KindError(
-            f"must be one of {', '.join(names(family))}, or module:Class (got {json.dumps(name)})"
-        )
+        raise unknown(family, name)
     base = base_of(family)
     if not (isinstance(found, type) and issubclass(found, base)) and not isinstance(found, base):
         shown = found.__name__ if isinstance(found, type) else repr(found)[:60]
         raise KindError(f"{name} is not of the family {base.__name__} ({shown})")
     if isinstance(found, type) and issubclass(found, Kind):
         REFERENCES[found] = name
+    if not home_of(found).startswith("jaxnet."):
+        OUTSIDE[name] = found
     return found
+
+
+def unknown(family: str, given: Any) -> KindError:
+    """What is said of a name that means no kind, or of something that is no name."""
+    known, shown = ", ".join(names(family)), json.dumps(given, default=repr)
+    return KindError(f"must be one of {known}, or module:Class (got {shown})")
+
+
+HANDED: dict[str, Any] = {}  # objects that a script has handed over, by their references
+OUTSIDE: dict[str, Any] = {}  # what was found and is not ours, by name
+
+
+def home_of(found: Any) -> str:
+    """The module that a class, or a metric's function, is written in."""
+    return found.__module__ if isinstance(found, type) else found.of.__module__
+
+
+def adopt(given: Any) -> str:
+    """The reference by which a class or metric that a script hands over is found from now on."""
+    module = home_of(given)
+    if isinstance(given, type):
+        reference = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
+    else:
+        held = vars(sys.modules[module]).items()
+        known = next((name for name, each in held if each is given), given.name)
+        reference = given.name if module.startswith("jaxnet.") else f"{module}:{known}"
+    if not module.startswith("jaxnet."):
+        HANDED[reference] = given
+        SOURCES.setdefault(module, source_of(module))
+    return reference
 
 
 @functools.cache
@@ -150,12 +180,25 @@ SOURCES: dict[str, Provenance] = {}  # of modules that kinds came from, as they 
 
 
 def source_of(module: str) -> Provenance:
-    """What a module is made of now."""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    content = Path(file).read_bytes() if file and Path(file).exists() else b""
+    """What a module is made of now; where it has no file, what its functions are compiled to."""
+    held = sys.modules[module]
+    file = getattr(held, "__file__", None)
+    content = Path(file).read_bytes() if file and Path(file).exists() else compiled(held)
     return Provenance(file or "", hashlib.sha256(content).hexdigest(), version_of(module))
 
 
+def compiled(module: Any) -> bytes:
+    """The code of a module's classes and functions, as a notebook has it."""
+    functions = [
+        each
+        for found in vars(module).values()
+        for each in (vars(found).values() if isinstance(found, type) else [found])
+        if hasattr(each, "__code__")
+    ]
+    return repr([(each.__code__.co_code, each.__code__.co_consts) for each in functions]).encode()
+
+
+@functools.cache
 def version_of(module: str) -> str | None:
     """Version of the distribution that a module came with, None if it came with none."""
     owners = metadata.packages_distributions().get(module.partition(".")[0])
@@ -165,9 +208,8 @@ def version_of(module: str) -> str | None:
 def refuse_changed(module: str, name: str) -> None:
     """Raise KindError if a module's file is no longer what was imported."""
     if source_of(module).sha256 != SOURCES[module].sha256:
-        raise KindError(
-            f"{name} was changed since it was imported ({SOURCES[module].file}): start Python anew"
-        )
+        file = SOURCES[module].file
+        raise KindError(f"{name} was changed since it was imported ({file}): start Python anew")
 
 
 def search(folder: str | Path) -> None:
@@ -176,16 +218,40 @@ def search(folder: str | Path) -> None:
         sys.path.append(str(folder))
 
 
-def provenance(kinds: Sequence[Any]) -> dict[str, Provenance]:
-    """What those of some kinds are made of that are not ours, by module."""
-    found = {}
-    for kind in kinds:
-        module = getattr(kind, "module", None) or type(kind).__module__
-        if not module.startswith("jaxnet."):
-            if module not in SOURCES:
-                SOURCES[module] = source_of(module)
-            found[module] = SOURCES[module]
-    return found
+def root_of(module: str, file: str) -> Path:
+    """The folder from which a module in this file is imported."""
+    return Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")]
+
+
+def provenance(data: Any) -> dict[str, Provenance]:
+    """What those kinds are made of that plain data names and that are not ours, by module."""
+    named = set(words(data))
+    homes = sorted({home_of(found) for name, found in OUTSIDE.items() if name in named})
+    for module in homes:
+        SOURCES.setdefault(module, source_of(module))
+    return {module: SOURCES[module] for module in homes}
+
+
+def confirm(modules: dict[str, Provenance]) -> None:
+    """Raise KindError if modules that another process names are not the same here."""
+    for name, made_of in modules.items():
+        if made_of.file:
+            search(root_of(name, made_of.file))
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            raise KindError(f"{name} cannot be imported by process {os.getpid()}: {error}") from error
+        SOURCES.setdefault(name, source_of(name))
+        if SOURCES[name].sha256 != made_of.sha256:
+            raise KindError(f"{name} is another one in process {os.getpid()} ({SOURCES[name].file})")
+
+
+def words(data: Any) -> Iterator[str]:
+    """All text in plain data, keys left out."""
+    if isinstance(data, str):
+        yield data
+    for inner in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+        yield from words(inner)
 
 
 def told(error: BaseException) -> str:
@@ -214,3 +280,15 @@ def blame(error: BaseException) -> KindError | None:
     if isinstance(error, KindError) or not any(file in files() for file, _ in trace(error)):
         return None
     return KindError(told(error))
+
+
+@contextlib.contextmanager
+def blaming() -> Iterator[None]:
+    """Have what a kind from outside raises told as a KindError, with its file and line."""
+    try:
+        yield
+    except Exception as error:
+        blamed = blame(error)
+        if blamed is None:
+            raise
+        raise blamed from error

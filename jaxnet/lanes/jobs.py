@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from jaxnet.config.keys import Scenario
@@ -12,14 +13,23 @@ from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.proofs import prove
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
-    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`."""
-    draw = Draw(seed, samples, scenario.vehicles)
+    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`.
+
+    In double precision whatever the process's default is.
+    """
+    with jax.enable_x64(True):
+        return made(scenario, Draw(seed, samples, scenario.vehicles), save)
+
+
+def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
+    """The same of a draw's samples."""
     sources = hearing.slots(scenario.topology.links(scenario.vehicles))
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     signal, vectors, amplitude = attack_of(scenario, draw)
@@ -32,7 +42,7 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
         vehicle=tree(vehicle),
         navigator=tree(scenario.navigator.drawn(draw, "navigator")),
         defence=tree(scenario.defence.drawn(draw, "defence")),
-        signal=tree(signal, len(samples)),
+        signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
         amplitude=amplitude,
     )
@@ -94,16 +104,19 @@ def attack_of(scenario: Scenario, draw: Draw) -> tuple[Any, np.ndarray, Any]:
     """
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count, m = len(draw.samples), scenario.vehicles
-    scale = np.broadcast_to(scaled(drawn, scenario.horizon), count)
-    unit = np.asarray(drawn.vectors()) if not drawn.strategic else first_vectors(drawn, count)
+    signal, sizes = drawn.signal(), drawn.sizes(scenario.horizon)
+    given = None if drawn.strategic else np.asarray(drawn.vectors())
+    prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
+    unit = first_vectors(signal, count) if given is None else given
+    scale = np.broadcast_to(scaled(drawn, sizes), count)
     attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
     vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
-    return drawn.signal(), vectors, scale
+    return signal, vectors, scale
 
 
-def first_vectors(drawn: AnyAttack, count: int) -> np.ndarray:
+def first_vectors(signal: Any, count: int) -> np.ndarray:
     """Where a strategic attack's vectors have room, as many as it has functions; it sets them at once."""
-    functions = np.asarray(drawn.signal().basis(np.zeros(count))).shape[1]
+    functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
     return np.ones((2, 1, functions, 1))
 
 
@@ -112,8 +125,6 @@ def tree(drawn: Any, count: int = 1) -> Any:
 
     A number alone is the same in `count` lanes.
     """
-    import jax
-
     leaves = jax.tree.map(lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn))
     return jax.tree.map(lanes_first, leaves)
 

@@ -1,18 +1,18 @@
 """Who hears whom, slot by slot, and what they receive.
 
+JAX is imported where lanes are simulated, for a study is read without it.
+
 A vehicle has as many slots as the busiest listener has sources, filled in the order of their numbers. One
 left over holds the listener itself, with weight 0. So a graph's arrays are (slots, m), whatever m².
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-SlotWeights = Float[Array, "slots m *lanes"]
-AxisWeights = Float[Array, "axes slots m *lanes"]  # one axis where both are alike
+SlotWeights = Float[Any, "slots m *lanes"]
+AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis where both are alike
 
 
 class Hearing(NamedTuple):
@@ -22,53 +22,59 @@ class Hearing(NamedTuple):
     of its source, or the navigator's, with the attack's signal on top.
     """
 
-    sources: Int[Array, "slots m"]
-    speakers: Int[Array, "slots m"]
-    attacked: Bool[Array, "slots m"]
+    sources: Int[Any, "slots m"]
+    speakers: Int[Any, "slots m"]
+    attacked: Bool[Any, "slots m"]
 
-    def sent(self, sources: Float[Array, "2 n *lanes"]) -> Float[Array, "2 slots m *lanes"]:
+    def sent(self, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 slots m *lanes"]:
         """What each slot's source sends, of what the navigator and the vehicles send (n = m + 1)."""
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
-    def added(self, signal: Float[Array, "2 m *lanes"]) -> Float[Array, "2 slots m *lanes"]:
+    def added(self, signal: Float[Any, "2 m *lanes"]) -> Float[Any, "2 slots m *lanes"]:
         """What the attack adds on each link: a listener's own signal to the navigator, else the
         transmitter's.
         """
+        import jax.numpy as jnp
+
         attacker = jnp.where(self.sources > 0, self.sources - 1, jnp.arange(self.sources.shape[1])[None])
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
         return jnp.where(attacked, signal.at[:, attacker].get(mode="promise_in_bounds"), 0.0)
 
     def received(
-        self, sources: Float[Array, "2 n *lanes"], signal: Float[Array, "2 m *lanes"]
-    ) -> Float[Array, "2 slots m *lanes"]:
+        self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 m *lanes"]
+    ) -> Float[Any, "2 slots m *lanes"]:
         """What is received in each slot, attacked or not."""
         return sources.at[:, self.speakers].get(mode="promise_in_bounds") + self.added(signal)
 
     def mean(
         self,
         weights: AxisWeights,
-        sources: Float[Array, "2 n *lanes"],
-        signal: Float[Array, "2 m *lanes"],
-    ) -> Float[Array, "2 m *lanes"]:
+        sources: Float[Any, "2 n *lanes"],
+        signal: Float[Any, "2 m *lanes"],
+    ) -> Float[Any, "2 m *lanes"]:
         """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of what is received, slot by slot."""
+        import jax
+        import jax.numpy as jnp
 
-        def add(total: jax.Array, slot: tuple[jax.Array, Hearing]) -> tuple[jax.Array, None]:
+        def add(total: Any, slot: tuple[Any, Hearing]) -> tuple[Any, None]:
             weight, one = slot
             return total + weight * one.received(sources, signal)[:, 0], None
 
         each = Hearing(self.sources[:, None], self.speakers[:, None], self.attacked[:, None])
         return jax.lax.scan(add, jnp.zeros_like(signal), (weights.swapaxes(0, 1), each))[0]
 
-    def matrix(self, weights: SlotWeights) -> Float[Array, "m n *lanes"]:
+    def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """`[a0 | A]` of whose word is carried, from weights by slot."""
         return self.spread_out(weights, self.speakers)
 
-    def retained(self, weights: AxisWeights) -> Float[Array, "m n *lanes"]:
+    def retained(self, weights: AxisWeights) -> Float[Any, "m n *lanes"]:
         """Weights in force by vehicle and source, the mean over the axes."""
         return self.spread_out(weights.mean(axis=0), self.sources)
 
-    def spread_out(self, weights: SlotWeights, sources: Int[Array, "slots m"]) -> Float[Array, "m n *lanes"]:
+    def spread_out(self, weights: SlotWeights, sources: Int[Any, "slots m"]) -> Float[Any, "m n *lanes"]:
         """Weights by vehicle and source, of weights by slot."""
+        import jax.numpy as jnp
+
         slots, m = sources.shape
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-Plane = Float[Array, "2 m *lanes"]
+Plane = Float[Any, "2 m *lanes"]
 Jets = tuple[Plane, Plane, Plane]  # a signal, its first and its second derivative
 
 

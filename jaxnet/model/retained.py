@@ -6,9 +6,8 @@ differ: booleans, which slots are retained, or weights themselves, none negative
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Bool, Int
 
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.hearing import AxisWeights, SlotWeights
@@ -42,15 +41,16 @@ def everybody(weights: Weights) -> AnySubset:
 
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
     """Weights that follow from a decision, renormalised to sum 1; not-a-number where one is negative."""
+    xp = decision.__array_namespace__()
     by_axis = decision.reshape(-1, *weights.shape)
     if by_axis.dtype == bool:
-        kept = jnp.where(by_axis, weights[None], 0.0)
+        kept = xp.where(by_axis, weights[None], 0.0)
     else:
-        kept = jnp.where(by_axis >= 0, by_axis, jnp.nan)
+        kept = xp.where(by_axis >= 0, by_axis, xp.nan)
     return kept / kept.sum(axis=1, keepdims=True)
 
 
-def changed(decision: Any, before: Any) -> Bool[Array, "m *lanes"]:
+def changed(decision: Any, before: Any) -> Bool[Any, "m *lanes"]:
     """Vehicles whose decision is another one."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))

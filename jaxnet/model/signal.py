@@ -9,13 +9,13 @@ them, cos ωt and sin ωt.
 
 from typing import Any, NamedTuple
 
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jaxnet.model.circle import circle
 
-Vectors = Float[Array, "2 m functions *lanes"]
-Basis = Float[Array, "4 functions *lanes"]  # β_b and its first three derivatives
-Plane = Float[Array, "2 m *lanes"]
+Vectors = Float[Any, "2 m functions *lanes"]
+Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
+Plane = Float[Any, "2 m *lanes"]
 
 
 class Harmonic(NamedTuple):

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upath import UPath
 
+from jaxnet.kinds import registry
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
@@ -125,7 +126,9 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
     try:
         for _, answer in as_completed(futures, with_results=True, loop=client.loop):
             if isinstance(answer, ImportError) or "deserialization" in str(answer):
-                raise ClusterError(f"the same jaxnet is needed by scheduler and workers: {answer}")
+                raise ClusterError(
+                    f"scheduler and workers need the same jaxnet, and the study's own modules: {answer}"
+                )
             if isinstance(answer, BaseException):
                 raise answer
             tell(answer.said)
@@ -242,6 +245,7 @@ def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Sh
     from jaxnet.runs import shards
 
     refuse(worker.address, versions(), needed)
+    registry.confirm(work.modules)
     ended = 0
 
     def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
@@ -254,7 +258,8 @@ def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Sh
             )
 
     see()
-    done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk), see))
+    with registry.blaming():
+        done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk), see))
     return Answer(done, list(drained(said)))
 
 

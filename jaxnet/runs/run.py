@@ -18,6 +18,7 @@ from jaxnet.config.cells import Cell, plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
+from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Done, Work
@@ -54,6 +55,7 @@ class Run:
             study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
         self.crew = crew or alone(machine)
+        self.modules = registry.provenance(plain(study))
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
@@ -98,6 +100,7 @@ class Run:
             hash=digest(self.study),
             seed=self.study.seed,
             versions=versions(),
+            modules={name: made_of._asdict() for name, made_of in self.modules.items()},
             device=jax.devices()[0].device_kind,
             chunk=self.machine.chunk,
             samples=samples,
@@ -126,6 +129,7 @@ class Run:
             rows.column_types(self.study, self.cells),
             layout.filled_stores(self.cells, self.study.save),
             filled,
+            self.modules,
         )
 
     def simulate(self, wanted: Sequence[Shard], work: Work, tally: "Tally") -> int:

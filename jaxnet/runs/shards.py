@@ -25,6 +25,7 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
+from jaxnet.kinds.registry import Provenance
 from jaxnet.lanes.jobs import job
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
@@ -45,6 +46,7 @@ class Work(NamedTuple):
     types: dict[str, pa.DataType]  # of the swept keys' columns
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
     filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
+    modules: dict[str, Provenance]  # that kinds from outside came from
 
     @property
     def variables(self) -> dict[str, Variable]:

@@ -225,7 +225,7 @@ def size_of(cell: Cell) -> Any:
     return cell.scenario.attack.amplitude()
 
 
-def size_of_lie(cell: Cell) -> str:
+def magnitude_words(cell: Cell) -> str:
     """ā of a cell in words."""
     amount = size_of(cell)
     if is_drawn(amount):

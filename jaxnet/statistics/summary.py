@@ -52,10 +52,11 @@ def spread(values: np.ndarray) -> dict[str, float]:
     if count == 0:
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
     mean, half = values.mean(), np.nan
-    if count > 1:
-        quantile = special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)
-        half = quantile * values.std(ddof=1) / np.sqrt(count)
-    q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
+    with np.errstate(invalid="ignore"):  # infinite ones have no spread
+        if count > 1:
+            quantile = special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)
+            half = quantile * values.std(ddof=1) / np.sqrt(count)
+        q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
     return {
         "mean": mean,
         "low": mean - half,

@@ -1,4 +1,4 @@
-"""The ultimate error against the size of the lie: what the lanes say of it, and what theory does."""
+"""The ultimate error against the attack's magnitude: what the lanes say of it, and what theory does."""
 
 from collections.abc import Callable, Iterator
 

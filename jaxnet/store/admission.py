@@ -7,6 +7,7 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
+from jaxnet.kinds.registry import SOURCES
 from jaxnet.store import rows
 from jaxnet.store.folder import UNHASHED, Folder, FolderError, digest
 
@@ -53,6 +54,8 @@ def held(folder: Folder) -> tuple[str | None, str | None]:
 
 def difference(folder: Folder, config: Config) -> str:
     """Keys in which the folder's study differs from a config, where it is known."""
+    if changed := changed_modules(folder):
+        return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
         return ""
@@ -66,6 +69,15 @@ def difference(folder: Folder, config: Config) -> str:
         return ": its sweep has another order"
     apart = (f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
     return ": " + ", ".join(apart)
+
+
+def changed_modules(folder: Folder) -> list[str]:
+    """Modules of kinds from outside that are not what they were when the folder's rows were made."""
+    return [
+        name
+        for name, made_of in folder.manifest.get("modules", {}).items()
+        if name in SOURCES and SOURCES[name].sha256 != made_of["sha256"]
+    ]
 
 
 def flat(value: Any, prefix: str = "") -> dict[str, Any]:

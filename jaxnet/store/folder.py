@@ -25,6 +25,7 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Dumper
 from jaxnet.config.keys import Config
+from jaxnet.kinds import registry
 from jaxnet.store import lock
 
 UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
@@ -48,8 +49,11 @@ class FolderError(ValueError):
 
 
 def digest(config: Config) -> str:
-    """Hash of everything in a config that changes rows."""
-    kept = {key: value for key, value in plain(config).items() if key not in UNHASHED}
+    """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
+    data = plain(config)
+    kept = {key: value for key, value in data.items() if key not in UNHASHED}
+    if made_of := registry.provenance(data):
+        kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 

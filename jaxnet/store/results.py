@@ -1,6 +1,7 @@
 """Results: what a run has left in its folder, read when it is asked for."""
 
 import shlex
+import warnings
 from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,9 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.config.study import Study, load
+from jaxnet.kinds import registry
 from jaxnet.store import arrays, layout, rows
+from jaxnet.store.admission import changed_modules
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 
@@ -30,7 +33,13 @@ class Results:
     @cached_property
     def study(self) -> Study:
         """The study that was run."""
-        return load(self.path / "study.yaml")
+        modules = self.manifest.get("modules", {})
+        for name, made_of in modules.items():
+            registry.search(registry.root_of(name, made_of["file"]))
+        study = load(self.path / "study.yaml")
+        for name in changed_modules(Folder(self.path)):
+            warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
+        return study
 
     @cached_property
     def manifest(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from tests.engine.test_exactness import attack_on_links, navigator_at
 from tests.kinds import few
 
 TICK, SMOOTHING = 0.05, 0.2
+FINER = {"kind": "nonlinear", "rtol": 1e-9, "atol": 1e-11}
 RANDOM = {
     "kind": "random_regular",
     "degree": 3,
@@ -59,9 +60,21 @@ class Alike(Filtered):
 
     def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
         """By the mean of both axes' distances."""
-        decision, memory = super().decide(own, received, last, memory, around)
+        _, memory = super().decide(own, received, last, memory, around)
         distance = memory["distance"].mean(axis=0)
         return jnp.maximum(around.weights, 0.01) / (1.0 + distance**2), memory
+
+
+class Withdrawing(Defence):
+    """From 2.4375 s on the navigator alone is retained; needs no memory."""
+
+    kind = "withdrawing"
+    ticks_only: ClassVar[bool] = False
+
+    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
+        """By the time alone."""
+        late = (around.time >= 2.4375)[None, None]
+        return ~late | (around.sources == 0)[:, :, None], memory
 
 
 class Steering(Attack):
@@ -169,6 +182,19 @@ def test_weights_that_are_numbers_with_a_memory(engine, kind, accuracy):
         assert not kept[:, lane.weights == 0].any()
         assert np.ptp(kept, axis=0).max() > 0.1
     assert outcome.switches.tolist() == [0, 0]
+
+
+def test_a_defence_in_the_vector_field_is_told_the_time():
+    """As at ticks one of which is the time that it waits for; whatever the magnitude."""
+    keys = {"defence": named(Withdrawing), "horizon": 4.0, "tail": 1.0, "output_step": 0.25}
+    ticked, literal = (
+        few.simulate(systems.lanes(systems.study(engine=engine, tick=tick, **keys), 1))
+        for engine, tick in (("exact", 0.0625), (FINER, 0.0))
+    )
+    assert ticked.status.tolist() == literal.status.tolist() == [0]
+    positions = (outcome.series["state"][..., :2] for outcome in (ticked, literal))
+    assert np.abs(np.subtract(*positions)).max() <= 1e-5
+    assert (ticked.series["kept"][0, [0, -1], 0, 0] == [0.1, 1.0]).all()
 
 
 def steered(m, links, magnitude):

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxnet.config import keys as config
+from jaxnet.kinds import fields
 from jaxnet.lanes.draws import draw, slot, uniforms
 from tests import systems
 
 
 def test_a_draw_does_not_depend_on_who_is_drawn_beside_it():
     """Not on the number of samples, nor on which vehicles or components are drawn."""
-    uniform = config.Uniform(uniform=[-1.0, 1.0])
+    uniform = fields.Uniform(uniform=[-1.0, 1.0])
     whole = draw(uniform, 7, "initial.position", range(600), range(1, 13), 2)
     part = draw(uniform, 7, "initial.position", [599, 3], [12, 2], 1)
     np.testing.assert_array_equal(part[:, :, 0], whole[[599, 3]][:, [11, 1], 0])
@@ -20,7 +20,7 @@ def test_a_draw_does_not_depend_on_who_is_drawn_beside_it():
 
 def test_seed_name_sample_vehicle_and_component_each_matter():
     """All draws of several keys are different numbers."""
-    uniform = config.Uniform(uniform=[0.0, 1.0])
+    uniform = fields.Uniform(uniform=[0.0, 1.0])
     drawn = [
         draw(uniform, seed, name, range(50), range(1, 13), 2)
         for seed in (0, 1, 2**40)
@@ -32,8 +32,8 @@ def test_seed_name_sample_vehicle_and_component_each_matter():
 @pytest.mark.parametrize(
     ("number", "distribution"),
     [
-        (config.Uniform(uniform=[2.0, 5.0]), stats.uniform(2, 3)),
-        (config.Normal(normal=[1.0, 2.0]), stats.norm(1, 2)),
+        (fields.Uniform(uniform=[2.0, 5.0]), stats.uniform(2, 3)),
+        (fields.Normal(normal=[1.0, 2.0]), stats.norm(1, 2)),
     ],
 )
 def test_draws_follow_their_distribution(number, distribution):
@@ -44,7 +44,7 @@ def test_draws_follow_their_distribution(number, distribution):
 
 def test_a_choice_takes_each_value_alike():
     """Chi-squared, 20,000 draws of three values."""
-    values = draw(config.Choice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0])
+    values = draw(fields.Choice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0])
     listed, counts = np.unique(values, return_counts=True)
     assert listed.tolist() == [1.0, 5.0, 9.0]
     assert stats.chisquare(counts).pvalue > 1e-3
@@ -53,8 +53,8 @@ def test_a_choice_takes_each_value_alike():
 def test_a_draw_is_the_inverse_cdf_of_one_uniform_number():
     """Distributions of the same quantity are monotone in each other: common random numbers."""
     place = (3, "attack.magnitude", range(100), [0])
-    uniform = draw(config.Uniform(uniform=[0.0, 1.0]), *place)[:, 0, 0]
-    normal = draw(config.Normal(normal=[0.0, 1.0]), *place)[:, 0, 0]
+    uniform = draw(fields.Uniform(uniform=[0.0, 1.0]), *place)[:, 0, 0]
+    normal = draw(fields.Normal(normal=[0.0, 1.0]), *place)[:, 0, 0]
     np.testing.assert_allclose(stats.norm.cdf(normal), uniform, atol=1e-12)
 
 
@@ -63,11 +63,12 @@ def test_cells_share_their_draws():
     sweep = {"attack.magnitude": [1, 9], "gain": [[1, 3, 3], [6, 11, 6]]}
     cells = [one.inputs.lane for one in systems.lanes(systems.study(sweep=sweep), 3).jobs]
     initial = [lane.initial for lane in cells]
-    phases = [np.arctan2(*lane.attack.cosine.swapaxes(0, 1)[::-1]) for lane in cells]
+    phases = [np.arctan2(*lane.vectors[:, ::-1, :, 0].swapaxes(0, 1)) for lane in cells]
     for cell in range(1, 4):
         np.testing.assert_array_equal(initial[cell], initial[0])
         np.testing.assert_allclose(phases[cell], phases[0], atol=1e-14)
-    assert not np.array_equal(initial[0][0], initial[0][1])
+    for drawn in (initial[0], phases[0]):
+        assert not np.array_equal(drawn[0], drawn[1])
 
 
 def test_initial_states_are_in_their_ranges():
@@ -108,12 +109,12 @@ SMALL = {"vehicles": 3, "attack": {"vehicles": [2]}}
 
 
 def everything(of):
-    """Studies with all numbers of a lane made by `of` from a number: a ring, and a weighted digraph, flat."""
+    """Studies with all numbers of a lane made by `of` from a number: a ring, and a digraph solved exactly."""
     both = {"gain": [of(1.0), of(3.0), of(3.0)], "defence": {"tolerance": of(1e-6)}}
     ring = {"topology": {"navigator_weight": of(0.1)}, "engine": {"rtol": of(1e-6), "atol": of(1e-8)}}
     edges = [[i, j, of(float(weight))] for i, j, weight in EDGES]
-    flat = {**SMALL, "topology": {"kind": "edges", "edges": edges}, "engine": "exact"}
-    return systems.study(**both, **ring), systems.study(**both, **flat)
+    exact = {**SMALL, "topology": {"kind": "edges", "edges": edges}, "engine": "exact"}
+    return systems.study(**both, **ring), systems.study(**both, **exact)
 
 
 def test_a_distribution_of_one_value_is_that_number():
@@ -132,7 +133,7 @@ def test_lanes_are_the_same_however_many_there_are():
         for one, other in zip(jax.tree.leaves(few), jax.tree.leaves(many), strict=True):
             np.testing.assert_array_equal(one, other[:3])
         lane = many.lane
-        for drawn in (*lane.gain.T, lane.weights, lane.tolerance, *many.numbers[:2]):
+        for drawn in (*lane.gain.T, lane.weights, lane.defence.tolerance, *many.numbers[:2]):
             assert len(np.unique(drawn, axis=0)) == 300
 
 

@@ -9,12 +9,22 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from jaxnet.model import control, definition, graph, hearing, robot
+from jaxnet.kinds.vehicles import SPEED
+from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
+from jaxnet.model import control, definition, graph, hearing
 
 CONNECTED = 1e-6  # what the engine takes for a reached graph
+ROBOT = TwoWheeled()
 
 seeds = st.integers(0, 2**32 - 1)
 fleets = st.sampled_from([12, 5])
+
+
+def network(weights, attacked):
+    """Who hears whom slot by slot, and the weights of it, from matrices over links."""
+    sources = hearing.slots(weights > 0)
+    by_slot = [jnp.asarray(hearing.by_slot(each, sources)) for each in (weights, attacked)]
+    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), by_slot[1]), by_slot[0]
 
 
 class Problem:
@@ -38,7 +48,7 @@ class Problem:
         self.state = rng.uniform(-10.0, 10.0, (6, m))
         self.state[:2] *= 20.0
         speed = 10.0 ** rng.uniform(-3.0, np.log10(50.0), m)
-        self.state[robot.SPEED] = speed * rng.choice([-1.0, 1.0], m)
+        self.state[SPEED] = speed * rng.choice([-1.0, 1.0], m)
         self.navigator = rng.normal(0.0, 30.0, (4, 2))
         self.signal = rng.normal(0.0, 10.0, (4, 2, m))
         self.attacked = rng.random((m, m + 1)) < 0.5
@@ -48,50 +58,54 @@ class Problem:
 
     def arrays(self):
         """What the law is given."""
-        sources = hearing.slots(self.weights)
-        attacked = hearing.by_slot(self.attacked, sources)
+        heard, weights = network(self.weights, self.attacked)
         return (
             jnp.asarray(self.state),
-            jnp.asarray(hearing.by_slot(self.weights, sources)),
-            tuple(jnp.asarray(self.navigator)),
+            weights,
+            jnp.asarray(self.navigator),
             tuple(jnp.asarray(self.signal)),
-            hearing.Hearing(jnp.asarray(sources), jnp.asarray(attacked)),
+            heard,
             jnp.asarray(self.gain),
         )
 
     def corruption(self):
         """`d_i^(k) = Σ_j w_ij a_ij^(k)`: a_ij is i's own signal from the navigator, else j's."""
-        lies = self.weights * self.attacked
-        return lies[:, 0] * self.signal + self.signal @ lies[:, 1:].T
+        shares = self.weights * self.attacked
+        return shares[:, 0] * self.signal + self.signal @ shares[:, 1:].T
 
     def received_error(self):
         """`ε^(k) = L y^(k) - a0 ⊗ y_0^(k) - d^(k)`, k = 0, 1, 2."""
-        jets = np.asarray(robot.output_jets(jnp.asarray(self.state)))
+        jets = np.asarray(ROBOT.output_jets(jnp.asarray(self.state)))
         laplacian = np.eye(self.vehicles) - self.weights[:, 1:]
-        told = self.weights[:, 0] * self.navigator[:3, :, None]
-        return np.stack([y @ laplacian.T for y in jets]) - told - self.corruption()[:3]
+        received = self.weights[:, 0] * self.navigator[:3, :, None]
+        return np.stack([y @ laplacian.T for y in jets]) - received - self.corruption()[:3]
 
-    def told_third(self):
+    def received_third(self):
         """`a0 ⊗ y_0‴ + d‴`."""
         return self.weights[:, 0] * self.navigator[3, :, None] + self.corruption()[3]
 
     def in_jerks(self, inputs):
         """σ and Ψu."""
         state = jnp.asarray(self.state)
-        entry = np.einsum("xyi,yi->xi", robot.decoupling(state), np.asarray(inputs))
-        return np.asarray(robot.drift(state)), entry
+        entry = np.einsum("xyi,yi->xi", ROBOT.decoupling(state), np.asarray(inputs))
+        return np.asarray(ROBOT.drift(state)), entry
 
 
 @jax.jit
 def structured(state, weights, navigator, signal, heard, gain):
     """`u` as the engine finds it."""
-    own = robot.output_jets(state)
-    demand = control.demand(own, navigator, signal, heard, weights, gain)
+    own, attack = ROBOT.output_jets(state), control.driven(gain, signal)
+    demand = control.demand(own, navigator, attack, heard, weights[None], gain)
     columns, _ = control.invert(heard.matrix(weights))
-    return robot.inputs_for(state, control.product(columns, demand))
+    return ROBOT.inputs_for(state, control.product(columns[:, None], demand))
 
 
-dense = jax.jit(definition.inputs)
+@jax.jit
+def dense(state, *others):
+    """`u` as the paper states it."""
+    return definition.inputs(ROBOT.drift(state), ROBOT.decoupling(state), *others)
+
+
 invert = jax.jit(control.invert)
 solve = jax.jit(control.solve)
 
@@ -104,7 +118,7 @@ def test_structured_solve_satisfies_the_equation_of_the_law(seed, vehicles):
     jerk = drift + entry
     left = jerk - jerk @ problem.weights[:, 1:].T
     feedback = sum(k * e for k, e in zip(problem.gain, problem.received_error(), strict=True))
-    right = problem.told_third() - feedback
+    right = problem.received_third() - feedback
     scale = max(np.abs(term).max() for term in (drift, entry, right))
     np.testing.assert_allclose(left, right, rtol=0, atol=1e-11 * scale)
 
@@ -121,7 +135,7 @@ def test_structured_solve_is_the_papers_dense_one(seed, vehicles):
     stacked = dense(
         state,
         jnp.asarray(problem.weights),
-        jnp.asarray(problem.told_third()),
+        jnp.asarray(problem.received_third()),
         jnp.asarray(problem.received_error()),
         gain,
     )
@@ -129,36 +143,36 @@ def test_structured_solve_is_the_papers_dense_one(seed, vehicles):
     drift, entry = problem.in_jerks(solved)
     scale = max(np.abs(drift).max(), np.abs(entry).max())
     difference = np.array(solved - stacked)
-    difference[1] *= problem.state[robot.SPEED]
+    difference[1] *= problem.state[SPEED]
     assert np.abs(difference).max() < 1e-9 * scale
 
 
 @pytest.fixture
 def pair():
-    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both with lies; 2 hears the navigator."""
+    """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both attacked; 2 hears the navigator."""
     weights = graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)])
-    sources = hearing.slots(weights)
-    attacked = hearing.by_slot(np.array([[True, False, True], [False, False, False]]), sources)
-    heard = hearing.Hearing(jnp.asarray(sources), jnp.asarray(attacked))
-    return heard, jnp.asarray(hearing.by_slot(weights, sources))
+    return network(weights, np.array([[True, False, True], [False, False, False]]))
 
 
-def test_mean_is_a_weighted_mean_of_what_is_heard(pair):
-    """Written out for each listener: the navigator at 100, vehicle 2 at [2, 3], and the lies."""
+def test_mean_is_a_weighted_mean_of_what_is_received(pair):
+    """Written out for each listener: the navigator at 100, vehicle 2 at [2, 3], and the attacks."""
     heard, weights = pair
     sources = jnp.array([[100.0, 0.0, 2.0], [100.0, 1.0, 3.0]])
     signal = jnp.array([[0.5, 4.0], [0.25, 8.0]])
-    mean = heard.mean(weights, sources, signal)
+    mean = heard.mean(weights[None], sources, signal)
     first = [0.25 * 100.5 + 0.75 * (2.0 + 4.0), 0.25 * 100.25 + 0.75 * (3.0 + 8.0)]
     np.testing.assert_allclose(mean.T, [first, [100.0, 100.0]], rtol=1e-15)
 
 
-def test_demand_is_the_third_derivative_heard_less_the_feedback_of_the_error(pair):
-    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is heard, lies of 0.5 included."""
+def test_demand_is_the_third_derivative_received_less_the_feedback_of_the_error(pair):
+    """Written out for each listener, k = [2, 3, 5]; z is the mean of what is received, attacks of 0.5
+    included.
+    """
     heard, weights = pair
     own = tuple(jnp.arange(12.0).reshape(3, 2, 2).swapaxes(1, 2))  # y_1 = [0, 1], y_2 = [2, 3], …
-    navigator, signal = (jnp.full(2, 100.0),) * 4, (jnp.full((2, 2), 0.5),) * 4
-    demand = control.demand(own, navigator, signal, heard, weights, jnp.array([2.0, 3.0, 5.0]))
+    gain = jnp.array([2.0, 3.0, 5.0])
+    navigator, attack = jnp.full((4, 2), 100.0), control.driven(gain, jnp.full((4, 2, 2), 0.5))
+    demand = control.demand(own, navigator, attack, heard, weights[None], gain)
     z = np.array([[27.0, 27.75], [30.0, 30.75], [33.0, 33.75], [25.5, 25.5]])
     error = np.array([[0.0, 1.0], [4.0, 5.0], [8.0, 9.0]]) - z[:3]
     first = z[3] - 2.0 * error[0] - 3.0 * error[1] - 5.0 * error[2]
@@ -233,7 +247,7 @@ def test_the_residual_tells_whether_the_navigator_reaches_everybody(heard):
 def test_the_residual_tells_a_cut_whatever_the_weights(seed):
     """Unequal weights leave L singular up to rounding only, its inverse huge but finite.
 
-    What was cut off hears nothing of the navigator, so its part of `L⁻¹ a0` is 0 or not a number and the
+    What was cut off receives nothing of the navigator, so its part of `L⁻¹ a0` is 0 or not a number and the
     residual no less than 1. A lane beside it is solved to the same bits as beside a connected one.
     """
     rng = np.random.default_rng(seed)

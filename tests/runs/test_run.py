@@ -264,7 +264,7 @@ def test_chosen_trajectories(config, tmp_path):
 
 def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
     """Two in each other's place, one with a bit changed, one gone; where all is well nothing is written."""
-    given = {"engine": "flat", "horizon": 2.0, "tail": 1.0, "topology": "star"}
+    given = {"engine": "exact", "horizon": 2.0, "tail": 1.0, "topology": "star"}
     study = systems.study(samples=3, save={"trajectories": {"samples": [0, 2]}}, **given)
     whole = jaxnet.run(study, tmp_path / "out").trajectories.load()
     chunks = tmp_path / "out" / "trajectories.zarr" / "states" / "c"

@@ -50,7 +50,7 @@ def test_all_looks_together_err_no_more_than_one_may():
 
 
 def test_counts():
-    """By hand: over τ ā, failed lanes in neither number, no share where nobody lies."""
+    """By hand: over τ ā, failed lanes in neither number, no share where nobody is attacked."""
     cells = jaxnet.load({"sweep": {"attack.magnitude": [0, 2]}}).cells
     rows = pd.DataFrame(
         {
@@ -72,7 +72,7 @@ def test_counts():
 
 
 def test_the_table_has_the_shares(tmp_path):
-    """Counted from the rows, with the exact interval; nothing for the cell in which nobody lies."""
+    """Counted from the rows, with the exact interval; nothing for the cell in which nobody is attacked."""
     results = jaxnet.run(systems.study(samples=40, **keys()), tmp_path / "out")
     rows, cells = results.lanes, results.cells
     over = rows[rows["tail_mean"] > rows["attack.magnitude"]].groupby("cell").size()

@@ -24,7 +24,7 @@ FIT = ["topology", "attack", "metric", "model", "quantile", "parameter", "estima
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A finished run of a constant lie in phase."""
+    """A finished run of a constant attack in phase."""
     path = tmp_path_factory.mktemp("ultimate") / "out"
     jaxnet.run(systems.study(samples=8, **KEYS), path)
     return path

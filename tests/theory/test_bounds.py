@@ -10,10 +10,11 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from jaxnet.model import graph
+from jaxnet.kinds.graphs.path import Path
+from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
-from jaxnet.theory.bounds import NAMES, bounds
-from tests.theory.test_spread import CUT_OFF, CYCLIC, LIARS, TRIO, hearing, networks, of
+from jaxnet.theory.bounds import NAMES, bounds, spread_of
+from tests.theory.test_spread import ATTACKED, CUT_OFF, CYCLIC, TRIO, hearing, networks, of
 
 GAIN = np.array([1.0, 3.0, 3.0])
 SWITCHING = ("peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
@@ -22,6 +23,11 @@ SWITCHING = ("peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
 def gain_of(*poles):
     """Gain with these poles."""
     return np.poly(poles).real[:0:-1].copy()
+
+
+def bounds_of(network, gain=GAIN):
+    """All bounds on a network."""
+    return bounds(spread_of(*network.spread), gain)
 
 
 def test_lyapunov_constants_of_the_default_gain():
@@ -99,7 +105,7 @@ def test_a_disturbance_can_attain_the_peak_gain():
     assert state[0] == pytest.approx(response.impulse_norm(gain), rel=1e-4)
 
 
-GRAPHS = {"star": graph.star(12), "cyclic": CYCLIC, "path": graph.path(12)}
+GRAPHS = {"star": Star().weights(12), "cyclic": CYCLIC, "path": Path().weights(12)}
 
 
 @pytest.mark.parametrize(
@@ -108,7 +114,7 @@ GRAPHS = {"star": graph.star(12), "cyclic": CYCLIC, "path": graph.path(12)}
 )
 def test_the_table_of_the_notes(name, static, peak, printed, corrected):
     """SCIENCE O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
-    found = bounds(*of(GRAPHS[name], LIARS, theta=0), GAIN)
+    found = bounds_of(of(GRAPHS[name], ATTACKED, theta=0))
     assert tuple(found) == NAMES
     assert found["static"].worst == pytest.approx(static, abs=5e-4)
     assert found["peak_gain"].worst == pytest.approx(peak, abs=0.05)
@@ -121,7 +127,7 @@ def test_the_table_of_the_notes(name, static, peak, printed, corrected):
 
 def test_the_ring_that_trims_may_switch():
     """19.8 and 16.2; static and printed say nothing."""
-    found = bounds(*of(CYCLIC, LIARS), GAIN)
+    found = bounds_of(of(CYCLIC, ATTACKED))
     assert sorted(set(found["peak_gain"].vehicles.round(9))) == [16.2, 19.8]
     assert found["peak_gain"].fleet == pytest.approx(np.sqrt(8 * 19.8**2 + 4 * 16.2**2))
     for name in ("static", "lyapunov_printed"):
@@ -129,22 +135,30 @@ def test_the_ring_that_trims_may_switch():
         assert np.isnan([found[name].worst, found[name].fleet]).all()
 
 
+def test_attacks_that_may_jump_have_no_static_bound():
+    """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers that."""
+    network = of(CYCLIC, ATTACKED, theta=0)
+    smooth, jumping = bounds_of(network), bounds(spread_of(*network.spread, smooth=False), GAIN)
+    assert np.isnan(jumping["static"].vehicles).all()
+    np.testing.assert_array_equal(jumping["peak_gain"].vehicles, smooth["peak_gain"].vehicles)
+
+
 def test_who_always_drops_the_same_does_not_switch():
     """1 hears the navigator, 2 and 3, trusts 0 and 2 and always drops 3: 0 and 2 have half each."""
     network = of(hearing({1: [0, 2, 3], 2: [0], 3: [0]}), [2, 3], trusted={1: [2]})
-    found = bounds(*network, GAIN)
+    found = bounds_of(network)
     assert found["static"].vehicles.tolist() == [0.5, 0, 0]
     assert found["lyapunov_printed"].fleet > 0
 
 
 def test_a_vehicle_that_may_be_cut_off_has_no_finite_bound():
-    """With a choice of kept sets static and printed say nothing; without one they are infinite too."""
+    """With a choice of whom to retain static and printed say nothing; without one they are infinite too."""
     trio = {1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4]}
-    choice = bounds(*of(hearing({**trio, 4: [0], 5: [0, 4, 6], 6: [0]}), [4], trusted=TRIO), GAIN)
+    choice = bounds_of(of(hearing({**trio, 4: [0], 5: [0, 4, 6], 6: [0]}), [4], trusted=TRIO))
     for name, bound in choice.items():
         expected = np.inf if name in SWITCHING else np.nan
         np.testing.assert_equal([bound.worst, bound.fleet], [expected] * 2)
-    settled = bounds(*of(CUT_OFF, [4], trusted=TRIO), GAIN)
+    settled = bounds_of(of(CUT_OFF, [4], trusted=TRIO))
     for bound in settled.values():
         assert bound.worst == bound.fleet == np.inf
         assert bound.vehicles.tolist() == [np.inf, np.inf, np.inf, 0.0]
@@ -162,7 +176,7 @@ def gains(draw):
 @given(networks(), gains())
 def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
     """Static ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤ fleet."""
-    found = bounds(*network, gain)
+    found = bounds_of(network, gain)
     static, peak, corrected, best, star = (
         np.append(found[name].vehicles, found[name].fleet)
         for name in ("static", "peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")

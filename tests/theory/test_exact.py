@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxnet.model import graph
+from jaxnet.kinds.attacks.bias import Bias
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.figure1 import Figure1
+from jaxnet.kinds.graphs.path import Path
+from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory.exact import tracking_errors
 from tests import reference
 
-LIARS = np.array([2, 5, 8, 11])
+ATTACKED = np.array([2, 5, 8, 11])
 GAIN = np.array([1.0, 3.0, 3.0])
 
 
@@ -21,21 +25,21 @@ def figure_eight(t):
 
 
 def rotating(magnitude, phases, vehicles=12):
-    """`attack(t)`: jets (4, m, 2) of what the liars add, turning at 0.7 rad/s."""
+    """`attack(t)`: jets (4, m, 2) of what is added to the attacked, turning at 0.7 rad/s."""
 
     def attack(t):
         signal = np.zeros((4, vehicles, 2))
-        for liar, phase in zip(LIARS[vehicles >= LIARS], phases, strict=True):
+        for attacked, phase in zip(ATTACKED[vehicles >= ATTACKED], phases, strict=True):
             for k in range(4):
                 angle = 0.7 * t + phase + k * np.pi / 2
-                signal[k, liar - 1] = magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
+                signal[k, attacked - 1] = magnitude * 0.7**k * np.array([np.cos(angle), np.sin(angle)])
         return signal
 
     return attack
 
 
 def corruption_of(attack):
-    """Jets of d when all that the liars transmit is false."""
+    """Jets of d when all that the attacked vehicles transmit carries the attack."""
     return lambda t, weights: np.einsum("ij,kjx->kix", weights[:, 1:], attack(t)[:3])
 
 
@@ -52,12 +56,12 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
     attack = rotating(10.0, [0.3, 2.0, 4.1, 5.5])
 
     def on_edges(t):
-        lies = np.zeros((4, 12, 13, 2))
-        lies[:, :, 1:] = attack(t)[:, None]
-        return lies
+        added = np.zeros((4, 12, 13, 2))
+        added[:, :, 1:] = attack(t)[:, None]
+        return added
 
     answer = reference.propagate(
-        graph.cyclic(12, 0.1),
+        Cyclic(navigator_weight=0.1).weights(12),
         figure_eight,
         on_edges,
         gain,
@@ -77,22 +81,24 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
     np.testing.assert_allclose(error, answer["positions"] - navigator[:, None], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("weights", [graph.path(5), graph.figure1(), graph.cyclic(5, 0.1)])
+@pytest.mark.parametrize(
+    "weights", [Path().weights(5), Figure1().weights(5), Cyclic(navigator_weight=0.1).weights(5)]
+)
 def test_agrees_with_integrating_the_law(weights):
-    """The law as a vehicle applies it, to what it hears of moving neighbours, by DOP853."""
+    """The law as a vehicle applies it, to what it receives of moving neighbours, by DOP853."""
     attack = rotating(10.0, [0.3, 2.0], vehicles=5)
     laplacian = np.eye(5) - weights[:, 1:]
 
     def law(t, flat):
         y, y0 = flat.reshape(3, 5, 2), figure_eight(t)
-        lies = attack(t)
-        heard = np.zeros((4, 5, 2))
+        added = attack(t)
+        received = np.zeros((4, 5, 2))
         for k in range(4):
             others = y[k] if k < 3 else np.zeros((5, 2))
             for i in range(5):
-                heard[k, i] = weights[i, 0] * y0[k] + weights[i, 1:] @ (others + lies[k])
-        feedback = sum(gain * (y[k] - heard[k]) for k, gain in enumerate(GAIN))
-        jerk = np.linalg.solve(laplacian, heard[3] - feedback)
+                received[k, i] = weights[i, 0] * y0[k] + weights[i, 1:] @ (others + added[k])
+        feedback = sum(gain * (y[k] - received[k]) for k, gain in enumerate(GAIN))
+        jerk = np.linalg.solve(laplacian, received[3] - feedback)
         return np.stack([y[1], y[2], jerk]).ravel()
 
     times = np.linspace(0.0, 6.0, 7)
@@ -112,27 +118,27 @@ def test_agrees_with_integrating_the_law(weights):
 @pytest.mark.parametrize(
     ("weights", "channel", "mean", "greatest"),
     [
-        (graph.star(12), "navigator", 1 / 3, 1.0),
-        (graph.path(12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all lies before it
-        (graph.cyclic(12, 0.1), "neighbour", 3.0, 90 / 29),
+        (Star().weights(12), "navigator", 1 / 3, 1.0),
+        (Path().weights(12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all attacks before it
+        (Cyclic(navigator_weight=0.1).weights(12), "neighbour", 3.0, 90 / 29),
     ],
 )
 def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
-    """SCIENCE O3: what a constant lie of length 1, the same from all liars, comes to in the end.
+    """SCIENCE O3: what a constant attack of length 1, the same on all attacked vehicles, comes to in the end.
 
-    In the ring a liar's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1) + 0.45 y,
+    In the ring an attacked vehicle's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1) + 0.45 y,
     hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
     """
-    lie = np.array([0.6, -0.8])
-    links = graph.attacked_links(weights, LIARS.tolist(), channel)
+    added = np.array([0.6, -0.8])
+    links = Bias(vehicles=ATTACKED.tolist(), channel=channel).links(weights)
 
     def corruption(t, in_force):
         share = np.where(links, in_force, 0.0).sum(axis=1)
-        return np.stack([share[:, None] * lie, np.zeros((12, 2)), np.zeros((12, 2))])
+        return np.stack([share[:, None] * added, np.zeros((12, 2)), np.zeros((12, 2))])
 
     held = np.broadcast_to(weights, (4, *weights.shape)).copy()
     error = tracking_errors(start(3), corruption, held, GAIN, 20.0)
     size = np.linalg.norm(error[-1], axis=1)
     assert size.mean() == pytest.approx(mean, rel=1e-9)
     assert size.max() == pytest.approx(greatest, rel=1e-9)
-    np.testing.assert_allclose(error[-1], size[:, None] * lie, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(error[-1], size[:, None] * added, rtol=0, atol=1e-9)

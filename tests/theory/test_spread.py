@@ -1,23 +1,56 @@
-"""How far lies spread: known networks, and every choice of kept sets tried on small ones."""
+"""How far attacks spread: known networks, and every choice of retained neighbours tried on small ones."""
 
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jaxnet.kinds.attacks.bias import Bias
+from jaxnet.kinds.defences.trusted_trim import TrustedTrim
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.path import Path
+from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph
 from jaxnet.theory import spread
 
-LIARS = [2, 5, 8, 11]
-CYCLIC = graph.cyclic(12, 0.1)
+ATTACKED = [2, 5, 8, 11]
+CYCLIC = Cyclic(navigator_weight=0.1).weights(12)
 
 
-def of(weights, liars, channel="auto", theta=1, trusted=None):
-    """Arguments: graph, attacked and trusted links, ϑ the same for all."""
-    attacked = graph.attacked_links(weights, liars, channel)
-    return weights, attacked, graph.trusted_links(weights, trusted or {}), np.full(len(weights), theta)
+class Network(NamedTuple):
+    """A graph, its links that are attacked, carry their source's word and are trusted, and ϑ of each."""
+
+    weights: np.ndarray
+    attacked: np.ndarray
+    carried: np.ndarray
+    trusted: np.ndarray
+    theta: np.ndarray
+
+    @property
+    def retained(self):
+        """Whom vehicles that trim may retain."""
+        theta = dict(enumerate(self.theta.tolist(), start=1))
+        return TrustedTrim(theta=theta).retained(self.weights, self.trusted)
+
+    @property
+    def spread(self):
+        """Arguments of what theory says of it."""
+        return self.retained, self.attacked, self.carried
+
+    def gains(self):
+        """γ, by the package."""
+        return spread.worst_gains(*self.spread)
+
+
+def of(weights, attacked, channel="auto", theta=1, trusted=None, threat="adds"):
+    """A network in which these vehicles are attacked, ϑ the same for all."""
+    attack = Bias(vehicles=attacked, channel=channel, threat=threat)
+    links = attack.links(weights)
+    trusts = graph.trusted_links(weights, trusted or {})
+    return Network(weights, links, ~(links & attack.replaces()), trusts, np.full(len(weights), theta))
 
 
 def hearing(sources):
@@ -30,7 +63,7 @@ TRIO = {1: [2, 3], 2: [1, 3], 3: [1, 2]}
 CUT_OFF = hearing({1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4], 4: [0]})
 
 
-def kept_sets(row, trusted, theta):
+def choices(row, trusted, theta):
     """Weights in force that a vehicle may come to."""
     heard = np.flatnonzero(row)
     untrusted = [j for j in heard if not trusted[j]]
@@ -44,11 +77,15 @@ def kept_sets(row, trusted, theta):
     return rows
 
 
-def gains_by_trial(weights, attacked, trusted, theta):
-    """Greatest `(L_res⁻¹ W_a 1)_i` of all choices; infinite for who may hear of one cut off."""
+def gains_by_trial(network):
+    """Greatest `(L⁻¹ W_a 1)_i` of all choices; infinite for who may hear of one cut off.
+
+    L is of the links that carry what their source says.
+    """
+    weights, attacked, carried, trusted, theta = network
     m = len(weights)
     worst = np.zeros(m)
-    for rows in product(*(kept_sets(weights[i], trusted[i], theta[i]) for i in range(m))):
+    for rows in product(*map(choices, weights, trusted, theta)):
         kept = np.stack(rows)
         lost = np.array(graph.unreachable(kept), dtype=int) - 1
         tainted = np.isin(np.arange(m), lost)
@@ -56,7 +93,7 @@ def gains_by_trial(weights, attacked, trusted, theta):
             tainted = tainted | (kept[:, 1:][:, tainted] > 0).any(axis=1)
         worst[tainted] = np.inf
         sound = np.flatnonzero(~tainted)
-        laplacian = graph.laplacian(kept)[np.ix_(sound, sound)]
+        laplacian = graph.laplacian(kept * carried)[np.ix_(sound, sound)]
         gains = np.linalg.solve(laplacian, (kept * attacked).sum(axis=1)[sound])
         worst[sound] = np.maximum(worst[sound], gains)
     return worst
@@ -64,7 +101,10 @@ def gains_by_trial(weights, attacked, trusted, theta):
 
 @st.composite
 def networks(draw, vehicles=4):
-    """Any graph, attacked and trusted links and ϑ; vehicles may trim, trust each other, and be cut off."""
+    """Any graph, attacked and trusted links and ϑ; vehicles may trim, trust each other, and be cut off.
+
+    The attack adds to what is sent, or replaces it.
+    """
     m = draw(st.integers(2, vehicles))
     weights = np.zeros((m, m + 1))
     trusted, attacked = np.zeros((2, m, m + 1), bool)
@@ -78,69 +118,82 @@ def networks(draw, vehicles=4):
         if not weights[i].any():
             weights[i, 0] = 1.0
     weights /= weights.sum(axis=1, keepdims=True)
-    heard = weights > 0
+    attacked, trusted = attacked & (weights > 0), trusted & (weights > 0)
     theta = np.array(draw(st.lists(st.integers(0, 2), min_size=m, max_size=m)))
-    return weights, attacked & heard, trusted & heard, theta
+    return Network(weights, attacked, ~(attacked & draw(st.booleans())), trusted, theta)
 
 
 @settings(max_examples=300)
 @given(networks())
 def test_worst_gains_are_the_greatest_of_all_choices(network):
     """Infinite ones included."""
-    np.testing.assert_allclose(spread.worst_gains(*network), gains_by_trial(*network), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(network.gains(), gains_by_trial(network), rtol=1e-9, atol=1e-12)
 
 
 @settings(max_examples=100)
 @given(networks())
-def test_the_weights_are_settled_where_nobody_has_a_choice(network):
+def test_the_weights_are_fixed_where_nobody_has_a_choice(network):
     """And they are those of the only choice."""
-    weights, _, trusted, theta = network
-    choices = [kept_sets(*each) for each in zip(weights, trusted, theta, strict=True)]
-    found = spread.settled(weights, trusted, theta)
-    if any(len(rows) > 1 for rows in choices):
+    rows = [choices(*each) for each in zip(network.weights, network.trusted, network.theta, strict=True)]
+    found = network.retained.fixed
+    if any(len(each) > 1 for each in rows):
         assert found is None
     else:
-        np.testing.assert_allclose(found, np.stack([rows[0] for rows in choices]), rtol=1e-14)
+        np.testing.assert_allclose(found, np.stack([only for (only,) in rows]), rtol=1e-14)
 
 
 def test_the_ring_that_trims():
-    """2.475, attackers 2.025: an honest vehicle keeps its lying neighbour, a liar an honest one.
+    """2.475, attacked 2.025: a vehicle that is not attacked retains a neighbour that is, an attacked one not.
 
-    With x of the liars and y of the others, x = (0.45 / 0.55) y and y = (0.45 / 0.55) (1 + x).
+    With x of the attacked and y of the others, x = (0.45 / 0.55) y and y = (0.45 / 0.55) (1 + x).
     """
-    gains = spread.worst_gains(*of(CYCLIC, LIARS))
+    gains = of(CYCLIC, ATTACKED).gains()
     expected = np.full(12, 2.475)
-    expected[np.array(LIARS) - 1] = 2.025
+    expected[np.array(ATTACKED) - 1] = 2.025
     np.testing.assert_allclose(gains, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("weights", "greatest", "mean"),
-    [(graph.star(12), 1, 1 / 3), (graph.path(12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
+    [(Star().weights(12), 1, 1 / 3), (Path().weights(12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
 )
-def test_untrimmed_gains_are_those_of_constant_lies(weights, greatest, mean):
+def test_untrimmed_gains_are_those_of_constant_attacks(weights, greatest, mean):
     """SCIENCE O3, by arithmetic."""
-    gains = spread.worst_gains(*of(weights, LIARS, theta=0))
+    gains = of(weights, ATTACKED, theta=0).gains()
     assert gains.max() == pytest.approx(greatest, rel=1e-12)
     assert gains.mean() == pytest.approx(mean, rel=1e-12)
+
+
+def test_a_replaced_word_ends_what_its_source_has_gathered():
+    """Untrimmed paths and rings whose attacked links carry the navigator's path plus the attack.
+
+    On the path everybody behind an attacked vehicle is off by what that one's link carries, 1. On the ring
+    with x of the attacked and y of the others x = 0.9 y and y = 0.45 + 0.45 y, for of x nothing is sent on.
+    """
+    path = of(Path().weights(12), ATTACKED, theta=0, threat="replaces").gains()
+    np.testing.assert_allclose(path, [0.0, 0.0, *[1.0] * 10], rtol=1e-12)
+    ring = of(CYCLIC, ATTACKED, theta=0, threat="replaces").gains()
+    expected = np.full(12, 0.45 / 0.55)
+    expected[np.array(ATTACKED) - 1] *= 0.9
+    np.testing.assert_allclose(ring, expected, rtol=1e-12)
 
 
 def test_who_trusts_only_each_other_may_be_cut_off():
     """1, 2 and 3 trust each other and so may all drop 4, through which alone the navigator reaches them."""
     weights = hearing({1: [2, 3, 4], 2: [1, 3, 4], 3: [2, 4], 4: [0]})
     network = of(weights, [4], trusted={1: [2], 2: [1]}, theta=2)
-    assert np.isfinite(spread.worst_gains(*network)).all()  # they hear too few to drop two
+    assert np.isfinite(network.gains()).all()  # they hear too few to drop two
     network = of(weights, [4], trusted={1: [2, 3], 2: [1, 3]})
-    assert np.isfinite(spread.worst_gains(*network)).all()  # 3 keeps 4, and they keep 3
+    assert np.isfinite(network.gains()).all()  # 3 keeps 4, and they keep 3
     network = of(weights, [4], trusted={1: [2, 3], 2: [1, 3], 3: [2]})
-    assert np.isfinite(spread.worst_gains(*network)).all()  # 3 hears too few
+    assert np.isfinite(network.gains()).all()  # 3 hears too few
     network = of(hearing({1: [2, 3, 4], 2: [1, 3, 4], 3: [1, 2, 4], 4: [0, 1]}), [4], trusted=TRIO)
-    assert spread.worst_gains(*network).tolist() == [np.inf] * 4  # 4 hears 1
+    assert network.gains().tolist() == [np.inf] * 4  # 4 hears 1
     network = of(CUT_OFF, [4], trusted=TRIO)
-    assert spread.worst_gains(*network).tolist() == [np.inf, np.inf, np.inf, 0.0]
+    assert network.gains().tolist() == [np.inf, np.inf, np.inf, 0.0]
 
 
 def test_a_dropped_source_may_be_cut_off():
     """1 hears the navigator, 2 and 3, trusts 0 and 3 and always drops 2, which is infinite by itself."""
     network = of(hearing({1: [0, 2, 3], 2: [4], 3: [0], 4: [2]}), [3], trusted={1: [3]})
-    assert spread.worst_gains(*network).tolist() == [0.5, np.inf, 0.0, np.inf]
+    assert network.gains().tolist() == [0.5, np.inf, 0.0, np.inf]

@@ -63,7 +63,7 @@ def test_a_script_is_told_where_somebody_may_look(monkeypatch):
 
 def test_a_run_reports_by_default_on_a_terminal(monkeypatch):
     """And is silent where it is asked to be."""
-    keys = {"horizon": 1.0, "tail": 0.5, "topology": "star", "engine": "flat", "defence": "none"}
+    keys = {"horizon": 1.0, "tail": 0.5, "topology": "star", "engine": "exact", "defence": "none"}
     for given, said in ((None, True), (False, False)):
         monkeypatch.setattr(sys, "stderr", terminal := Terminal())
         jaxnet.simulate(keys, progress=given)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.fields import Each, NotNegative, is_drawn
-from jaxnet.kinds.kind import Fault, Kind, unknown_vehicles
+from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.signal import Harmonic
@@ -131,15 +131,15 @@ class Attack(AnyAttack):
         """Scalar functions of time with their first three derivatives: (4, B, lanes), for times (lanes,)
         [s].
         """
-        raise NotImplementedError(f"{self.kind}: an attack gives basis(self, time)")
+        raise KindError(f"{self.kind}: an attack gives basis(self, time)")
 
     def vectors(self) -> np.ndarray:
         """What every vehicle multiplies them with: (2, m or 1, B, lanes), of spectral norm 1."""
-        raise NotImplementedError(f"{self.kind}: an attack gives vectors(self)")
+        raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
     def sizes(self, horizon: float) -> np.ndarray:
         """`max over t of ‖β^(k)(t)‖` for k = 0..3 within [0, horizon], or more: (4, lanes)."""
-        raise NotImplementedError(f"{self.kind}: an attack gives sizes(self, horizon)")
+        raise KindError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
     def begin(self, seen: Any) -> Any:
         """The memory of a strategic attack before the first tick, when nothing was decided and no error seen.
@@ -154,7 +154,7 @@ class Attack(AnyAttack):
         They are unit vectors: scaled to ā, and down where their norm is over 1. `seen` is what there is to
         see (`engine.tick.Seen`).
         """
-        raise NotImplementedError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
+        raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Whoever is named must exist, and be named once."""
@@ -167,10 +167,9 @@ class Attack(AnyAttack):
             yield Fault(("attack.magnitude",), f"{self.kind} takes a number")
 
 
-def scaled(attack: Any, horizon: float) -> np.ndarray:
+def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:
     """What unit vectors are multiplied with (lanes,) [m]: ā over the greatest of the four sizes."""
-    greatest = np.max(np.asarray(attack.sizes(horizon)), axis=0)
-    return np.asarray(attack.amplitude() / greatest)
+    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes), axis=0))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

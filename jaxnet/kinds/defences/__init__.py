@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
@@ -58,9 +58,7 @@ class Defence(Kind):
         (slots, m, lanes), or (2, slots, m, lanes) to decide by axis. `last` is that of the tick before, at
         first everybody.
         """
-        raise NotImplementedError(
-            f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)"
-        )
+        raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
 
     def retained(self, weights: Weights, trusted: Links) -> AnySubset | None:
         """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""

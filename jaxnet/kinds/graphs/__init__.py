@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Links, Weights
 
@@ -48,10 +48,10 @@ class Graph(Kind):
         return draw.same(hearing.by_slot(self.normalised(vehicles), sources))
 
     def normalised(self, vehicles: int) -> Weights:
-        """The weights with rows that sum to 1, or to 0 where a vehicle hears nobody; raises ValueError."""
+        """The weights with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
         weights = np.asarray(self.weights(vehicles), float)
         if weights.shape != (vehicles, vehicles + 1) or not (weights >= 0).all():
-            raise ValueError(
+            raise KindError(
                 f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers, none of them negative"
             )
         return graph.normalised(weights)

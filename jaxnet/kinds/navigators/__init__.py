@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.kind import Fault, Kind, KindError
 
 LEAST_SPEED = 0.05  # [m/s]
 INSTANTS = 100_001  # at which the speed of a path of one's own is looked at
@@ -16,7 +16,7 @@ class Navigator(Kind):
 
     def jets(self, time: Any) -> Any:
         """Position and its first three derivatives: (4, 2, …) [m, m/s, …] for times (…) [s]."""
-        raise NotImplementedError(f"{self.kind}: a navigator gives jets(self, time)")
+        raise KindError(f"{self.kind}: a navigator gives jets(self, time)")
 
     def slowest(self, horizon: float) -> tuple[float, float]:
         """Least speed [m/s] within [0, horizon] at INSTANTS, and when [s]."""

@@ -7,7 +7,7 @@ two. Everything is written against the array API.
 
 from typing import Any, ClassVar
 
-from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.model.circle import circle
 
 HEADING, SPEED = 2, 3
@@ -27,31 +27,31 @@ class Vehicle(Kind):
 
     def output_jets(self, state: Any) -> tuple[Any, Any, Any]:
         """Position, velocity and acceleration, each (2, m, lanes)."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives output_jets(self, state)")
+        raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: Any) -> Any:
         """σ (2, m, lanes), the jerk that is there without input [m/s³]."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives drift(self, state)")
+        raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: Any) -> Any:
         """ψ (2, 2, m, lanes) by axis and column, by which the input enters the jerk."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives decoupling(self, state)")
+        raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: Any, jerk: Any) -> Any:
         """`u = ψ⁻¹ (jerk - σ)` (2, m, lanes), the input that makes the output's jerk what is asked."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
+        raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def motion(self, state: Any, inputs: Any) -> Any:
         """`ẋ = f(x, u)` (n, m, lanes)."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
+        raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
     def state_of(self, jets: Any) -> Any:
         """State with these output jets that moves forwards; undefined where the velocity is zero."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives state_of(self, jets)")
+        raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
     def pace(self, state: Any) -> tuple[Any, Any]:
         """Speed [m/s] and turn rate [rad/s], each (m, lanes)."""
-        raise NotImplementedError(f"{self.kind}: a vehicle gives pace(self, state)")
+        raise KindError(f"{self.kind}: a vehicle gives pace(self, state)")
 
 
 def directions(state: Any) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, scenes, size_of_lie
+from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, magnitude_words, scenes
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -23,7 +23,7 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
     looks: dict[str, Any] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in few(group.cells):
-            look = looks.setdefault(size_of_lie(cell), style.SERIES[len(looks) % len(style.SERIES)])
+            look = looks.setdefault(magnitude_words(cell), style.SERIES[len(looks) % len(style.SERIES)])
             if cell.number in bands:
                 draw(panel, bands[cell.number], look)
     if bands:

@@ -130,17 +130,17 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     path = lane["navigator"].values
     panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
     positions = lane["states"].values[:, :, :2]
-    lying = attacked_vehicles(cell)
+    attacked = attacked_vehicles(cell)
     for vehicle in range(positions.shape[1]):
-        look = LYING if vehicle + 1 in lying else HONEST
+        look = ATTACKED if vehicle + 1 in attacked else HONEST
         x, y = positions[:, vehicle].T
-        panel.plot(x, y, **look, zorder=2 if vehicle + 1 in lying else 1)
+        panel.plot(x, y, **look, zorder=2 if vehicle + 1 in attacked else 1)
         panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
 HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
-LYING: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
+ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
 def attacked_vehicles(cell: Cell) -> list[int]:
@@ -156,7 +156,7 @@ def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
         Line2D([], [], **HONEST, label="vehicle"),
     ]
     if any(attacked_vehicles(cell) for row in rows for cell in row):
-        handles.append(Line2D([], [], **LYING, label="attacked vehicle"))
+        handles.append(Line2D([], [], **ATTACKED, label="attacked vehicle"))
     look = {"color": "0.3", "linestyle": "", "markersize": 3}
     handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="start", **look))
     handles.append(Line2D([], [], marker="s", label="end", **look))

@@ -52,17 +52,17 @@ def attacked_links(cell: Cell) -> int:
 def draw_graph(panel: Axes, cell: Cell, network: Situation) -> None:
     """Arrows run as the signals do, from the source to the vehicle that hears it."""
     places = positions(network.weights)
-    lying = attacked_vehicles(cell)
+    attacked = attacked_vehicles(cell)
     decides = cell.scenario.defence.decides
     for i, j in np.argwhere(network.weights > 0):
-        attacked = bool(lying) and network.attacked[i, j]
-        look = ATTACKED if attacked else TRUSTED if decides and network.trusted[i, j] else PLAIN
+        under_attack = attacked and network.attacked[i, j]
+        look = ATTACKED if under_attack else TRUSTED if decides and network.trusted[i, j] else PLAIN
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, look)
     label_weights(panel, network.weights, places)
     for source, (x, y) in enumerate(places):
-        draw_node(panel, source, x, y, source in lying)
+        draw_node(panel, source, x, y, source in attacked)
     panel.set_title(name(cell), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")

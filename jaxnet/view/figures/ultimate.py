@@ -30,7 +30,7 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     low, high = span(found, metric)
     word = "greatest" if metric == "tail_max" else "mean"
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panels(labels, "size of the lie ā [m]", f"{word} tail error [m]")
+    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", f"{word} tail error [m]")
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)

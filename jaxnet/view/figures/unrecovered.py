@@ -28,7 +28,7 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
         return rows(results)
     shown = found[:MOST]
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panels(labels, "size of the lie ā [m]", "unrecovered [%]", height=1.15)
+    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", height=1.15)
     for panel, curve in zip(panels, shown, strict=True):
         draw(panel, curve)
     multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])

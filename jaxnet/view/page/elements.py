@@ -18,7 +18,7 @@ def folded(name: str, text: str) -> str:
 
 def table(rows: pd.DataFrame) -> str:
     """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
-    numeric = [kind.kind in "iuf" for kind in rows.dtypes]
+    numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
     heads = "".join(
         f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
         f'<button type="button">{escape(str(name))}</button></th>'

@@ -15,8 +15,8 @@ from jaxnet.statistics.curves import (
     Band,
     Curve,
     bands_span,
+    magnitude_words,
     shares,
-    size_of_lie,
     span,
 )
 from jaxnet.statistics.groups import Group
@@ -60,7 +60,7 @@ def sizes_axis(found: Sequence[Curve]) -> dict[str, Any]:
     sizes = [size for curve in found for size in curve.sizes.tolist()]
     low, high = log_range(min(sizes) / 1.4, max(sizes) * 1.4)
     ticks = {"dtick": 1} if high - low > 2 else {"nticks": 5}
-    return {"type": "log", "range": [low, high], **ticks, "title": {"text": "size of the lie ā [m]"}}
+    return {"type": "log", "range": [low, high], **ticks, "title": {"text": "attack magnitude ā [m]"}}
 
 
 def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
@@ -204,7 +204,7 @@ def bands(groups: Sequence[Group], found: Mapping[int, Band], choices: Sequence[
     }
     panels = []
     for group in groups:
-        cells = {size_of_lie(cell): found.get(cell.number) for cell in group.cells}
+        cells = {magnitude_words(cell): found.get(cell.number) for cell in group.cells}
         drawn = [cells.get(choice) for choice in choices]
         panels.append([None if each is None else band(each) for each in drawn])
     return {"layouts": [layout] * len(choices), "panels": panels}

@@ -19,9 +19,9 @@ from jaxnet.statistics.curves import (
     all_bands,
     curves,
     magnitude_is_swept,
+    magnitude_words,
     scenes,
     shares,
-    size_of_lie,
 )
 from jaxnet.statistics.limits import unchecked
 from jaxnet.store.results import Results, read_table
@@ -143,7 +143,7 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
             ("95 % of lanes s·ā", stroke(**plots.FITTED_95)),
         ]
     note = (
-        "<p>Error over the tail against the size of the lie. Bounds of the worst vehicle (of the mean over"
+        "<p>Error over the tail against the attack's magnitude. Bounds of the worst vehicle (of the mean over"
         " vehicles for the mean error), where they say something. Cells with ā = 0 have no place on a log"
         " axis; a median far below ā stands on the axis.</p>"
     )
@@ -183,14 +183,14 @@ def bands(results: Results) -> Section | None:
     if not found:
         return None
     shown = groups[:MOST]
-    choices = list(dict.fromkeys(size_of_lie(cell) for group in shown for cell in group.cells))
+    choices = list(dict.fromkeys(magnitude_words(cell) for group in shown for cell in group.cells))
     entries = [
         ("median of lanes", stroke("--blue", width=2.0)),
         ("5 to 95 %", '<path d="M0 2H34V12H0z" fill="var(--band)"/>'),
         ("maximum", stroke("--red", "5px,3px")),
     ]
     note = f"<p>Mean error of the fleet over time; what is below {FLOOR:g} m is rounding and drawn there.</p>"
-    body = note + key(entries) + grid([group.labels for group in shown], "Size of the lie", choices)
+    body = note + key(entries) + grid([group.labels for group in shown], "Attack magnitude", choices)
     return Section(
         "bands",
         "Error over time ẽ(t)",

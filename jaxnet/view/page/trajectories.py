@@ -31,7 +31,7 @@ def lanes(results: Results) -> list[dict[str, Any]]:
 
 
 def relative(results: Results, cell: int, error: float) -> float:
-    """An error per ā, so that lanes of all ā compare; 0 where nobody lies or the lane failed."""
+    """An error per ā, so that lanes of all ā compare; 0 where nobody is attacked or the lane failed."""
     amount = size_of(results.study.cells[cell])
     return error / amount if isinstance(amount, int | float) and amount and np.isfinite(error) else 0.0
 

@@ -1,4 +1,4 @@
-"""Attacks written out from their words for one vehicle, differentiated by JAX; of the package only numbers."""
+"""Attacks written out from their words for one vehicle, differentiated by JAX."""
 
 import functools
 import math

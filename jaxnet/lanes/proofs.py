@@ -1,0 +1,76 @@
+"""What an attack must fulfil, looked at before lanes run: shapes, norms, and that derivatives are
+derivatives.
+
+Of ours the tests say so; one from outside is held to it at some instants, for with a wrong derivative an
+exact engine would be exactly wrong.
+"""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxnet.kinds.kind import Kind, KindError
+
+INSTANTS = 257
+STEP = 1e-4  # [s] of the difference quotients
+NEAR = 1e-3  # relative, of a derivative and its difference quotient
+ROUNDING = 1e-9
+
+
+def prove(
+    attack: Kind, basis: Any, vectors: np.ndarray | None, sizes: Any, horizon: float, count: int
+) -> None:
+    """Raise KindError if a drawn attack's functions, unit vectors or sizes for `count` lanes are not what
+    they must be.
+    """
+    if type(attack).__module__.startswith("jaxnet."):
+        return
+    name, sizes = type(attack).__name__, np.asarray(sizes)
+    first = np.asarray(basis(np.zeros(count)))
+    if first.ndim != 3 or first.shape[::2] != (4, count):
+        raise KindError(f"{name}.basis must have the shape (4, B, lanes = {count}) (got {first.shape})")
+    if sizes.shape not in ((4, 1), (4, count)):
+        raise KindError(f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})")
+    if vectors is not None:
+        prove_vectors(name, vectors, first.shape[1], count)
+    times = np.linspace(STEP, horizon - STEP, INSTANTS)
+    before, now, after = (
+        np.stack([np.asarray(basis(np.full(count, t + h))) for t in times]) for h in (-STEP, 0.0, STEP)
+    )
+    prove_derivatives(name, times, (after - before)[:, :3] / (2 * STEP), now[:, 1:])
+    greatest = np.linalg.norm(now, axis=2).max(axis=0)
+    if not (greatest <= sizes * (1 + ROUNDING) + ROUNDING).all():
+        order = int(np.argmax((greatest - sizes).max(axis=1)))
+        raise KindError(
+            f"{name}.sizes: the functions' derivative of order {order} comes to {greatest[order].max():.4g},"
+            f" which is over {sizes[order].max():.4g}"
+        )
+
+
+def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) -> None:
+    """Raise KindError if vectors have another shape than (2, m or 1, B, lanes or 1), or a norm over 1."""
+    shape = vectors.shape
+    if len(shape) != 4 or shape[0] != 2 or shape[2] != functions or shape[3] not in (1, count):
+        wanted = f"(2, vehicles, B = {functions}, lanes = {count})"
+        raise KindError(f"{name}.vectors must have the shape {wanted} (got {shape})")
+    norm = np.linalg.norm(vectors.transpose(1, 3, 0, 2), 2, axis=(2, 3)).max()
+    if not norm <= 1 + ROUNDING:
+        raise KindError(f"{name}.vectors must have a spectral norm of at most 1 (got {norm:.4g})")
+
+
+def prove_derivatives(
+    name: str,
+    times: Float[np.ndarray, " instants"],
+    quotients: Float[np.ndarray, "instants 3 functions lanes"],
+    given: Float[np.ndarray, "instants 3 functions lanes"],
+) -> None:
+    """Raise KindError if derivatives of orders 1 to 3 are not those of the order below."""
+    scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + ROUNDING
+    apart = np.abs(quotients - given).max(axis=(2, 3)) / scale
+    if not (apart <= NEAR).all():
+        instant, order = np.unravel_index(np.nanargmax(np.nan_to_num(apart, nan=np.inf)), apart.shape)
+        raise KindError(
+            f"{name}.basis: what stands at order {order + 1} is not the derivative of order {order}"
+            f" (at t = {times[instant]:.4g} s)"
+        )

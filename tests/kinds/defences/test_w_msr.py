@@ -1,0 +1,89 @@
+"""W-MSR: the rule of the paper in plain loops, both engines alike, and no bound told."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jaxnet
+from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.defences.w_msr import WMSR
+from jaxnet.statistics import limits
+from jaxnet.view.text import check
+from tests import systems
+from tests.kinds import few
+
+
+def retained(own, values, candidates, f):
+    """Which values of one vehicle on one axis it retains, by LeBlanc et al. (2013), section IV.A.
+
+    "If there are less than F values strictly larger than its own, the node removes all values that are
+    strictly larger than its own. Otherwise, it removes precisely the largest F values in the sorted list"; so
+    for the smaller ones. Of equal ones those that come first.
+    """
+    keep = [True] * len(values)
+    for side in (1, -1):
+        beyond = sorted((-side * values[k], k) for k in candidates if side * (values[k] - own) > 0)
+        for _, k in beyond[: min(f, len(beyond))]:
+            keep[k] = False
+    return keep
+
+
+@pytest.mark.parametrize("f", [0, 1, 2, 3, 9])
+def test_it_is_the_rule_of_the_paper(f):
+    """On 10,000 neighbourhoods of whole numbers, most of them with ties, some of a few sources."""
+    slots, m, lanes = 7, 4, 2500
+    rng = np.random.default_rng(f)
+    own = rng.integers(-3, 4, (2, m, lanes)).astype(float)
+    received = rng.integers(-3, 4, (2, slots, m, lanes)).astype(float)
+    weights = rng.random((slots, m, lanes)) * (rng.random((slots, m, lanes)) < 0.8)
+    trusted = np.zeros((slots, m), bool)
+    trusted[0] = True
+    around = Neighbourhood(None, weights, trusted, None, None, ())
+    last = np.ones(weights.shape, bool)
+    decision, _ = WMSR(F=f).decide((own,) * 3, (received,) * 3, last, (), around)
+    assert decision.shape == received.shape
+    for i in range(m):
+        for lane in range(lanes):
+            candidates = [k for k in range(1, slots) if weights[k, i, lane] > 0]
+            for axis in (0, 1):
+                known = retained(own[axis, i, lane], received[axis, :, i, lane].tolist(), candidates, f)
+                assert decision[axis, :, i, lane].tolist() == known
+
+
+@pytest.mark.parametrize("topology", ["cyclic", {"kind": "random_regular", "degree": 5, "seed": 2}])
+def test_both_engines_agree(topology):
+    """States to 1e-6 and the same switches, and somebody is dropped on one axis alone."""
+    keys = {"defence": "w_msr", "topology": topology, "horizon": 5.0, "tail": 1.0, "output_step": 0.05}
+    exact, nonlinear = (
+        few.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
+        for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12})
+    )
+    assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]
+    np.testing.assert_array_equal(exact.switches, nonlinear.switches)
+    assert exact.switches.min() > 0
+    positions = (outcome.series["state"][..., :2] for outcome in (exact, nonlinear))
+    assert np.abs(np.subtract(*positions)).max() <= 1e-6
+    np.testing.assert_allclose(exact.series["kept"], nonlinear.series["kept"], rtol=0, atol=1e-12)
+
+
+def test_no_bound_is_told():
+    """Not in the table of bounds, of violations, nor by `check`, which says so."""
+    study = jaxnet.load({"defence": "w_msr", "engine": "exact", "name": "test"})
+    table = limits.table(study.cells)
+    assert len(table) == 6 * 14
+    assert table["slope"].isna().all()
+    assert limits.unchecked(study.cells) == [0]
+    assert "so no bound is told" in check.text(study)
+    rows = pd.DataFrame({"cell": [0], "sample": [0], "status": ["ok"], "tail_max": [1e9]})
+    assert limits.violations(systems.results_of(study, rows)).empty
+
+
+def test_numbers_compile_nothing_anew(compiled):
+    """Magnitudes, weights and gains; F is a choice."""
+    small = {"engine": "exact", "defence": "w_msr", "horizon": 2.0, "tail": 1.0}
+    few.simulate(systems.lanes(systems.study(**small), 2, ()))
+    assert compiled
+    compiled.clear()
+    other = {"gain": [2, 4, 4], "attack": {"magnitude": 1.0}, "topology": {"navigator_weight": 0.3}}
+    few.simulate(systems.lanes(systems.study(**small, **other), 2, ()))
+    assert not compiled

@@ -1,0 +1,99 @@
+"""The Lissajous figure: its derivatives against autodiff, its slowest moment against dense sampling."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaxnet.kinds.navigators.lissajous import Lissajous
+
+FIGURE_EIGHT = Lissajous()
+TRAP = Lissajous(amplitude=[100.0, 60.0], frequency=[0.2, 0.3], phase=[np.pi / 2, 0.0])
+
+
+def pairs(low, high):
+    """Any two numbers, one for each axis."""
+    return st.lists(st.floats(low, high), min_size=2, max_size=2)
+
+
+navigators = st.builds(
+    Lissajous, amplitude=pairs(0.0, 200.0), frequency=pairs(-2.0, 2.0), phase=pairs(-7.0, 7.0)
+)
+
+
+@jax.jit
+def by_autodiff(amplitude, frequency, phase, t):
+    """Position and three derivatives, from the position alone."""
+    path = Lissajous.filled({"amplitude": amplitude, "frequency": frequency, "phase": phase})
+    derivatives = [lambda t: path.jets(t)[0]]
+    for _ in range(3):
+        derivatives.append(jax.jacfwd(derivatives[-1]))
+    return path.jets(t), jnp.stack([each(t) for each in derivatives])
+
+
+@given(navigators, st.floats(0.0, 100.0))
+def test_jets_are_the_derivatives_of_the_position(navigator, t):
+    numbers = [np.array(each) for each in (navigator.amplitude, navigator.frequency, navigator.phase)]
+    scale = (np.abs(numbers[1]) ** np.arange(4.0)[:, None] * numbers[0]).max() + 1e-300
+    in_jax, expected = by_autodiff(*map(jnp.asarray, numbers), jnp.asarray(t))
+    np.testing.assert_allclose(in_jax / scale, expected / scale, atol=1e-12)
+    np.testing.assert_allclose(navigator.jets(np.array(t)) / scale, expected / scale, atol=1e-12)
+
+
+def test_lanes_have_figures_of_their_own():
+    """Drawn numbers have lanes last, and a time for each lane."""
+    rng = np.random.default_rng(0)
+    amplitude, frequency, phase = rng.uniform(0.1, 2.0, (3, 2, 5))
+    times = rng.uniform(0.0, 30.0, 5)
+    drawn = Lissajous.filled({"amplitude": amplitude, "frequency": frequency, "phase": phase})
+    together = drawn.jets(times)
+    assert together.shape == (4, 2, 5)
+    for lane in range(5):
+        numbers = {key: value[:, lane].tolist() for key, value in vars(drawn).items()}
+        np.testing.assert_array_equal(together[..., lane], Lissajous(**numbers).jets(times[lane]))
+
+
+def test_figure_eight_is_the_curve_of_the_paper():
+    times = np.linspace(0.0, 30.0, 301)
+    curve = np.stack([100 * np.sin(0.2 * times), 50 * np.sin(0.4 * times)])
+    jets = FIGURE_EIGHT.jets(times)
+    assert jets.shape == (4, 2, 301)
+    np.testing.assert_allclose(jets[0], curve, atol=1e-12)
+
+
+@settings(max_examples=300)
+@given(navigators, st.floats(0.1, 60.0))
+def test_no_sampled_moment_is_slower_than_the_slowest(navigator, horizon):
+    least, when = navigator.slowest(horizon)
+    tolerance = 1e-4 * np.hypot(*(np.array(navigator.amplitude) * navigator.frequency))
+    times = np.linspace(0.0, horizon, 20_001)
+    sampled = np.linalg.norm(navigator.jets(times)[1], axis=0).min()
+    assert least <= sampled + tolerance + 1e-12
+    assert 0.0 <= when <= horizon
+    assert np.linalg.norm(navigator.jets(np.array(when))[1]) == pytest.approx(least, abs=1e-12)
+
+
+def test_the_trap_stands_still_at_five_pi():
+    least, when = TRAP.slowest(30.0)
+    assert least == pytest.approx(0.0, abs=1e-4 * np.hypot(20.0, 18.0))
+    assert when == pytest.approx(5 * np.pi, abs=1e-2)
+    assert TRAP.slowest(15.0)[0] > 1.0
+
+
+def test_the_figure_eight_never_falls_under_thirteen():
+    """With c = cos² 0.2t its speed is 20 √(4c² - 3c + 1), least at c = 3/8, where it is 5 √7."""
+    least, _ = FIGURE_EIGHT.slowest(30.0)
+    assert least == pytest.approx(5 * np.sqrt(7.0), abs=1e-4 * np.hypot(20.0, 20.0))
+    assert least > 13.0
+
+
+def test_a_circle_is_as_slow_everywhere():
+    circle = Lissajous(amplitude=[50.0, 50.0], frequency=[0.2, 0.2], phase=[np.pi / 2, 0.0])
+    assert circle.slowest(30.0)[0] == pytest.approx(10.0, abs=1e-12)
+
+
+def test_a_navigator_that_stays_is_found_to_stand():
+    still = Lissajous(amplitude=[50.0, 50.0], frequency=[0.0, 0.0], phase=[0.3, 0.0])
+    assert still.slowest(30.0)[0] == 0.0

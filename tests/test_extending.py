@@ -1,0 +1,210 @@
+"""Kinds from outside: the very code that docs/extending.md shows, and what goes wrong with others."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import jaxnet
+from jaxnet.cli import main
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
+
+
+def blocks():
+    """Blocks of code of the page, in order: the module, the study, and the script."""
+    return BLOCK.findall((ROOT / "docs" / "extending.md").read_text())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with the page's module and study, and nothing else."""
+    module, study, script = blocks()
+    (tmp_path / "my_kinds.py").write_text(module)
+    (tmp_path / "study.yaml").write_text(study)
+    (tmp_path / "script.py").write_text(script)
+    return tmp_path
+
+
+def environment():
+    """Of a process that a user starts: without what tests are stricter in."""
+    plain = {
+        key: value for key, value in os.environ.items() if not key.startswith(("JAX_NUMPY", "JAX_ENABLE"))
+    }
+    return {**plain, "PYTHONPATH": str(ROOT)}
+
+
+def jaxnet_in(folder, *words, check=True, **options):
+    """The command line, in that folder, as a process of its own."""
+    command = [sys.executable, "-m", "jaxnet", *words]
+    return subprocess.run(
+        command, cwd=folder, env=environment(), check=check, capture_output=True, text=True, **options
+    )
+
+
+def test_a_stranger_s_kinds_work_end_to_end(folder):
+    """check, a run on two workers that is killed and resumed, the nonlinear engine, fit, report, replay."""
+    said = jaxnet_in(folder, "check", "study.yaml").stdout
+    assert "Fading on 2 in what they transmit" in said
+    assert "Nearest: nothing is known of whom it retains" in said
+
+    run = [sys.executable, "-m", "jaxnet", "run", "study.yaml", "samples=1500", "--workers", "2"]
+    killed = subprocess.Popen(run, cwd=folder, env=environment(), stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 300
+    while not list(folder.glob("results/study/lanes/*.parquet")) and killed.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    there = len(list(folder.glob("results/study/lanes/*.parquet")))
+    assert 0 < there < 6, "killed in the middle"
+    jaxnet_in(folder, "run", "study.yaml", "samples=1500", "--workers", "2")
+
+    results = jaxnet.open(folder / "results" / "study")
+    lanes = results.lanes
+    assert len(lanes) == 6 * 1500
+    assert (lanes["status"] == "ok").all()
+    assert (lanes["peak_speed"] > 1).all()
+    assert "peak_speed_mean" in results.cells
+    assert set(lanes["defence"]) == {"none", "trusted_trim", "Nearest"}
+
+    jaxnet_in(folder, "run", "study.yaml", "engine=nonlinear", "--out", "results/nonlinear")
+    ours = jaxnet.open(folder / "results" / "nonlinear").lanes.query("defence != 'Nearest'")
+    theirs = lanes[lanes["sample"] < 6].query("defence != 'Nearest'")
+    np.testing.assert_allclose(ours["tail_mean"], theirs["tail_mean"], atol=1e-5)
+
+    assert "error" in jaxnet_in(folder, "fit", "results/study").stdout
+    bounds = pd.read_csv(folder / "results" / "study" / "bounds.csv")
+    assert bounds[bounds["defence"] == "Nearest"]["slope"].isna().all()
+    assert bounds[bounds["defence"] == "none"]["slope"].notna().any()
+    violations = pd.read_csv(folder / "results" / "study" / "violations.csv")
+    assert not len(violations)
+    jaxnet_in(folder, "report", "results/study")
+    assert (folder / "results" / "study" / "report.html").stat().st_size > 1e6
+    assert (
+        "the same as the stored row"
+        in jaxnet_in(folder, "replay", "results/study", "--cell", "4", "--sample", "7").stdout
+    )
+
+
+def test_the_page_s_script_runs(folder):
+    """Objects handed over in Python."""
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "peak_speed" in done.stdout
+
+
+def test_a_folder_never_mixes_two_versions_of_a_module(folder):
+    """Changed between two runs: refused, told why; as it was again: taken up."""
+    small = ("run", "study.yaml", "samples=2", "horizon=2.0", "tail=1.0")
+    jaxnet_in(folder, *small)
+    text = (folder / "my_kinds.py").read_text()
+    (folder / "my_kinds.py").write_text(text.replace("1j", "2j"))
+    refused = jaxnet_in(folder, *small, check=False)
+    assert refused.returncode == 2
+    assert "my_kinds was changed since its rows were made" in refused.stderr
+    (folder / "my_kinds.py").write_text(text)
+    assert jaxnet_in(folder, *small).returncode == 0
+
+
+HEAD = """
+import jax.numpy as jnp
+import numpy as np
+
+from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.defences import Defence
+from jaxnet.kinds.graphs import Graph
+
+"""
+DECIDE = """
+class Bad(Defence):
+    def decide(self, own, received, last, memory, around):
+        return """
+SIGNAL = """
+class Bad(Attack):
+    def vectors(self):
+        return np.array([1.0, 0.0]).reshape(2, 1, 1, 1)
+
+    def sizes(self, horizon):
+        return np.ones((4, 1))
+
+    def basis(self, time):
+        return """
+WEIGHTS = """
+class Bad(Graph):
+    def weights(self, vehicles):
+        """
+WRONG = {  # the module, the key that names its class `Bad`, and what is said
+    "not importable": ("import nothing_like_this", "attack", "cannot be imported"),
+    "raises on import": ("x = 1 / 0", "attack", "ZeroDivisionError: division by zero"),
+    "not there": ("", "attack", "has no attribute 'Bad'"),
+    "not a class": ("Bad = 3", "attack", "is not of the family AnyAttack"),
+    "another family": ("class Bad(Defence): ...", "attack", "is not of the family AnyAttack"),
+    "gives nothing": ("class Bad(Attack): ...", "attack", "Bad: an attack gives"),
+    "raises": (DECIDE + "1 / 0", "defence", "ZeroDivisionError: division by zero"),
+    "wrong shape": (DECIDE + "last[0], memory", "defence", "Bad.decide: a decision is boolean or double"),
+    "wrong weights": (WEIGHTS + "return np.ones((2, 2))", "topology", "weights must be (6, 7) numbers"),
+    "negative weights": (WEIGHTS + "return -np.ones((6, 7))", "topology", "none of them negative"),
+    "graph raises": (WEIGHTS + "raise RuntimeError('no')", "topology", "RuntimeError: no"),
+    "cut off": (WEIGHTS + "return np.eye(6, 7)[::-1]", "topology", "the navigator does not reach"),
+    "wrong derivative": (
+        SIGNAL + "jnp.stack([jnp.sin(time)] * 4)[:, None]",
+        "attack",
+        "Bad.basis: what stands at order 1 is not the derivative of order 0",
+    ),
+    "too great": (
+        SIGNAL + "0.0 * time[None, None] + 5.0 * jnp.eye(4, 1)[:, :, None]",
+        "attack",
+        "which is over 1",
+    ),
+    "shape of basis": (SIGNAL + "jnp.ones((4, 1))", "attack", "Bad.basis must have the shape (4, B, lanes"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_with_a_kind_is_told(name, tmp_path, monkeypatch):
+    """In a line, with the place where there is one, and status 2; nothing was written."""
+    code, key, message = WRONG[name]
+    module = f"bad_{name.replace(' ', '_')}"
+    (tmp_path / f"{module}.py").write_text(HEAD + code + "\n")
+    keys = {"attack": "{kind: bias, vehicles: [2]}", key: f"{{kind: '{module}:Bad'}}"}
+    keys["attack"] = keys["attack"].replace("}", ", vehicles: [2]}") if key == "attack" else keys["attack"]
+    lines = ["name: bad", "vehicles: 6", "horizon: 1.0", "tail: 0.5", "engine: exact"]
+    lines += [f"{one}: {value}" for one, value in keys.items()]
+    (tmp_path / "study.yaml").write_text("\n".join(lines) + "\n")
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["run", "study.yaml"])
+    assert done.exit_code == 2, done.output
+    assert message in done.output
+    if "Error:" in message:
+        assert f"{module}.py:" in done.output
+    assert not list(tmp_path.glob("results/*/lanes/*"))
+
+
+def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
+    """Weights that are not-a-number, or negative, in some lanes fail these and spoil no other."""
+    bad = "jnp.where(around.gain[0] > 1.1, jnp.nan, -1.0)"
+    code = f"jnp.where(around.gain[0] < 1.05, around.weights, {bad}), memory\n"
+    (tmp_path / "odd_kinds.py").write_text(HEAD + DECIDE + code)
+    monkeypatch.syspath_prepend(tmp_path)
+    keys = {"vehicles": 6, "horizon": 2.0, "tail": 1.0, "engine": "exact", "defence": "odd_kinds:Bad"}
+    gain = [{"uniform": [0.9, 1.2]}, 3, 3]
+    lanes = jaxnet.simulate({**keys, "gain": gain, "attack": {"vehicles": [2]}}, samples=40).lanes
+    assert set(lanes["status"]) == {"ok", "disconnected"}
+    assert lanes.loc[lanes["status"] == "ok", "tail_mean"].notna().all()
+    assert lanes.loc[lanes["status"] != "ok", "tail_mean"].isna().all()
