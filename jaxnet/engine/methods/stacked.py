@@ -266,6 +266,7 @@ def solved(
     return solution.ys[0], solution.stats["num_steps"], status
 
 
+@functools.partial(jax.jit, static_argnames="plan")
 def motion(time: Any, state: State, held: Held, network: Network, plan: Plan) -> State:
     """`ẋ = f(x, u(t, x))` of one lane, with the weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors = held

@@ -1,0 +1,203 @@
+"""The stacked engine against the other two, with which it shares neither law nor stepping."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jaxnet
+from jaxnet.engine.methods import stacked
+from jaxnet.engine.methods.stacked import Controller
+from jaxnet.engine.status import Status
+from jaxnet.kinds.vehicles import SPEED
+from jaxnet.model import graph, hearing
+from jaxnet.model.hearing import Hearing
+from tests import systems
+
+SHORT = {"horizon": 2.0, "tail": 1.0}
+FIGURE = {"vehicles": 5, "topology": "figure1", "defence": "none", **SHORT}
+FIGURE["attack"] = {"kind": "rotating", "magnitude": 4.0, "vehicles": [1, 4]}
+RING = {"vehicles": 4, "attack": {"kind": "rotating", "magnitude": 30.0, "vehicles": [2]}, **SHORT}
+CAR = {**RING, "vehicle": "car", "defence": "w_msr"}
+CAR["initial"] = {"position": {"uniform": [-20.0, 20.0]}}
+CAR["attack"] = {"kind": "sinusoid", "magnitude": 30.0, "vehicles": [2], "threat": "replaces"}
+COUNT = 3
+
+FULL = np.ones((5, 6)) - np.eye(5, 6, k=1)  # everybody hears everybody, but for one link
+FULL[2, 5] = 0.0
+SOURCES = hearing.slots(FULL > 0)
+HEARING = Hearing(*map(jnp.asarray, (SOURCES, SOURCES, np.zeros(SOURCES.shape, bool))))
+reaches_everybody = jax.jit(stacked.reaches_everybody)
+
+
+def outcome(keys, **changes):
+    return systems.simulate(systems.lanes(systems.study(**{**keys, **changes}), COUNT))
+
+
+def agree(ours, known, within):
+    """Positions, weights, switches and metrics of lanes that are all right."""
+    assert (ours.status == Status.ok).all()
+    assert (known.status == Status.ok).all()
+    apart = (ours.series["state"] - known.series["state"])[..., :2]
+    assert np.abs(apart).max() <= within
+    np.testing.assert_allclose(ours.series["kept"], known.series["kept"], atol=1e-9)
+    np.testing.assert_array_equal(ours.switches, known.switches)
+    for name, values in known.metrics.items():
+        np.testing.assert_allclose(ours.metrics[name], values, rtol=1e-4, atol=within)
+
+
+def test_untrimmed():
+    """What the exact engine has, to the tolerances."""
+    ours = outcome(FIGURE, engine={"kind": "stacked", "solver": "Tsit5"})
+    agree(ours, outcome(FIGURE, engine="exact"), 1e-5)
+    assert (ours.steps >= 20).all()
+
+
+def test_stepped_implicitly():
+    """A stiff solver comes to the same places."""
+    keys = {"vehicles": 2, "topology": "path", "defence": "none", "horizon": 0.4, "tail": 0.2}
+    keys["attack"] = {"magnitude": 4.0, "vehicles": [1]}
+    ours = outcome(keys, engine={"kind": "stacked", "solver": "Kvaerno3"})
+    agree(ours, outcome(keys, engine="exact"), 1e-5)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """Trimmed lanes."""
+    return systems.lanes(systems.study(engine="stacked", **RING), COUNT)
+
+
+@pytest.fixture(scope="module")
+def trimmed(ring):
+    """Their outcome."""
+    return systems.simulate(ring)
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_trimmed(trimmed, engine):
+    """Decisions at ticks, held between them."""
+    agree(trimmed, outcome(RING, engine=engine), 1e-5)
+    assert trimmed.switches.any()
+
+
+def test_a_car_that_decides_by_axis_under_replaced_words():
+    """Another vehicle, weights that differ by axis, and a malicious sender; to finer tolerances."""
+    fine = {"kind": "stacked", "rtol": 1e-9, "atol": 1e-11}
+    ours, known = (outcome(CAR, engine=engine) for engine in (fine, "exact"))
+    agree(ours, known, 1e-6)
+    assert ours.switches.any()
+    whole = [0.0, 0.1, 0.45, 0.1 / 0.55, 0.45 / 0.55, 1.0]  # if a source were dropped on both axes or none
+    assert not np.isclose(ours.series["kept"][..., None], whole).any(axis=-1).all()
+
+
+def test_deciding_in_the_vector_field():
+    """`tick: 0` as the nonlinear engine has it, and `jaxnet.field` as both; to the tolerances."""
+    given = systems.study(**RING, tick=0.0)
+    ours, known = (outcome(RING, tick=0.0, engine=engine) for engine in ("stacked", "nonlinear"))
+    agree(ours, known, 1e-5)
+    assert ours.switches.any()
+    field, start = jaxnet.field(given, sample=1)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri5(),
+        0.0,
+        2.0,
+        None,
+        start,
+        stepsize_controller=diffrax.PIDController(1e-7, 1e-9),
+    )
+    assert np.abs(solution.ys[0, :2].T - known.series["state"][1, -1, :, :2]).max() <= 1e-5
+
+
+def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
+    """Each fails in its own way, at once or on its way; a lane beside them is the same to the last bit."""
+    given = jax.tree.map(lambda leaf: np.repeat(leaf[:1], 6, axis=0), ring.inputs)
+    lane, limit = given.lane, given.numbers.max_steps
+    initial, gain, weights = lane.initial.copy(), lane.gain.copy(), lane.weights.copy()
+    initial[1, SPEED, 2] = 0.0
+    initial[2, 0, 1] = np.nan
+    gain[3] = np.nan  # the start is finite, the vector field is not
+    limit = np.where(np.arange(6) == 4, 10, limit)
+    weights[5] = np.where(ring.network.hearing.sources > 0, weights[5], 0.0)  # nobody hears the navigator
+    lane = lane._replace(initial=initial, gain=gain, weights=weights)
+    inputs = given._replace(lane=lane, numbers=given.numbers._replace(max_steps=limit))
+    after = systems.simulate(ring._replace(inputs=inputs))
+    s = Status
+    expected = [s.ok, s.singular, s.nonfinite, s.nonfinite, s.max_steps, s.disconnected]
+    assert after.status.tolist() == expected
+    for name, values in after.metrics.items():
+        assert values[0] == trimmed.metrics[name][0]
+        assert np.isnan(values[1:]).all()
+    np.testing.assert_array_equal(after.series["state"][0], trimmed.series["state"][0])
+    assert np.isnan(after.series["state"][1:, -1]).all()
+    assert np.isfinite(after.series["state"][[3, 4], 0, :, :2]).all()
+    assert after.steps[1] == after.steps[2] == 0
+    assert 10 <= after.steps[4] < trimmed.steps[0]
+
+
+@given(st.lists(st.booleans(), min_size=30, max_size=30))
+def test_who_is_cut_off(retained):
+    """Reaching everybody slot by slot, on each axis, is what the graph's own search says."""
+    kept = FULL * np.reshape(retained, FULL.shape)
+    weights = jnp.stack([jnp.asarray(hearing.by_slot(each, SOURCES)) for each in (FULL, kept)])
+    assert bool(reaches_everybody(HEARING, weights)) == (not graph.unreachable(kept))
+
+
+def wall(time, state, args):
+    """Not finite after one second."""
+    return jnp.where(time < 1.0, -state, jnp.nan)
+
+
+def shaking(time, state, args):
+    """Finite, and in no step that moves the time the same."""
+    return jnp.cos(1e20 * time) * jnp.full_like(state, 1e30)
+
+
+@pytest.mark.parametrize(
+    ("field", "result"),
+    [(wall, "dt_min_reached"), (shaking, "max_steps_reached")],
+)
+def test_a_step_too_small_and_a_field_that_is_not_finite_are_told_apart(field, result):
+    """The first is out of steps, the second stands before a wall; neither is stepped on."""
+    controller = Controller(1e-9, 1e-9, dtmin=1e-15, force_dtmin=False)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri5(),
+        0.0,
+        2.0,
+        None,
+        jnp.ones(2),
+        stepsize_controller=controller,
+        max_steps=100_000,
+        throw=False,
+    )
+    assert solution.result == getattr(diffrax.RESULTS, result)
+    assert solution.stats["num_steps"] < 1000
+
+
+@pytest.mark.parametrize("name", stacked.solvers())
+def test_solvers(name):
+    """Each adapts its step and solves a plain differential equation."""
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: -y),
+        getattr(diffrax, name)(),
+        0.0,
+        2.0,
+        None,
+        jnp.ones(1),
+        stepsize_controller=Controller(1e-4, 1e-6),
+        max_steps=10_000,
+    )
+    np.testing.assert_allclose(solution.ys[0], np.exp(-2.0), rtol=1e-2)
+
+
+@pytest.mark.parametrize("name", ["Dopri6", "tsit5", "Euler", "KenCarp4", "HalfSolver", "diffeqsolve"])
+def test_other_solvers_are_refused(name):
+    """Where the config is read, with those that there are."""
+    with pytest.raises(jaxnet.ConfigError) as told:
+        systems.study(engine={"kind": "stacked", "solver": name})
+    assert "engine.solver: must be an adaptive ODE solver of diffrax: Bosh3, Dopri5" in str(told.value)
+    assert ("did you mean 'Tsit5'?" in str(told.value)) == (name == "tsit5")
