@@ -134,8 +134,10 @@ def compared(results: Results) -> int:
     for number in np.random.default_rng(0).choice(len(shards), AGAIN, replace=False):
         shard = shards[number]
         outcome = batch.simulate(job(shard.cell.scenario, config.seed, shard.samples))
-        stored = rows.read(results.path / rows.name_of(shard.number))[0].to_pandas()
-        pd.testing.assert_frame_equal(rows.table(shard, outcome, types).to_pandas(), stored, check_exact=True)
+        stored = rows.read_rows(results.path / rows.name_of(shard.number))[0].to_pandas()
+        pd.testing.assert_frame_equal(
+            rows.table_of(shard, outcome, types).to_pandas(), stored, check_exact=True
+        )
         count += len(stored)
     return count
 

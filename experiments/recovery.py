@@ -17,7 +17,7 @@ import click
 
 import jaxnet
 from jaxnet.runs.cache import enable
-from jaxnet.runs.replay import replay, worst
+from jaxnet.runs.replay import replay, worst_of
 from jaxnet.store.results import Results
 from jaxnet.view.text import progress
 
@@ -51,7 +51,7 @@ def main(samples: int) -> None:
         study = jaxnet.load(CONFIG, {"samples": samples // 5, "sweep": varied})
         show(question, simulate(study, f"recovery-{question}"))
     print("\nthe worst lanes by the nonlinear engine: tail mean [m] there, and by the exact engine")
-    for cell, sample in worst(results):
+    for cell, sample in worst_of(results):
         _, again = replay(results, cell, sample, "nonlinear")
         row = results.lanes.query("cell == @cell and sample == @sample").iloc[0]
         print(f"{row['attack']:10} sample {sample:5}  {again['tail_mean']:8.4g}  {row['tail_mean']:8.4g}")

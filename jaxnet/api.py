@@ -218,7 +218,7 @@ def write_report(results: stored.Results) -> Iterator[UPath]:
             yield from ultimate.analyse(results)
         yield from replay_worst(results)
         yield from figures.draw(results)
-        yield page.write(results)
+        yield page.write_page(results)
 
 
 def default_out(study: Study, out: Place | None) -> Place:

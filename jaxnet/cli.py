@@ -18,7 +18,7 @@ import jaxnet
 INTERRUPTED = 130
 AGAIN = 0.5  # [s]
 FAILED_LANES = 3
-OUTSIDE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
+NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
 
 config_arguments = [
     click.argument("config", type=click.Path(path_type=Path)),
@@ -69,7 +69,7 @@ def user_errors() -> Iterator[None]:
             click.echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
     except OSError as error:
-        if error.errno not in OUTSIDE and not isinstance(error, PermissionError):
+        if error.errno not in NOT_OURS and not isinstance(error, PermissionError):
             raise
         click.echo(f"{error}; finished shards are kept, the same command goes on", err=True)
         sys.exit(2)
@@ -156,7 +156,10 @@ def run(
                 results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
             click.echo(tables.summary(results))
-            click.echo("\n".join(filter(None, [tables.written(results), tables.failures(results)])), err=True)
+            click.echo(
+                "\n".join(filter(None, [tables.what_was_written(results), tables.failures(results)])),
+                err=True,
+            )
     if failed and strict:
         sys.exit(FAILED_LANES)
 

@@ -4,7 +4,7 @@ import ast
 import importlib
 import json
 import pkgutil
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from textwrap import dedent
@@ -299,3 +299,45 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
     given = {family: stored[family]["kind"] for family in FAMILIES if family != "metrics"}
     assert plain(jaxnet.load(given | {"name": "study"}).config) == stored
     assert not any(":" in name for name in given.values()), given
+
+
+# --- words -----------------------------------------------------------------------------------------
+
+# Names that more than two modules define and that mean one thing wherever they stand.
+ONE_MEANING = {
+    "simulate": "outcomes of lanes, of a study (api), a job (batch) and a load (the engines)",
+    "field": "the vector field of a lane",
+    "feedback": "P(y) = k0 y + k1 ẏ + k2 ÿ, as the paper writes it and as the programs need it",
+    "figure": "what a file of view/figures draws",
+    "legend": "that of a figure",
+    "ROUNDING": "what rounding may amount to, of the numbers that a module has",
+}
+ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked", "engine.tick"}
+
+
+def defined(tree: ast.Module) -> set[str]:
+    """Public names that a module defines itself."""
+    names = set()
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        names |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return {name for name in names if not name.startswith("_")}
+
+
+def homes_of_names() -> dict[str, set[str]]:
+    """Modules that define each name; the engines, who take the same steps, count as one."""
+    homes = defaultdict(set)
+    for path in MODULES:
+        module = name_of(path).removeprefix("jaxnet.")
+        for name in defined(ast.parse(path.read_text())):
+            homes[name].add("engines" if module in ENGINES else module)
+    return homes
+
+
+def test_a_name_means_one_thing():
+    """Two modules may share one, as the command does with what it calls; a name in more needs its reason."""
+    many = {name: sorted(homes) for name, homes in homes_of_names().items() if len(homes) > 2}
+    assert {name: homes for name, homes in many.items() if name not in ONE_MEANING} == {}
+    assert set(ONE_MEANING) <= set(many), "no longer needs its reason"

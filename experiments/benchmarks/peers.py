@@ -98,7 +98,7 @@ def greatest_error(job: Job, positions: Positions) -> float:
     """Greatest distance [m] of any vehicle at any output time from the exact solution, in the lanes given."""
     with jax.enable_x64(True):
         errors = [
-            exactness.worst(
+            exactness.greatest_distance(
                 jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), job.inputs),
                 job.network.hearing,
                 float(job.clock.interval),

@@ -20,7 +20,7 @@ from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
 
-Place = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
+Locate = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
 
 MOST_CELLS = 1_000_000
 
@@ -38,12 +38,12 @@ class Cell:
         return cell_name(self.number, self.labels)
 
 
-def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
+def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     """The study that a document describes; raises ConfigError with everything that is wrong."""
     name_kinds(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
-    values = {} if given is None else {key: spread(each) for key, each in given.sweep.items()}
+    values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
     known = Known(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
@@ -52,7 +52,7 @@ def read(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_CELLS:
         base = document.data if settled is None else plain(settled)
-        cells, found = span(document, base, spanned, known=set(problems))
+        cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None:
         problems += [
@@ -87,7 +87,7 @@ class SweepAlone(BaseModel):
     sweep: Sweep = {}
 
 
-def located(fault: Fault, place: Place) -> Problem:
+def located(fault: Fault, place: Locate) -> Problem:
     """A fault with the place of the first of its keys that was written."""
     return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
 
@@ -110,19 +110,19 @@ def with_kind(field: str, value: Any) -> Any:
     return value
 
 
-def validate(model: type[Any], data: Mapping[str, Any], place: Place) -> tuple[Any, list[Problem]]:
+def validate(model: type[Any], data: Mapping[str, Any], place: Locate) -> tuple[Any, list[Problem]]:
     """The model, or what is wrong with each key."""
     try:
         return model.model_validate(dict(data)), []
     except ValidationError as error:
         problems = []
         for one in error.errors(include_url=False):
-            keys = written(one)
+            keys = keys_of(one)
             problems.append(Problem(place(keys), dotted(keys), wording.explain(one, data)))
         return None, problems
 
 
-def written(error: Any) -> Keys:
+def keys_of(error: Any) -> Keys:
     """Keys of an error's place as the user writes them: the marks of unions taken out."""
     keys = tuple(part for part in error["loc"] if not str(part).startswith((MARK, "[key]")))
     if error["type"] == "missing" and isinstance(keys[-1], int):
@@ -131,7 +131,7 @@ def written(error: Any) -> Keys:
     return (*keys, "kind") if in_mapping else keys
 
 
-def spread(given: Any) -> list[Any]:
+def swept_values(given: Any) -> list[Any]:
     """Values of one swept key; a spacing of whole numbers gives whole numbers."""
     if isinstance(given, list):
         return given
@@ -240,7 +240,7 @@ def kind_label(kind: Any, among: list[Any]) -> str:
     return name + (f"({', '.join(telling)})" if telling else "")
 
 
-def span(
+def cells_of(
     document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
     """The cells, first key slowest, and what is wrong with them but was not known, each fault once.
@@ -280,7 +280,7 @@ def span(
     ]
 
 
-def judge(data: Mapping[str, Any], place: Place) -> tuple[Scenario | None, list[Problem]]:
+def judge(data: Mapping[str, Any], place: Locate) -> tuple[Scenario | None, list[Problem]]:
     """A cell's scenario, or all that is wrong with it.
 
     Where single keys are wrong, what several must fulfil together is still asked of the others.

@@ -71,10 +71,10 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
     else:
         document = Document.read(source)
-        registry.search(Path(str(source)).resolve().parent)
+        registry.search_folder(Path(str(source)).resolve().parent)
     for word in overrides:
         document.override(word)
-    return Study(*cells.read(document))
+    return Study(*cells.read_document(document))
 
 
 def yaml_of(data: Any, inline: bool) -> str:

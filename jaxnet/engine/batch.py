@@ -109,7 +109,7 @@ def simulate_each(
     try:
         loads = parted(batches, min(capacity, share), sizes)
         outcomes = in_order(pool, run, loads, 2 * len(devices))
-        yield from regrouped(told(outcomes, load_done), sizes)
+        yield from regrouped(reporting(outcomes, load_done), sizes)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -161,7 +161,7 @@ def in_order(
         yield future.result()
 
 
-def told(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> Iterator[Outcome]:
+def reporting(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> Iterator[Outcome]:
     """The outcomes, of whose lanes `load_done` is told."""
     for outcome in outcomes:
         load_done(len(outcome.status))

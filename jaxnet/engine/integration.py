@@ -67,7 +67,7 @@ class Fleet(NamedTuple):
     status: Code
 
 
-class Run(NamedTuple):
+class UnderWay(NamedTuple):
     """Lanes under way and what was gathered of them."""
 
     fleet: Fleet
@@ -78,18 +78,18 @@ def simulate(queue: Inputs, count: Int[Array, ""], network: Network, clock: Cloc
     """The first `count` lanes of a queue from 0 to the horizon, `plan.chunk` of them side by side."""
     rule = stepper.method(plan.options[0])
 
-    def begin(inputs: Inputs) -> Run:
+    def begin(inputs: Inputs) -> UnderWay:
         gathered = metrics.nothing(plan.metrics, inputs.lane.initial.shape[1:])
-        return Run(start(inputs, network, clock, plan), gathered)
+        return UnderWay(start(inputs, network, clock, plan), gathered)
 
-    def advance(places: Places, series: Any) -> tuple[Run, Any]:
+    def advance(places: Places, series: Any) -> tuple[UnderWay, Any]:
         (fleet, gathered), inputs = places.state, places.inputs
         fleet = settle(fleet, inputs, network, clock, plan)
         seen, number = observe(fleet, inputs.lane, network, plan), fleet.ticks // clock.ticks
         due = fleet.at_tick & (fleet.ticks % clock.ticks == 0) & (fleet.status == Status.ok)
         gathered = metrics.add(plan.metrics, gathered, seen, due, clock.in_tail(number))
         series = record(series, seen, jnp.where(due, number, plan.rows), places.number)
-        return Run(step(fleet, inputs, network, clock, rule, plan), gathered), series
+        return UnderWay(step(fleet, inputs, network, clock, rule, plan), gathered), series
 
     def record(series: Any, seen: Observation, output: Any, number: Any) -> Any:
         return {
@@ -97,10 +97,10 @@ def simulate(queue: Inputs, count: Int[Array, ""], network: Network, clock: Cloc
             for name, value in ticks.series(plan, seen).items()
         }
 
-    def under_way(run: Run) -> Bool[Array, " lanes"]:
+    def under_way(run: UnderWay) -> Bool[Array, " lanes"]:
         return (run.fleet.status == Status.ok) & (run.fleet.at_tick | moving(run.fleet, clock))
 
-    def end(inputs: Inputs, run: Run) -> Outcome:
+    def end(inputs: Inputs, run: UnderWay) -> Outcome:
         fleet, status = run.fleet, fail(run.fleet.status, Status.nonfinite, ~metrics.finite(run.gathered))
         found = metrics.of_fleet(
             plan.metrics, run.gathered, clock.outputs, clock.tail_outputs, status == Status.ok

@@ -42,7 +42,7 @@ SERIES: dict[str, Callable[[Observation], Any]] = {
     "kept": lambda seen: seen.hearing.retained(seen.weights),
 }
 
-FIRST = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
+NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
 STEP = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
 FLEET = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 
@@ -51,7 +51,7 @@ Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric, vehicle by vehic
 
 def nothing(metrics: Sequence[Metric], shape: tuple[int, ...]) -> Gathered:
     """Before the first output time, for this shape (m, lanes)."""
-    return {metric.name: jnp.full(shape, FIRST[metric.time]) for metric in metrics}
+    return {metric.name: jnp.full(shape, NEUTRAL[metric.time]) for metric in metrics}
 
 
 def add(

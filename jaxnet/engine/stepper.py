@@ -24,7 +24,7 @@ from jaxnet.engine.plan import Tolerances
 SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 ROUNDING = 4 * 2.0**-52  # a relative step below this no longer moves the time
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the factor from one step to the next
-FIRST = 0.01  # of the time in which the state would change by itself
+FIRST_STEP = 0.01  # of the time in which the state would change by itself
 
 Times = Float[Array, " lanes"]
 States = Float[Array, "n m lanes"]
@@ -120,4 +120,4 @@ def next_step(step: Times, error: Times, rule: Method) -> Times:
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
     """A step to begin with (Hairer, Nørsett, Wanner, Solving ODEs I, II.4, the first guess there)."""
     size = jnp.abs(state)
-    return FIRST * norm(state, size, tolerances) / norm(slope, size, tolerances)
+    return FIRST_STEP * norm(state, size, tolerances) / norm(slope, size, tolerances)

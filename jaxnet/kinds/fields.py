@@ -34,7 +34,7 @@ def ordered(bounds: list[float]) -> list[float]:
     return bounds
 
 
-def spread(moments: list[float]) -> list[float]:
+def not_negative(moments: list[float]) -> list[float]:
     """Mean and standard deviation, if the latter is not negative."""
     if moments[1] < 0:
         raise ValueError("a standard deviation is not negative")
@@ -50,7 +50,7 @@ class Uniform(Record):
 class Normal(Record):
     """Normal with a mean and a standard deviation."""
 
-    normal: Annotated[list[float], Len(2, 2), AfterValidator(spread)]
+    normal: Annotated[list[float], Len(2, 2), AfterValidator(not_negative)]
 
 
 class Choice(Record):

@@ -169,7 +169,7 @@ def imported(reference: str, name: str) -> Any:
     except AttributeError as error:
         raise KindError(f"{name}: {error}") from error
     except Exception as error:  # of a stranger's module anything may come
-        raise KindError(f"{name} cannot be imported: {told(error)}") from error
+        raise KindError(f"{name} cannot be imported: {with_place(error)}") from error
     if not before or module not in SOURCES:
         SOURCES[module] = source_of(module)
     refuse_changed(module, name)
@@ -212,7 +212,7 @@ def refuse_changed(module: str, name: str) -> None:
         raise KindError(f"{name} was changed since it was imported ({file}): start Python anew")
 
 
-def search(folder: str | Path) -> None:
+def search_folder(folder: str | Path) -> None:
     """Have modules of this folder found, after all others."""
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
@@ -236,7 +236,7 @@ def confirm(modules: dict[str, Provenance]) -> None:
     """Raise KindError if modules that another process names are not the same here."""
     for name, made_of in modules.items():
         if made_of.file:
-            search(root_of(name, made_of.file))
+            search_folder(root_of(name, made_of.file))
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -254,7 +254,7 @@ def words(data: Any) -> Iterator[str]:
         yield from words(inner)
 
 
-def told(error: BaseException) -> str:
+def with_place(error: BaseException) -> str:
     """An error with the file and line where it arose, as far in as code from outside the library goes."""
     frames = list(trace(error))
     place = next((f"{file}:{line}" for file, line in reversed(frames) if file in files()), None)
@@ -279,7 +279,7 @@ def blame(error: BaseException) -> KindError | None:
     """The error as that of a kind from outside, if it came through one's file."""
     if isinstance(error, KindError) or not any(file in files() for file, _ in trace(error)):
         return None
-    return KindError(told(error))
+    return KindError(with_place(error))
 
 
 @contextlib.contextmanager

@@ -20,7 +20,7 @@ COMPONENTS = 4  # of a vehicle whose slots are side by side
 PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
 BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
 
-Place = tuple[int, int]  # vehicle (0: the lane's own) and component
+Entry = tuple[int, int]  # vehicle (0: the lane's own) and component
 Draws = Float[np.ndarray, "samples places"]
 
 
@@ -47,7 +47,7 @@ class Draw:
         """Numbers of the lane: (samples, n)."""
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
 
-    def placed(self, numbers: Sequence[Any], name: str, places: Sequence["Place"]) -> Any:
+    def placed(self, numbers: Sequence[Any], name: str, places: Sequence["Entry"]) -> Any:
         """Numbers that have places of their own, vehicle and component: (samples, n)."""
         return draw_each(numbers, self.seed, name, self.samples, places)
 
@@ -74,7 +74,7 @@ def draw(
 
 
 def draw_each(
-    numbers: Sequence[Any], seed: int, name: str, samples: Sequence[int], places: Sequence[Place]
+    numbers: Sequence[Any], seed: int, name: str, samples: Sequence[int], places: Sequence[Entry]
 ) -> Draws:
     """Values for each sample of several numbers or distributions, each with its own place."""
     if not any(map(is_drawn, numbers)):
@@ -98,7 +98,7 @@ def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "...
     raise TypeError(f"not a number or distribution: {number!r}")
 
 
-def uniforms(seed: int, name: str, samples: Sequence[int], places: Sequence[Place]) -> Draws:
+def uniforms(seed: int, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Draws:
     """Uniform numbers inside (0, 1), in steps of 2⁻⁵³."""
     rows, columns = in_blocks(samples, BLOCK[0]), in_blocks([slot(*place) for place in places], BLOCK[1])
     with jax.enable_x64(True):

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from jaxnet.model.hearing import AxisWeights, Hearing
 
 Gain = Float[Array, "3 *lanes"]
-COLUMNS = 4  # of a product that are added in one pass
+AT_ONCE = 4  # of a product that are added in one pass
 
 
 def feedback(gain: Gain, jets: Any) -> Any:
@@ -57,7 +57,7 @@ def product(
     XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
     """
     m = len(columns)
-    at_once = max(n for n in range(1, COLUMNS + 1) if m % n == 0)
+    at_once = max(n for n in range(1, AT_ONCE + 1) if m % n == 0)
 
     def add(block: Any, total: jax.Array) -> jax.Array:
         for number in range(at_once):

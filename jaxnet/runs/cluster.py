@@ -1,8 +1,8 @@
 """Shards simulated by other processes: the workers of a dask scheduler, here or elsewhere.
 
-A worker is sent the `Work` and a shard, writes the shard's files itself and answers with a few numbers. One
-that dies costs what it had under way, which others are given; a scheduler or a client that dies costs what
-was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
+A worker is sent the `Assignment` and a shard, writes the shard's files itself and answers with a few
+numbers. One that dies costs what it had under way, which others are given; a scheduler or a client that dies
+costs what was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from jaxnet.kinds import registry
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
-    from jaxnet.runs.shards import Done, Work
+    from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
 
 CONNECT = 10  # [s]
@@ -87,7 +87,7 @@ class Cluster:
         self.stack.close()
 
     def __call__(
-        self, work: "Work", todo: "Sequence[Shard]", load_done: Callable[[int], None]
+        self, work: "Assignment", todo: "Sequence[Shard]", load_done: Callable[[int], None]
     ) -> "Iterator[Done]":
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         if not todo:
@@ -97,7 +97,9 @@ class Cluster:
 
         try:
             client = self.client.result()
-            for done in answers(client, functools.partial(simulate, work, versions(), self.chunk), todo):
+            for done in answers(
+                client, functools.partial(simulate_shard, work, versions(), self.chunk), todo
+            ):
                 load_done(done.lanes)
                 yield done
         except KilledWorker as error:
@@ -234,7 +236,7 @@ def losses(event: Any, run: str) -> Iterator[str]:
             yield f"worker {event['worker']} was lost; shards that others do in its place: {shards}"
 
 
-def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Shard") -> Answer:
+def simulate_shard(work: "Assignment", needed: dict[str, str], chunk: int | None, shard: "Shard") -> Answer:
     """On a worker: simulate and store a shard, unless it is there."""
     from distributed import get_worker
 
@@ -259,7 +261,9 @@ def simulate(work: "Work", needed: dict[str, str], chunk: int | None, shard: "Sh
 
     see()
     with registry.blaming():
-        done = shards.there(work, shard) or next(shards.simulate(work, [shard], Machine(1, chunk), see))
+        done = shards.there(work, shard) or next(
+            shards.simulate_shards(work, [shard], Machine(1, chunk), see)
+        )
     return Answer(done, list(drained(said)))
 
 

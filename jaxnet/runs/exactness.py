@@ -35,7 +35,7 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
     with jax.enable_x64(True):
         return np.array(
             [
-                worst(
+                greatest_distance(
                     jax.tree.map(lambda leaf, n=n: jnp.asarray(leaf[n]), lanes.inputs),
                     lanes.network.hearing,
                     float(lanes.clock.interval),
@@ -46,7 +46,7 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
         )
 
 
-def worst(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, Any]) -> float:
+def greatest_distance(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, Any]) -> float:
     """Greatest distance of one lane."""
     lane = one.lane
     times = np.arange(len(series["kept"])) * interval

@@ -40,7 +40,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
         file = str((path / name).relative_to(results.path))
         folder.put(file, lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
-    row = rows.table(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
+    row = rows.table_of(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return path, row.to_pandas().iloc[0]
 
 
@@ -51,7 +51,7 @@ def path_of(results: Results, cell: int, sample: int, engine: str | None = None)
     return results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
 
 
-def worst(results: Results) -> list[tuple[int, int]]:
+def worst_of(results: Results) -> list[tuple[int, int]]:
     """Cell and sample of the lanes to be looked at, those with the greatest mean error for their ā."""
     asked = results.study.config.recovery
     if asked is None:
@@ -72,7 +72,7 @@ def replay_worst(results: Results) -> list[UPath]:
     before.
     """
     paths = []
-    for cell, sample in worst(results):
+    for cell, sample in worst_of(results):
         path = path_of(results, cell, sample, "nonlinear")
         if not (path / "zarr.json").exists():
             replay(results, cell, sample, "nonlinear")

@@ -1,6 +1,6 @@
 """A run: bring a folder to hold every lane of a study; what is there already is not done again.
 
-Who simulates the shards is the crew's business: this process (`shards.simulate`) or others (`cluster`).
+Who simulates the shards is the crew's business: this process (`shards`) or others (`cluster`).
 Nobody has to hold more than one cell's rows for the tables at the end.
 """
 
@@ -21,21 +21,21 @@ from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.runs import shards
-from jaxnet.runs.shards import Done, Work
+from jaxnet.runs.shards import Assignment, Done
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.store.layout import Shard
 
 Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
-Crew = Callable[[Work, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
+Crew = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 READERS = 16  # files looked over at a time
 CHOSEN = "trajectories.zarr"
 
 
 def alone(machine: Machine) -> Crew:
     """The crew of this process."""
-    return lambda work, todo, load_done: shards.simulate(work, todo, machine, load_done)
+    return lambda work, todo, load_done: shards.simulate_shards(work, todo, machine, load_done)
 
 
 class Run:
@@ -119,9 +119,9 @@ class Run:
             for name, variables in stores.items()
         }
 
-    def work(self, filled: dict[str, str] | None) -> Work:
+    def work(self, filled: dict[str, str] | None) -> Assignment:
         """What every shard takes."""
-        return Work(
+        return Assignment(
             Folder(self.folder.path.absolute()),
             digest(self.study),
             self.study.seed,
@@ -132,7 +132,7 @@ class Run:
             self.modules,
         )
 
-    def simulate(self, wanted: Sequence[Shard], work: Work, tally: "Tally") -> int:
+    def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: "Tally") -> int:
         """Simulate and store those shards that are not there yet; how many there were."""
         with ThreadPoolExecutor(READERS) as pool:
             found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
@@ -174,12 +174,12 @@ class Run:
         path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
         lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
         self.folder.remove(CHOSEN)
-        store = lane_store.create(arrays.store_at(path), variables, self.cells, lanes)
+        store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
         for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
             one = job(cell.scenario, self.study.seed, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
-            lane_store.write(store, first, cell, variables, series)
+            lane_store.write_lanes(store, first, cell, variables, series)
             first += len(samples)
         lane_store.seal(store, path, variables, len(lanes))
 

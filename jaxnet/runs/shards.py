@@ -1,8 +1,8 @@
 """Shards: simulated into the folder, and looked over when a run goes on.
 
 A shard holds consecutive samples of one cell. Whoever simulates it, this process or another, is given the
-`Work` and the shard, writes its arrays and then its rows, and answers with a few numbers. A shard whose row
-file is there is therefore complete, unless something has happened to its files since.
+`Assignment` and the shard, writes its arrays and then its rows, and answers with a few numbers. A shard
+whose row file is there is therefore complete, unless something has happened to its files since.
 
 Shards whose lanes can share a compiled program follow each other without a pause, drawn while others are
 simulated.
@@ -36,7 +36,7 @@ BESIDE = "npz"  # of the stamp's checksums that of the file of arrays beside the
 TAKING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
 
 
-class Work(NamedTuple):
+class Assignment(NamedTuple):
     """What it takes to simulate any shard of a study, besides the shard."""
 
     folder: Folder
@@ -72,8 +72,8 @@ class Done(NamedTuple):
     failed: int
 
 
-def simulate(
-    work: Work,
+def simulate_shards(
+    work: Assignment,
     shards: Sequence[Shard],
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
@@ -86,13 +86,13 @@ def simulate(
             checksums = put_beside(work, shard, values)
         else:
             checksums = fill(work, shard, values, stores)
-        table, stamp = rows.table(shard, outcome, work.types), work.stamp(shard, checksums)
-        rows.write(work.folder, shard.number, table, stamp)
+        table, stamp = rows.table_of(shard, outcome, work.types), work.stamp(shard, checksums)
+        rows.write_rows(work.folder, shard.number, table, stamp)
         yield Done(shard.number, len(shard.samples), int((outcome.status != Status.ok).sum()))
 
 
 def outcomes(
-    work: Work, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
+    work: Assignment, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
 ) -> Iterator[tuple[Shard, Outcome]]:
     """Outcome of each shard, those that fit one program in one go."""
     programs = {
@@ -118,7 +118,9 @@ def program_of(one: Job) -> Any:
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
 
 
-def fill(work: Work, shard: Shard, values: dict[str, np.ndarray], stores: dict[str, Any]) -> dict[str, int]:
+def fill(
+    work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: dict[str, Any]
+) -> dict[str, int]:
     """Write a shard's arrays into the stores; the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
@@ -127,17 +129,17 @@ def fill(work: Work, shard: Shard, values: dict[str, np.ndarray], stores: dict[s
     return checksums
 
 
-def chunk_of(work: Work, shard: Shard) -> tuple[int, int]:
+def chunk_of(work: Assignment, shard: Shard) -> tuple[int, int]:
     """Where a shard's chunks are along cell and sample."""
     return shard.cell.number, shard.samples.start // work.size
 
 
-def path_beside(work: Work, number: int) -> UPath:
+def path_beside(work: Assignment, number: int) -> UPath:
     """The file beside a shard's rows that holds its arrays until they are taken into the stores."""
     return (work.folder.path / rows.name_of(number)).with_suffix(".npz")
 
 
-def put_beside(work: Work, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
+def put_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
     """Write a shard's arrays beside its rows; the checksum of their file."""
     if not values:
         return {}
@@ -148,14 +150,14 @@ def put_beside(work: Work, shard: Shard, values: dict[str, np.ndarray]) -> dict[
     return {BESIDE: zlib.crc32(content.getbuffer())}
 
 
-def there(work: Work, shard: Shard) -> Done | None:
+def there(work: Assignment, shard: Shard) -> Done | None:
     """A shard that is there, whole and with its arrays; one that is torn is removed, with a warning.
 
     Arrays that lie beside its rows are taken into the stores.
     """
     path = work.folder.path / rows.name_of(shard.number)
     try:
-        table, stamp = rows.read(path)
+        table, stamp = rows.read_rows(path)
         if stamp._replace(filled={}, checksums={}) != work.stamp(shard, {})._replace(filled={}):
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell):
@@ -173,7 +175,7 @@ def there(work: Work, shard: Shard) -> Done | None:
     return Done(shard.number, len(shard.samples), failed)
 
 
-def arrays_there(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
+def arrays_there(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
     if work.filled is None:
         held = stamp.filled.keys() >= work.stores.keys()
@@ -184,7 +186,7 @@ def arrays_there(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> boo
     return True
 
 
-def check_arrays(work: Work, shard: Shard, stamp: Stamp) -> None:
+def check_arrays(work: Assignment, shard: Shard, stamp: Stamp) -> None:
     """Raise TornError if the shard's part of a store is not as it was written."""
     for name, variables in work.stores.items():
         store = work.folder.path / name
@@ -193,7 +195,7 @@ def check_arrays(work: Work, shard: Shard, stamp: Stamp) -> None:
             raise TornError(f"{name} is corrupt at {where}")
 
 
-def take_in(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
+def take_in(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Take the arrays beside a shard's rows into the stores; whether all that are wanted were there."""
     count = len(shard.samples)
     with TAKING:
@@ -202,12 +204,12 @@ def take_in(work: Work, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
             return False
         stores = {name: arrays.opened(work.folder.path / name) for name in work.stores}
         checksums = fill(work, shard, values, stores)
-    rows.write(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
+    rows.write_rows(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
     path_beside(work, shard.number).unlink()
     return True
 
 
-def beside(work: Work, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
+def beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
     """The arrays beside a shard's rows, none if there is no file of them; raises TornError."""
     path = path_beside(work, shard.number)
     if BESIDE not in stamp.checksums or not path.exists():

@@ -16,7 +16,7 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import Group, attacked_groups, shared
 from jaxnet.store.results import Results
 
-MOST = 24  # panels that one figure takes
+MOST_PANELS = 24  # panels that one figure takes
 MOST_TIMES = 300  # of a band
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
@@ -85,7 +85,7 @@ class Curve(NamedTuple):
 
 def curves(results: Results) -> list[Curve]:
     """A curve per group of attacked cells whose ā is not drawn; raises FolderError for an unfinished run."""
-    cells, bounds, fits = results.cells, table(results, "bounds"), table(results, "fit")
+    cells, bounds, fits = results.cells, stored_table(results, "bounds"), stored_table(results, "fit")
     found = []
     for group in attacked_groups(results.study.cells):
         if not group.attacked:
@@ -123,7 +123,7 @@ TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"),
 )
 
 
-def table(results: Results, name: str) -> pd.DataFrame:
+def stored_table(results: Results, name: str) -> pd.DataFrame:
     """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
     file = results.path / f"{name}.csv"
     if not file.exists():
@@ -149,7 +149,7 @@ def alike(value: Any) -> str:
         return str(value)
 
 
-def span(found: Sequence[Curve], metric: str) -> tuple[float, float]:
+def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
     """Ends of a log axis for a metric [m], with all that is drawn but what is far too small to see."""
     low, high = [], []
     for curve in found:
@@ -200,7 +200,7 @@ def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
 
 def all_bands(results: Results) -> dict[int, Band]:
     """Bands of the cells of the first MOST scenes, by number of the cell."""
-    cells = [cell for group in scenes(results.study.cells)[:MOST] for cell in group.cells]
+    cells = [cell for group in scenes(results.study.cells)[:MOST_PANELS] for cell in group.cells]
     tracking = results.errors["tracking"]
     found = {cell.number: band(tracking, cell) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}

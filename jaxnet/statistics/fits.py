@@ -25,7 +25,7 @@ from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
-COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
+FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
@@ -105,7 +105,7 @@ def table(results: Results) -> pd.DataFrame:
 
     with ThreadPoolExecutor(cores()) as pool:
         found = [row for rows_of_one in pool.map(of, asked) for row in rows_of_one]
-    return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *COLUMNS]))
+    return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *FIT_COLUMNS]))
 
 
 def fitted_groups(results: Results) -> list[Group]:
@@ -156,7 +156,7 @@ def fits(errors: Errors) -> Iterator[dict[str, Any]]:
             score = aicc(errors, model, estimate) if quantile is None else np.nan
             for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
                 row = (model, quantile, name, *numbers, score)
-                yield dict(zip(COLUMNS[1:], row, strict=True))
+                yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
 
 
 def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:

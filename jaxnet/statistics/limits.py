@@ -27,12 +27,12 @@ from jaxnet.theory.bounds import Bound, Spread
 
 ROUNDING = 1e-9  # relative
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
-COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
+VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
 
 
-def table(cells: Sequence[Cell]) -> pd.DataFrame:
+def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Slopes per ā of every bound, vehicle by vehicle, worst and fleet, for each group of attacked cells.
 
     All are blank where weights or gains are drawn: then each lane has bounds of its own.
@@ -92,7 +92,7 @@ def violations(results: Results) -> pd.DataFrame:
         at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
             found += excesses(results, cell, rows[first : first + at_once])
-    return pd.DataFrame(found, columns=list(COLUMNS))
+    return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
 def suspects(scenario: Scenario, seed: int, rows: Any) -> Bool[np.ndarray, " lanes"]:
@@ -124,7 +124,7 @@ def limits_of(
 ) -> dict[str, Limits]:
     """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
     draw = Draw(seed, samples, scenario.vehicles)
-    error, attack = start(scenario, draw)
+    error, attack = start_of_errors(scenario, draw)
     flow = influence(tuple(scenario.gain), tuple(times.tolist()))
     found = {}
     for name, (bound, mixing) in holding(scenario).items():
@@ -166,7 +166,7 @@ def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.nda
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
-def start(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
+def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
     """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     own = np.stack(vehicle.output_jets(start_of(scenario, vehicle, draw)))

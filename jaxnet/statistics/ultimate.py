@@ -20,7 +20,7 @@ def analyse(results: Results) -> Iterator[UPath]:
     fit.fitted_groups(results)
     _ = results.cells
     tables: dict[str, Callable[[], pd.DataFrame]] = {
-        "bounds.csv": lambda: bounds.table(results.study.cells),
+        "bounds.csv": lambda: bounds.slopes_table(results.study.cells),
         "violations.csv": lambda: bounds.violations(results),
         "fit.csv": lambda: fit.table(results),
     }

@@ -68,7 +68,7 @@ def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> zarr
     return group if mark in group.attrs else None
 
 
-def read(path: UPath) -> xr.Dataset:
+def open_store(path: UPath) -> xr.Dataset:
     """The store at this path; all its coordinates select, of chosen lanes several at a time."""
     data = xr.open_zarr(store_at(path))
     labels = [str(name) for name in data.coords if name not in data.xindexes]

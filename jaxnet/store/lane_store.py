@@ -19,7 +19,7 @@ from jaxnet.store.layout import Variable, along_lanes, coordinates
 CHECKSUMS = "checksums"  # of the chunks of each lane, by array
 
 
-def create(
+def create_lanes(
     store: Any, variables: Mapping[str, Variable], cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
 ) -> zarr.Group:
     """A new store with room for these lanes of a study alone, each a cell and a sample."""
@@ -31,7 +31,7 @@ def create(
     return group
 
 
-def write(
+def write_lanes(
     group: zarr.Group,
     first: int,
     cell: Cell,
@@ -71,7 +71,7 @@ def files_of(
 ) -> dict[str, bytes]:
     """The files of a store of one lane; the last makes it one."""
     held: dict[str, Buffer] = {}
-    group = create(MemoryStore(held), variables, [cell], [(cell, sample)])
-    write(group, 0, cell, variables, series)
+    group = create_lanes(MemoryStore(held), variables, [cell], [(cell, sample)])
+    write_lanes(group, 0, cell, variables, series)
     arrays.consolidate(group)
     return {name: held[name].to_bytes() for name in sorted(held, key=lambda name: name == "zarr.json")}

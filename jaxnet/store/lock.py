@@ -45,7 +45,7 @@ def held(folder: UPath, alone: bool = True) -> Iterator[None]:
         with by_signs_of_life(file):
             yield
     elif file.exists() and not outlived(file):
-        raise HeldError(owner(read(file)))
+        raise HeldError(owner(content_of(file)))
     else:
         yield
 
@@ -74,8 +74,8 @@ def by_system(file: UPath, alone: bool) -> Iterator[None]:
 def by_signs_of_life(file: UPath) -> Iterator[None]:
     """Hold an object, and rewrite it now and then."""
     token, ended, lost = uuid.uuid4().hex, threading.Event(), threading.Event()
-    if not (create(file, token) or (outlived(file) and create(file, token))):
-        raise HeldError(owner(read(file)))
+    if not (acquire(file, token) or (outlived(file) and acquire(file, token))):
+        raise HeldError(owner(content_of(file)))
 
     def beat() -> None:
         there = b""
@@ -83,7 +83,7 @@ def by_signs_of_life(file: UPath) -> Iterator[None]:
             if ended.wait(BEAT):
                 return
             with contextlib.suppress(Exception):  # of the network: the next beat may come through
-                if token.encode() not in (there := read(file)):
+                if token.encode() not in (there := content_of(file)):
                     break
                 file.fs.pipe_file(file.path, content(token, number))
         lost.set()
@@ -106,7 +106,7 @@ def content(token: str, beat: int) -> bytes:
     return json.dumps({"owner": me(), "token": token, "beat": beat}).encode()
 
 
-def create(file: UPath, token: str) -> bool:
+def acquire(file: UPath, token: str) -> bool:
     """Whether the lock was not there and is ours now.
 
     One that is there is looked for first, for not every store heeds that a new object is asked for.
@@ -122,19 +122,19 @@ def create(file: UPath, token: str) -> bool:
 
 def outlived(file: UPath) -> bool:
     """Watch the lock; whether its holder gave no sign of life, in which case it is removed."""
-    before, deadline = read(file), time.monotonic() + SILENCE
+    before, deadline = content_of(file), time.monotonic() + SILENCE
     warnings.warn(
         f"{file.parent} is held by {owner(before)}: waiting {SILENCE:g} s for a sign of life", stacklevel=2
     )
     while time.monotonic() < deadline:
         time.sleep(min(1.0, SILENCE / 10))
-        if read(file) != before:
+        if content_of(file) != before:
             return not file.exists()
     file.unlink(missing_ok=True)
     return True
 
 
-def read(file: UPath) -> bytes:
+def content_of(file: UPath) -> bytes:
     """What the lock holds; nothing if it is gone."""
     try:
         content: Any = file.fs.cat_file(file.path)  # at once: what is opened may be another when it is read

@@ -35,7 +35,7 @@ class Results:
         """The study that was run."""
         modules = self.manifest.get("modules", {})
         for name, made_of in modules.items():
-            registry.search(registry.root_of(name, made_of["file"]))
+            registry.search_folder(registry.root_of(name, made_of["file"]))
         study = load(self.path / "study.yaml")
         for name in changed_modules(Folder(self.path)):
             warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
@@ -157,7 +157,7 @@ def whole(name: str, number: SupportsInt) -> int:
 
 def arrays_at(path: UPath) -> xr.Dataset:
     """A store, read when it is asked for; one in memory at once, for that is freed with its Results."""
-    found = arrays.read(path)
+    found = arrays.open_store(path)
     return found.load() if path.protocol == "memory" else found
 
 

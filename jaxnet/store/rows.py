@@ -57,7 +57,7 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def table(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> pa.Table:
+def table_of(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> pa.Table:
     """One row per lane, columns as the contract orders them."""
     count = len(shard.samples)
     columns: dict[str, Any] = {
@@ -86,7 +86,7 @@ def name_of(number: int) -> str:
     return f"lanes/{number:05d}.parquet"
 
 
-def write(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
+def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
     """Write a shard's rows, stamped."""
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
     folder.put(
@@ -95,7 +95,7 @@ def write(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
     )
 
 
-def read(path: UPath) -> tuple[pa.Table, Stamp]:
+def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
     """A row file, every page checked, and its stamp; raises FileNotFoundError or TornError."""
     content = pa.BufferReader(path.fs.cat_file(path.path))
     try:
@@ -111,7 +111,7 @@ def any_stamp(folder: Folder) -> Stamp | None:
     """Stamp of some row file that can be read, if there is one."""
     for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
         try:
-            return read(path)[1]
+            return read_rows(path)[1]
         except TornError:
             continue
     return None

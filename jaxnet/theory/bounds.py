@@ -20,15 +20,13 @@ Each is a constant of one axis times how far attacks spread through the network 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
 from jaxnet.theory import lyapunov, response, spread
+from jaxnet.theory.response import Gain
 from jaxnet.theory.spread import Gains
-
-Gain = Float[np.ndarray, "3"]
 
 
 class Bound(NamedTuple):

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 from scipy.linalg import solve_continuous_lyapunov
 
 from jaxnet.theory import exact
+from jaxnet.theory.response import Gain
 
-Gain = Float[np.ndarray, "3"]
 Weight = Float[np.ndarray, "3 3"]
 
 IDENTITY = np.eye(3)

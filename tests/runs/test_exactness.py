@@ -19,7 +19,7 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
 
 def test_trimming_in_the_vector_field_has_no_such_solution():
     """It is refused, not compared with something else."""
-    with pytest.raises(ValueError, match="held between ticks"):
+    with pytest.raises(ValueError, match="decisions at ticks"):
         ticked(systems.study(tick=0).cells[0].scenario, 0, [0])
 
 

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 import jaxnet
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import limits as bounds
-from jaxnet.statistics.limits import limits_of, table, tail_of, violations
+from jaxnet.statistics.limits import limits_of, slopes_table, tail_of, violations
 from tests import reference, systems
 
 GAIN = [2.0, 4.0, 2.5]
@@ -18,7 +18,7 @@ EDGES = [[1, 0, 1], [2, 0, 1], [2, 1, 3], [3, 2, 1], [3, 4, 2], [4, 3, 1], [4, 1
 def test_the_table_has_a_block_for_each_group():
     """Cells that differ in ā alone share one; the static slopes of the star are its attacked vehicles."""
     study = jaxnet.load({"sweep": {"topology": ["star", "cyclic"], "attack.magnitude": [1, 2]}})
-    slopes = table(study.cells)
+    slopes = slopes_table(study.cells)
     assert slopes.columns.tolist() == ["topology", "bound", "vehicle", "slope"]
     assert len(slopes) == 2 * 6 * 14
     star = slopes[(slopes["topology"] == "star") & (slopes["bound"] == "static")]
@@ -31,7 +31,7 @@ def test_the_table_has_a_block_for_each_group():
 
 def test_cells_without_attack_have_no_bounds():
     """There is no ā that an error could be held against."""
-    assert table(jaxnet.load({"attack": "none"}).cells).empty
+    assert slopes_table(jaxnet.load({"attack": "none"}).cells).empty
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_cells_without_attack_have_no_bounds():
 def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
     """All slopes are blank, and no lane is held against one."""
     study = jaxnet.load(drawn)
-    slopes = table(study.cells)
+    slopes = slopes_table(study.cells)
     assert len(slopes) == 6 * 14
     assert slopes["slope"].isna().all()
     assert violations(results_of(study, tail_max=[1e9])).empty
@@ -114,7 +114,7 @@ def test_nothing_said_of_a_vehicle_cut_off():
         "attack": {"kind": "bias", "vehicles": [4]},
     }
     study = jaxnet.load(keys | {"sweep": {"attack.magnitude": [0, 5]}})
-    assert np.isinf(table(study.cells).set_index("vehicle").loc["worst", "slope"]).all()
+    assert np.isinf(slopes_table(study.cells).set_index("vehicle").loc["worst", "slope"]).all()
     assert violations(results_of(study, cell=[0, 1], tail_max=[1e9, 1e9])).empty
 
 

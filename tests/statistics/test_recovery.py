@@ -8,8 +8,8 @@ from scipy import stats
 import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
+from jaxnet.engine.methods.exact import Exact
 from jaxnet.statistics import recovery
-from jaxnet.store import layout
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
@@ -101,7 +101,7 @@ def test_the_worst_lanes_are_of_all_groups():
 @pytest.fixture
 def small_shards(monkeypatch):
     """Shards of 50 lanes, so that there are several looks."""
-    monkeypatch.setitem(layout.SHARDS, "exact", 50)
+    monkeypatch.setattr(Exact, "shard", 50)
 
 
 def until(half_width, at_most=1000):

@@ -66,7 +66,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def html(folder):
     """The page's text."""
-    path = page.write(jaxnet.open(folder))
+    path = page.write_page(jaxnet.open(folder))
     assert path == folder / "report.html"
     return path.read_text()
 
@@ -202,7 +202,7 @@ def test_missing_files_leave_their_sections_out(folder, tmp_path):
     cells.drop(columns=[name for name in cells if "unrecovered" in name]).to_csv(
         bare / "cells.csv", index=False
     )
-    text = page.write(jaxnet.open(bare)).read_text()
+    text = page.write_page(jaxnet.open(bare)).read_text()
     assert 'id="bands"' not in text
     assert 'id="unrecovered"' not in text
     command = unescape(section(text, "violations"))

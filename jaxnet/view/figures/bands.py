@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, MOST, Band, bands_span, magnitude_words, scenes
+from jaxnet.statistics.curves import FLOOR, MOST_PANELS, Band, bands_span, magnitude_words, scenes
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -18,14 +18,14 @@ SIZES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 
 def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
     """A panel per group of cells that differ in ā alone, the first MOST."""
-    groups = scenes(cells)[:MOST]
+    groups = scenes(cells)[:MOST_PANELS]
     drawn, panels = multiples.panels([group.labels for group in groups], "t [s]", r"$\tilde{e}$ [m]")
     looks: dict[str, Any] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in few(group.cells):
             look = looks.setdefault(magnitude_words(cell), style.SERIES[len(looks) % len(style.SERIES)])
             if cell.number in bands:
-                draw(panel, bands[cell.number], look)
+                draw_band(panel, bands[cell.number], look)
     if bands:
         panels[0].set(yscale="log", ylim=bands_span(bands))
         panels[0].yaxis.minorticks_off()
@@ -42,7 +42,7 @@ def few(cells: Sequence[Cell]) -> list[Cell]:
     return [cells[number] for number in chosen]
 
 
-def draw(panel: Axes, band: Band, look: Any) -> None:
+def draw_band(panel: Axes, band: Band, look: Any) -> None:
     """One cell's lanes; below FLOOR a log axis shows rounding."""
     low, median, high, greatest = (np.maximum(FLOOR, values) for values in band[1:])
     panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)

@@ -17,7 +17,7 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
-MOST = 4  # rows, and columns of trajectories, that a page takes
+MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 ROW_LETTERS = 30  # that a line along a row's height takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
@@ -67,7 +67,7 @@ def layout(cells: Sequence[Cell]) -> list[list[Cell]]:
     rows: dict[Any, list[Cell]] = {}
     for cell in cells:
         rows.setdefault(others(cell), []).append(cell)
-    return [row[:MOST] for row in list(rows.values())[:MOST]]
+    return [row[:MOST_A_SIDE] for row in list(rows.values())[:MOST_A_SIDE]]
 
 
 def others(cell: Cell) -> tuple[Any, ...]:

@@ -9,13 +9,13 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
-MOST = 24  # cells that one figure takes
+MOST_SHOWN = 24  # cells that one figure takes
 DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
 
 
 def figure(results: Results) -> Figure:
     """`tail_mean` of the ok lanes of the first MOST cells."""
-    cells = results.study.cells[:MOST]
+    cells = results.study.cells[:MOST_SHOWN]
     drawn = Figure(figsize=(style.WIDTH, 0.28 * len(cells) + 1.0))
     panel = drawn.add_subplot()
     for number, lanes in results.by_cell("tail_mean", where=rows.OK, cells=range(len(cells))):
@@ -36,8 +36,8 @@ def figure(results: Results) -> Figure:
     panel.set_ylim(len(cells) - 0.4, -0.6)
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
     title = "median and 5 to 95 %"
-    if len(results.study.cells) > MOST:
-        title += f"; the first {MOST} of {len(results.study.cells)} cells"
+    if len(results.study.cells) > MOST_SHOWN:
+        title += f"; the first {MOST_SHOWN} of {len(results.study.cells)} cells"
     panel.set_title(title, loc="left")
     return drawn
 

@@ -13,7 +13,7 @@ from jaxnet.view.figures import style
 from jaxnet.view.figures.panels import attacked_vehicles, name
 from jaxnet.view.figures.style import Figure
 
-MOST = 4  # graphs in a row
+MOST_IN_ROW = 4  # graphs in a row
 SNAKE = 4  # vehicles in a row of a graph that is more of a chain
 NODE = 0.13  # radius of a node where the vehicles stand on a unit circle
 
@@ -33,7 +33,7 @@ def figure(cells: Sequence[Cell]) -> Figure:
         if known is None or attacked_links(cell) > attacked_links(known):
             graphs[name(cell)] = cell
     shown = list(graphs.values())
-    columns = min(MOST, len(shown))
+    columns = min(MOST_IN_ROW, len(shown))
     rows = -(-len(shown) // columns)
     size = style.WIDTH / max(columns, 3)
     drawn = Figure(figsize=(size * columns if columns >= 3 else style.WIDTH, size * rows + 0.55))

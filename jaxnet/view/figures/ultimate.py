@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxnet.statistics.curves import BOUND_NAMES, MOST, Curve, span
+from jaxnet.statistics.curves import BOUND_NAMES, MOST_PANELS, Curve, axis_ends
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -26,8 +26,8 @@ LONG: dict[str, Any] = POINT | {"markersize": 6}
 
 def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     """A panel per group, the first MOST: quantiles over lanes, bounds, and the fitted proportion."""
-    shown = found[:MOST]
-    low, high = span(found, metric)
+    shown = found[:MOST_PANELS]
+    low, high = axis_ends(found, metric)
     word = "greatest" if metric == "tail_max" else "mean"
     labels = [curve.group.labels for curve in shown]
     drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", f"{word} tail error [m]")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from jaxnet.statistics.curves import MOST, Curve, magnitude_is_swept, shares
+from jaxnet.statistics.curves import MOST_PANELS, Curve, magnitude_is_swept, shares
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.multiples import as_text, title
@@ -26,17 +26,17 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
     """Against ā, a panel per group, where ā is swept; else a row per cell; the first MOST."""
     if not magnitude_is_swept(found):
         return rows(results)
-    shown = found[:MOST]
+    shown = found[:MOST_PANELS]
     labels = [curve.group.labels for curve in shown]
     drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", height=1.15)
     for panel, curve in zip(panels, shown, strict=True):
-        draw(panel, curve)
+        draw_share(panel, curve)
     multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
     panels[0].set_ylim(-4, 104)
     return drawn
 
 
-def draw(panel: Axes, curve: Curve) -> None:
+def draw_share(panel: Axes, curve: Curve) -> None:
     """One group's share against ā."""
     share, low, high = curve.shares()
     sizes = curve.sizes
@@ -45,7 +45,7 @@ def draw(panel: Axes, curve: Curve) -> None:
 
 def rows(results: Results) -> Figure:
     """A row per cell."""
-    found = shares(results).head(MOST)
+    found = shares(results).head(MOST_PANELS)
     share, low, high = (100 * found[name].to_numpy() for name in found)
     places = np.arange(len(found))
     drawn = Figure(figsize=(style.WIDTH, 0.28 * len(found) + 0.7))

@@ -30,7 +30,7 @@ COLOURS = {
 }
 
 
-def write(results: Results) -> UPath:
+def write_page(results: Results) -> UPath:
     """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
     shown = sections.every(results)
     data = {each.id: each.plots for each in shown if each.plots}

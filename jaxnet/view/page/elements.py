@@ -16,7 +16,7 @@ def folded(name: str, text: str) -> str:
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 
-def table(rows: pd.DataFrame) -> str:
+def sortable(rows: pd.DataFrame) -> str:
     """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
     numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
     heads = "".join(

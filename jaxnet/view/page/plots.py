@@ -14,10 +14,10 @@ from jaxnet.statistics.curves import (
     METRICS,
     Band,
     Curve,
+    axis_ends,
     bands_span,
     magnitude_words,
     shares,
-    span,
 )
 from jaxnet.statistics.groups import Group
 from jaxnet.store.results import Results
@@ -65,7 +65,7 @@ def sizes_axis(found: Sequence[Curve]) -> dict[str, Any]:
 
 def ultimate(found: Sequence[Curve], shown: Sequence[Curve]) -> Grid:
     """δ̂(ā) of each curve, a choice per metric."""
-    ends = {metric: span(found, metric) for metric in METRICS}
+    ends = {metric: axis_ends(found, metric) for metric in METRICS}
     names = {"tail_max": "greatest tail error [m]", "tail_mean": "mean tail error [m]"}
     layouts = [
         {"xaxis": sizes_axis(found), "yaxis": log_axis(ends[metric], names[metric])} for metric in METRICS

@@ -14,7 +14,7 @@ from jaxnet.statistics.curves import (
     BOUND_NAMES,
     FLOOR,
     METRICS,
-    MOST,
+    MOST_PANELS,
     Curve,
     all_bands,
     curves,
@@ -26,7 +26,7 @@ from jaxnet.statistics.curves import (
 from jaxnet.statistics.limits import unchecked
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import plots, trajectories
-from jaxnet.view.page.elements import folded, grid, key, stroke, table
+from jaxnet.view.page.elements import folded, grid, key, sortable, stroke
 from jaxnet.view.text import check, tables
 
 MOST_ROWS = 10_000
@@ -50,13 +50,13 @@ def every(results: Results) -> list[Section]:
     """All that the folder has something for."""
     found = curves(results)
     each = [
-        run(results),
-        summary(results),
-        ultimate(results, found),
-        bands(results),
-        unrecovered(results, found),
-        worst(results),
-        violations(results),
+        run_section(results),
+        summary_section(results),
+        ultimate_section(results, found),
+        bands_section(results),
+        unrecovered_section(results, found),
+        worst_section(results),
+        violations_section(results),
         failed(results),
     ]
     return [section for section in each if section is not None]
@@ -71,7 +71,7 @@ def lead(results: Results) -> str:
     )
 
 
-def run(results: Results) -> Section:
+def run_section(results: Results) -> Section:
     """What was run, with which versions, on which networks."""
     study, manifest = results.study, results.manifest
     swept = study.cells[0].labels
@@ -102,7 +102,7 @@ def run(results: Results) -> Section:
     return Section("run", "What was run", body)
 
 
-def summary(results: Results) -> Section:
+def summary_section(results: Results) -> Section:
     """The table of all cells."""
     rows = tables.summary_rows(results)
     note = (
@@ -111,7 +111,7 @@ def summary(results: Results) -> Section:
     )
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
-    return Section("summary", "Summary", note + table(rows.head(MOST_ROWS)))
+    return Section("summary", "Summary", note + sortable(rows.head(MOST_ROWS)))
 
 
 MEDIAN_KEY = [
@@ -125,12 +125,12 @@ MEDIAN_KEY = [
 ]
 
 
-def ultimate(results: Results, found: list[Curve]) -> Section:
+def ultimate_section(results: Results, found: list[Curve]) -> Section:
     """δ̂(ā), and its slopes as a table."""
     name = "Ultimate error δ̂(ā)"
     if not magnitude_is_swept(found):
         return Section("ultimate", name, "<p>attack.magnitude is not swept: there is no δ̂(ā) to draw.</p>")
-    shown = found[:MOST]
+    shown = found[:MOST_PANELS]
     present = {bound for curve in shown for bound in curve.limits("tail_max")}
     entries = MEDIAN_KEY + [
         (BOUND_NAMES[bound], stroke(look["color"], look["dash"]))
@@ -151,11 +151,11 @@ def ultimate(results: Results, found: list[Curve]) -> Section:
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
     choices = [f"{words} ({metric})" for metric, words in METRICS.items()]
     body = note + key(entries) + grid([curve.group.labels for curve in shown], "Show the", choices)
-    body += more(len(found), "groups") + slopes(found)
+    body += more(len(found), "groups") + slopes_html(found)
     return Section("ultimate", name, body, plots.ultimate(found, shown))
 
 
-def slopes(found: Sequence[Curve]) -> str:
+def slopes_html(found: Sequence[Curve]) -> str:
     """Error per ā: the worst found, fitted, and bounded, by group."""
     rows = []
     for curve in found:
@@ -171,18 +171,18 @@ def slopes(found: Sequence[Curve]) -> str:
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + table(shown.drop(columns=same).dropna(axis=1, how="all"))
+        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"))
     )
 
 
-def bands(results: Results) -> Section | None:
+def bands_section(results: Results) -> Section | None:
     """ẽ(t)."""
     if not (results.path / "errors.zarr").exists():
         return None
     found, groups = all_bands(results), scenes(results.study.cells)
     if not found:
         return None
-    shown = groups[:MOST]
+    shown = groups[:MOST_PANELS]
     choices = list(dict.fromkeys(magnitude_words(cell) for group in shown for cell in group.cells))
     entries = [
         ("median of lanes", stroke("--blue", width=2.0)),
@@ -199,7 +199,7 @@ def bands(results: Results) -> Section | None:
     )
 
 
-def unrecovered(results: Results, found: Sequence[Curve]) -> Section | None:
+def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | None:
     """The share that does not recover."""
     if not len(shares(results)):
         return None
@@ -208,21 +208,25 @@ def unrecovered(results: Results, found: Sequence[Curve]) -> Section | None:
         f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
     )
     if magnitude_is_swept(found):
-        shown = found[:MOST]
+        shown = found[:MOST_PANELS]
         body = grid([curve.group.labels for curve in shown]) + more(len(found), "groups")
         drawn = plots.unrecovered(found, shown)
     else:
         body = grid([{}]) + more(len(shares(results)), "cells")
-        drawn = plots.unrecovered_rows(results, MOST)
+        drawn = plots.unrecovered_rows(results, MOST_PANELS)
     return Section("unrecovered", "Lanes that do not recover", note + body, drawn)
 
 
 def more(count: int, noun: str) -> str:
     """What is left out of a figure."""
-    return f"<p>The first {MOST} of {count:,} {noun}; all are in the tables.</p>" if count > MOST else ""
+    return (
+        f"<p>The first {MOST_PANELS} of {count:,} {noun}; all are in the tables.</p>"
+        if count > MOST_PANELS
+        else ""
+    )
 
 
-def worst(results: Results) -> Section:
+def worst_section(results: Results) -> Section:
     """The replayed lanes, with a slider over time."""
     name, found = "Worst lanes", trajectories.lanes(results)
     if not found:
@@ -259,7 +263,7 @@ LANE_KEY = key(
 )
 
 
-def violations(results: Results) -> Section:
+def violations_section(results: Results) -> Section:
     """Lanes above a bound that claims to hold for them."""
     name, file = "Violations of bounds", results.path / "violations.csv"
     if not file.exists():
@@ -288,7 +292,7 @@ def failed(results: Results) -> Section:
 def listed(rows: pd.DataFrame, count: int) -> str:
     """Lanes as a table, and how many there are in all."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
-    return f"<p>{check.count(count, 'lane')}{note}</p>" + table(rows)
+    return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows)
 
 
 def fit_command(results: Results) -> str:

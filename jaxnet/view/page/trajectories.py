@@ -7,7 +7,7 @@ import numpy as np
 from upath import UPath
 
 from jaxnet.statistics.curves import size_of
-from jaxnet.store.arrays import read
+from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -40,7 +40,7 @@ def lane(
     results: Results, number: int, sample: int, engine: str | None, error: float, path: UPath
 ) -> dict[str, Any]:
     """One lane's trajectory."""
-    cell, data = results.study.cells[number], read(path).isel(lane=0)
+    cell, data = results.study.cells[number], open_store(path).isel(lane=0)
     times = data.sizes["time"]
     frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
     states = data["states"].values[frames, :, :2]

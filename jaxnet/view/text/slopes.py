@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.statistics.curves import Curve, curves, of_group, table
+from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
 from jaxnet.statistics.fits import envelope_share, whole_draws
 from jaxnet.statistics.limits import unchecked
 from jaxnet.store.results import Results
@@ -34,7 +34,7 @@ def text(results: Results) -> str:
 
 def slopes(results: Results) -> str:
     """Slopes of s·ā with their 95 % intervals, and how straight the line is."""
-    fits = table(results, "fit")
+    fits = stored_table(results, "fit")
     rows = [
         {**curve.group.labels, "metric": metric}
         | {name: interval(curve.fit(metric, quantile)) for name, quantile in QUANTILES.items()}

@@ -59,7 +59,7 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def written(results: Results) -> str:
+def what_was_written(results: Results) -> str:
     """What a run wrote where."""
     lanes = results.manifest["lanes"]
     names = ["cells.csv", "lanes/"]
