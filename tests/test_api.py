@@ -221,7 +221,7 @@ def test_a_lane_is_replayed_by_the_numbers_that_a_table_holds(results):
         results.row(worst["cell"], np.int64(worst["sample"])), again.row, check_names=False
     )
     saved = results.trajectories["states"].sel(cell=worst["cell"], sample=worst["sample"])
-    np.testing.assert_array_equal(again.trajectory["states"][0, 0], saved)
+    np.testing.assert_array_equal(again.trajectory["states"][0], saved)
     assert [number for number, _ in results.by_cell("sample", cells=pd.Series([1], index=[9]))] == [1]
 
 
