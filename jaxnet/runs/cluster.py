@@ -2,7 +2,8 @@
 
 A worker is sent the `Assignment` and a shard, writes the shard's files itself and answers with a few
 numbers. One that dies costs what it had under way, which others are given; a scheduler or a client that dies
-costs what was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
+costs what was under way, and the same command goes on. A worker takes one shard at a time for each of its
+threads.
 """
 
 import asyncio
