@@ -33,6 +33,7 @@ from tests import systems
 
 STUDY = {
     "name": "small",
+    "engine": "exact",
     "samples": 3,
     "horizon": 2.0,
     "tail": 1.0,
@@ -286,7 +287,7 @@ def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
 
 def test_no_lane_to_be_chosen(config, tmp_path):
     """Where all have failed: the store is there, and has none."""
-    keys = {"engine.max_steps": 1, "sweep": {}, "save.trajectories": {"worst": 1}}
+    keys = {"engine": {"max_steps": 1}, "sweep": {}, "save.trajectories": {"worst": 1}}
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
     assert results.trajectories["states"].shape == (0, 21, 12, 6)
     panels.figure(results, trajectories=True, errors=False)
@@ -323,7 +324,7 @@ def test_what_is_saved_may_change_at_any_time(config, tmp_path):
 
 def test_a_failed_lane_keeps_its_row(config, tmp_path):
     """With its status, NaN metrics, NaN arrays from where it failed, and is counted."""
-    given = jaxnet.load(config, {"engine.max_steps": 60, "sweep": {}, "samples": 6})
+    given = jaxnet.load(config, {"engine": {"max_steps": 60}, "sweep": {}, "samples": 6})
     results = jaxnet.run(given, tmp_path / "failing")
     failed = results.lanes[results.lanes["status"] == "max_steps"]
     assert 0 < len(failed) <= 6
@@ -343,6 +344,7 @@ def test_overrides_of_a_swept_key_are_refused(config):
 def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
     """Status 130; the same command then completes the study as if nothing had happened."""
     overrides = [
+        "engine=nonlinear",  # the exact one would be through before it is interrupted
         "samples=300",
         "save={}",
         "sweep={gain: [[1, 3, 3], [2, 4, 4], [3, 5, 5]]}",
@@ -367,7 +369,7 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
     assert process.returncode == 130, stderr
     assert "interrupted" in stderr
     finished = sorted(path.name for path in tmp_path.glob("out/lanes/*"))
-    assert 0 < len(finished) < 6
+    assert 0 < len(finished) < 3
     stamps = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("out/lanes/*"))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     assert "900 of 900 lanes ok" in done.stderr
@@ -444,9 +446,9 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     _, own = replay(copy, 1, 2)
     assert own.equals(results.lanes.iloc[5])
     assert lane(copy, own).endswith("the same as the stored row")
-    path, other = replay(copy, 1, 2, "exact")
+    path, other = replay(copy, 1, 2, "nonlinear")
     assert "DIFFERS" in lane(copy, other)
-    assert other["steps"] == 0
+    assert other["steps"] > own["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
     paths = xr.open_zarr(path)["states"].values[0, :, :, :2]
     np.testing.assert_allclose(paths, results.trajectories["states"].values[1, 2, :, :, :2], atol=1e-5)

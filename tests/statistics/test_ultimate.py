@@ -43,7 +43,7 @@ def invoke(*words):
     return done.output
 
 
-def test_the_constant_lie_costs_what_is_known_exactly(folder):
+def test_the_constant_attack_costs_what_is_known_exactly(folder):
     """Slopes 1 and 3.1034 of the greatest error, equal to the static bound; nobody is above any bound."""
     text = invoke("fit", folder)
     assert "no lane is above a bound" in text
@@ -104,7 +104,7 @@ def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
         _ = jaxnet.open(folder).fits
 
 
-def test_a_study_without_a_lie_has_no_fit(tmp_path):
+def test_a_study_without_an_attack_has_no_fit(tmp_path):
     """It says so, and its report does without."""
     jaxnet.run(systems.study(samples=2, **{**KEYS, "sweep": {}, "attack": "none"}), tmp_path / "out")
     refused = CliRunner().invoke(main, ["fit", str(tmp_path / "out")])

@@ -12,6 +12,7 @@ from tests import systems
 def results(tmp_path_factory):
     """Two topologies with and without attack, two samples, everything saved."""
     study = systems.study(
+        engine="exact",
         samples=2,
         horizon=1.0,
         tail=0.5,
