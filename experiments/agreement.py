@@ -72,10 +72,12 @@ def lanes_of(engine: str, samples: Sequence[int], save: tuple[str, ...] = (), **
 
 
 def show(samples: list[int], apart: np.ndarray) -> None:
-    """A line per lane on where its engines parted."""
+    """A line per lane on where its engines parted, if there are any."""
+    if not samples:
+        return
     print("sample  apart [m]  parted at [s]         margins [m]    d [m]  knife's edge")
     jobs = [lanes_of(engine, samples, ("state", "kept", "attack"), output_step=TICK) for engine in ENGINES]
-    outcomes = [simulate(each) for each in jobs] if samples else []
+    outcomes = [simulate(each) for each in jobs]
     for number, sample in enumerate(samples):
         tick, margins, distance = parting(jobs[0], outcomes, number)
         preferred = f"{margins[0]:.1e}, {margins[1]:.1e}"

@@ -53,7 +53,7 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
 
 
 def test_axes_may_have_weights_of_their_own():
-    """Each axis has the mean by its own weights; who is retained is told by both together."""
+    """Each axis has the mean by its own weights; who is retained is the mean of both."""
     rng = np.random.default_rng(0)
     whole = rng.random((FLEET, FLEET + 1)) * (1 - np.eye(FLEET, FLEET + 1, 1))
     slots = hearing.slots(whole > 0)
