@@ -9,6 +9,7 @@ import functools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
@@ -168,9 +169,11 @@ def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.nda
 
 def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
     """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
-    vehicle = scenario.vehicle.drawn(draw, "vehicle")
-    own = np.stack(vehicle.output_jets(start_of(scenario, vehicle, draw)))
-    function, vectors, _ = attack_of(scenario, draw)
-    zero = np.zeros(len(draw.samples))
-    path = scenario.navigator.drawn(draw, "navigator").jets(zero)
-    return own - path[:3, :, None], np.stack(signal.jets(vectors, function.basis(zero))[:3])
+    with jax.enable_x64(True):  # kinds may reckon by JAX
+        vehicle = scenario.vehicle.drawn(draw, "vehicle")
+        own = np.stack(vehicle.output_jets(start_of(scenario, vehicle, draw)))
+        function, vectors, _ = attack_of(scenario, draw)
+        zero = np.zeros(len(draw.samples))
+        path = np.stack(scenario.navigator.drawn(draw, "navigator").jets(zero))
+        attack = np.stack(signal.jets(vectors, function.basis(zero))[:3])
+    return own - path[:3, :, None], attack

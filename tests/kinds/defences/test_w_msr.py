@@ -69,7 +69,7 @@ def test_both_engines_agree(topology):
 def test_no_bound_is_told():
     """Not in the table of bounds, of violations, nor by `check`, which says so."""
     study = jaxnet.load({"defence": "w_msr", "engine": "exact", "name": "test"})
-    table = limits.table(study.cells)
+    table = limits.slopes_table(study.cells)
     assert len(table) == 6 * 14
     assert table["slope"].isna().all()
     assert limits.unchecked(study.cells) == [0]
