@@ -9,6 +9,10 @@ os.environ.setdefault("JAX_ENABLE_X64", "true")
 os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
 os.environ.setdefault("JAX_NUMPY_RANK_PROMOTION", "raise")
 
+# Programs are many and their lanes few: unoptimised they compile three times as fast, and every bound of
+# accuracy holds all the same. What users run is optimised, and tests/test_extending.py runs it so.
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false")
+
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compiled serves the others
     os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxnet-tests-")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"

@@ -16,6 +16,7 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.lanes.jobs import job
 from jaxnet.store.results import Results
 
+FEW = batch.Machine(devices=1, chunk=4)
 EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
 
 
@@ -56,8 +57,9 @@ def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any
 
 
 def simulate(one: Any) -> Outcome:
-    """Outcomes of lanes."""
-    outcomes = [batch.simulate(each) for each in getattr(one, "jobs", [one])]
+    """Outcomes of lanes; up to 24 run four side by side, for most of a wide chunk would be filling."""
+    jobs = getattr(one, "jobs", [one])
+    outcomes = [batch.simulate(each, FEW if each.size <= 24 else batch.EVERYTHING) for each in jobs]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
 
 

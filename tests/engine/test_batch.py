@@ -48,7 +48,7 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
     lanes = 2 * registry.find("engine", engine).chunk + 3
     many = systems.simulate(systems.lanes(given, lanes, ()))
     alone = batch.simulate(systems.lanes(given, lanes, ()), batch.Machine(devices=1))
-    few = systems.simulate(systems.lanes(given, 3, ()))
+    few = batch.simulate(systems.lanes(given, 3, ()))
     for ours, theirs, same in zip(*map(jax.tree.leaves, (few, many, alone)), strict=True):
         np.testing.assert_array_equal(ours, theirs[:3])
         np.testing.assert_array_equal(same, theirs)

@@ -17,7 +17,6 @@ from jaxnet.lanes.jobs import job
 from tests import reference, systems
 from tests.engine.marching import march, received
 from tests.engine.test_exactness import attack_on_links, navigator_at
-from tests.kinds import few
 
 TICK, SMOOTHING = 0.05, 0.2
 FINER = {"kind": "nonlinear", "rtol": 1e-9, "atol": 1e-11}
@@ -150,7 +149,7 @@ def simulated(engine, samples=2, **keys):
     """Lanes of a study with an output time at each tick, and what came of them."""
     study = systems.study(engine=engine, **KEYS, **keys)
     one = systems.lanes(study, samples)
-    return one, few.simulate(one)
+    return one, systems.simulate(one)
 
 
 def errors_of(one, outcome, number):
@@ -188,7 +187,7 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
     """As at ticks one of which is the time that it waits for; whatever the magnitude."""
     keys = {"defence": named(Withdrawing), "horizon": 4.0, "tail": 1.0, "output_step": 0.25}
     ticked, literal = (
-        few.simulate(systems.lanes(systems.study(engine=engine, tick=tick, **keys), 1))
+        systems.simulate(systems.lanes(systems.study(engine=engine, tick=tick, **keys), 1))
         for engine, tick in (("exact", 0.0625), (FINER, 0.0))
     )
     assert ticked.status.tolist() == literal.status.tolist() == [0]
@@ -241,7 +240,7 @@ def test_no_attack_that_chooses_is_over_its_magnitude(number):
     attack = named(Returning) | {"magnitude": 3.0}
     scenario = systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario
     made = scenario.attack.model_copy(update={"scale": number})
-    outcome = few.simulate(job(scenario.model_copy(update={"attack": made}), 0, [0], systems.EVERYTHING))
+    outcome = systems.simulate(job(scenario.model_copy(update={"attack": made}), 0, [0], systems.EVERYTHING))
     signal = outcome.series["attack"][0]
     if not np.isfinite(number):
         assert outcome.status.tolist() == [Status.nonfinite]

@@ -10,7 +10,6 @@ from jaxnet.kinds.attacks.chirp import Chirp
 from jaxnet.lanes.draws import Draw
 from jaxnet.model import signal
 from tests import systems
-from tests.kinds import few
 from tests.kinds.attacks import by_hand
 
 DRAWN = {
@@ -53,7 +52,7 @@ def simulated(request):
         engine=engine, attack=DRAWN, defence="none", topology="cyclic", horizon=15.0, tail=2.0
     )
     one = systems.lanes(study, 3)
-    return study, one, few.simulate(one), accuracy
+    return study, one, systems.simulate(one), accuracy
 
 
 def test_lanes_are_exact(simulated):
@@ -74,7 +73,7 @@ def test_numbers_compile_nothing_anew(simulated, compiled):
     engine = study.config.engine.kind
     for attack in ({"kind": "chirp", "rate": -0.3}, DRAWN | {"frequency": 2.0, "phase": 0.0}):
         keys = {"attack": attack, "defence": "none", "horizon": 30.0, "tail": 1.0, "output_step": 0.2}
-        assert (few.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).status == 0).all()
+        assert (systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).status == 0).all()
     assert not compiled
 
 

@@ -15,7 +15,6 @@ from jaxnet.kinds.attacks.sinusoid import Sinusoid
 from jaxnet.lanes.draws import Draw
 from jaxnet.model import signal
 from tests import systems
-from tests.kinds import few
 from tests.kinds.attacks import by_hand
 
 HORIZON = 20.0
@@ -106,7 +105,7 @@ def lanes_of(engine, inner):
 def test_lanes_are_exact(engine, kind, accuracy):
     """`E = free + L⁻¹ W_a a`, with start and rise of each lane."""
     given_study, one = lanes_of(engine, kind)
-    outcome = few.simulate(one)
+    outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     assert len(np.unique(one.inputs.lane.signal.start)) == 3
     for lane in range(3):

@@ -8,7 +8,6 @@ from jaxnet.statistics import limits
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
-from tests.kinds import few
 from tests.kinds.attacks import by_hand
 
 CONSTANT = {"kind": "bias", "magnitude": 2.0, "threat": "replaces"}
@@ -22,7 +21,7 @@ def settled(request):
     keys = {"defence": "none", "horizon": 60.0, "tail": 5.0, "output_step": 0.2}
     study = systems.study(engine=request.param, attack=CONSTANT, sweep=sweep, **keys)
     one = systems.lanes(study, 2)
-    outcome = few.simulate(one)
+    outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     return study, one, outcome
 
@@ -73,7 +72,7 @@ def test_no_trimmed_lane_is_over_the_peak_gain():
     """Constant and rotating."""
     attacks = [CONSTANT, {"kind": "rotating", "frequency": 1.3, "threat": "replaces"}]
     study = systems.study(engine="exact", horizon=20.0, sweep={"attack": attacks})
-    outcome = few.simulate(systems.lanes(study, 4, ()))
+    outcome = systems.simulate(systems.lanes(study, 4, ()))
     assert (outcome.status == 0).all()
     assert limits.unchecked(study.cells) == []
     assert limits.violations(systems.results_of(study, rows_of(study, outcome, 4))).empty
@@ -89,7 +88,7 @@ def test_a_rotating_lane_moves_as_the_plain_program(engine, accuracy):
     keys = {"defence": "none", "horizon": 12.0, "tail": 1.0}
     study = systems.study(engine=engine, attack=attack, **keys)
     one = systems.lanes(study, 2)
-    outcome, drawn = few.simulate(one), by_hand.attack_of(study, 2)
+    outcome, drawn = systems.simulate(one), by_hand.attack_of(study, 2)
     times = np.arange(121) * 0.1
     for number in range(2):
         lane, navigator = systems.lane(one, number), navigator_at(one, number)

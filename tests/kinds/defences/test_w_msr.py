@@ -10,7 +10,6 @@ from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.statistics import limits
 from jaxnet.view.text import check
 from tests import systems
-from tests.kinds import few
 
 
 def retained(own, values, candidates, f):
@@ -55,7 +54,7 @@ def test_both_engines_agree(topology):
     """States to 1e-6 and the same switches, and somebody is dropped on one axis alone."""
     keys = {"defence": "w_msr", "topology": topology, "horizon": 5.0, "tail": 1.0, "output_step": 0.05}
     exact, nonlinear = (
-        few.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
+        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
         for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12})
     )
     assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]
@@ -81,9 +80,9 @@ def test_no_bound_is_told():
 def test_numbers_compile_nothing_anew(compiled):
     """Magnitudes, weights and gains; F is a choice."""
     small = {"engine": "exact", "defence": "w_msr", "horizon": 2.0, "tail": 1.0}
-    few.simulate(systems.lanes(systems.study(**small), 2, ()))
+    systems.simulate(systems.lanes(systems.study(**small), 2, ()))
     assert compiled
     compiled.clear()
     other = {"gain": [2, 4, 4], "attack": {"magnitude": 1.0}, "topology": {"navigator_weight": 0.3}}
-    few.simulate(systems.lanes(systems.study(**small, **other), 2, ()))
+    systems.simulate(systems.lanes(systems.study(**small, **other), 2, ()))
     assert not compiled

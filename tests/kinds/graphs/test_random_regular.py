@@ -11,7 +11,6 @@ import jaxnet
 from jaxnet.kinds.graphs.random_regular import RandomRegular, drawn_regular
 from jaxnet.lanes.jobs import job
 from tests import systems
-from tests.kinds import few
 
 REDRAWN = {"kind": "random_regular", "degree": 3, "redraw": True, "navigator_weight": 0.2}
 KEYS = {"vehicles": 8, "horizon": 4.0, "tail": 1.0, "attack": {"vehicles": [2, 5], "magnitude": 3.0}}
@@ -72,13 +71,13 @@ def test_a_redrawn_lane_is_one_with_these_edges(engine, defence):
     finer = {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12}
     keys = KEYS | {"engine": finer if engine == "nonlinear" else engine, "defence": defence}
     one = systems.lanes(systems.study(topology=REDRAWN, **keys), 2)
-    outcome = few.simulate(one)
+    outcome = systems.simulate(one)
     assert outcome.status.tolist() == [0, 0]
     for sample in range(2):
         weights = systems.lane(one, sample).weights
         edges = [[int(i) + 1, int(j), weights[i, j]] for i, j in np.argwhere(weights > 0)]
         given_edges = systems.study(topology={"kind": "edges", "edges": edges}, **keys)
-        alone = few.simulate(systems.lanes(given_edges, sample + 1))
+        alone = systems.simulate(systems.lanes(given_edges, sample + 1))
         assert alone.switches[sample] == outcome.switches[sample]
         for name, tolerance in (("kept", 1e-14), ("tracking", 1e-9), ("disagreement", 1e-9)):
             np.testing.assert_allclose(

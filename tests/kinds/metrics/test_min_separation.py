@@ -6,7 +6,6 @@ import pytest
 import jaxnet
 from jaxnet.kinds.metrics import Metric
 from tests import systems
-from tests.kinds import few
 
 KEYS = {"horizon": 4.0, "tail": 1.0}
 
@@ -30,7 +29,7 @@ def measured():
     """Lanes that measure everything."""
     metrics = ["min_separation", *(f"{__name__}:{name}" for name in OWN)]
     one = systems.lanes(systems.study(engine="exact", metrics=metrics, **KEYS), 3)
-    return one, few.simulate(one)
+    return one, systems.simulate(one)
 
 
 def test_the_least_separation_is_that_of_the_trajectory(measured):

@@ -11,7 +11,6 @@ from jaxnet.kinds.vehicles.car import STEERING, Car
 from jaxnet.lanes.draws import Draw
 from tests import systems
 from tests.engine.test_exactness import exact
-from tests.kinds import few
 
 seeds = st.integers(0, 2**32 - 1)
 drawn = Car(wheelbase={"uniform": [0.2, 3.0]}).drawn(Draw(0, range(3), 5), "vehicle")
@@ -67,7 +66,7 @@ def fleets():
     for engine, vehicle in (("exact", WHEELBASE), ("nonlinear", WHEELBASE), ("exact", "two_wheeled")):
         given_study = systems.study(engine=engine, vehicle=vehicle, **KEYS)
         one = systems.lanes(given_study, 3)
-        outcome = few.simulate(one)
+        outcome = systems.simulate(one)
         assert (outcome.status == 0).all()
         found[engine, "robot" if vehicle == "two_wheeled" else "car"] = one, outcome
     return found
@@ -116,5 +115,5 @@ def test_the_wheelbase_is_seen_in_the_steering_alone(fleets):
 def test_numbers_compile_nothing_anew(fleets, engine, compiled):
     """A wheelbase that is drawn or not, a gain."""
     other = {"vehicle": {"kind": "car", "wheelbase": 1.0}, "gain": [2, 4, 4]}
-    few.simulate(systems.lanes(systems.study(engine=engine, **KEYS, **other), 2))
+    systems.simulate(systems.lanes(systems.study(engine=engine, **KEYS, **other), 2))
     assert not compiled
