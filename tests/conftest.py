@@ -10,7 +10,7 @@ os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
 os.environ.setdefault("JAX_NUMPY_RANK_PROMOTION", "raise")
 
 # Programs are many and their lanes few: unoptimised they compile three times as fast, and every bound of
-# accuracy holds all the same. What users run is optimised, and tests/test_extending.py runs it so.
+# accuracy holds all the same. What users run is optimised, and one test in tests/runs/test_run.py runs it so.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false")
 
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compiled serves the others

@@ -18,6 +18,7 @@ from upath import UPath
 import jaxnet
 from jaxnet import ConfigError, FolderError
 from jaxnet.config.study import native
+from jaxnet.statistics import fits
 from jaxnet.view.figures import every
 
 KEYS = {
@@ -239,13 +240,14 @@ def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
         results.replay(cell, sample)
 
 
-def test_results_are_fitted_and_reported(results):
+def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
+    monkeypatch.setattr(fits, "RESAMPLES", 50)  # the intervals are tested elsewhere
     with pytest.raises(FolderError, match=r"or Results.fit\(\)"):
         _ = results.bounds
-    fits = results.fit()
-    assert {"model", "estimate"} <= set(fits)
-    pd.testing.assert_frame_equal(results.fits, fits)
+    table = results.fit()
+    assert {"model", "estimate"} <= set(table)
+    pd.testing.assert_frame_equal(results.fits, table)
     assert len(results.bounds)
     page = results.report()
     assert page.read_text().startswith("<!DOCTYPE html>")

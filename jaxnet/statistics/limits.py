@@ -28,6 +28,7 @@ from jaxnet.theory.bounds import Bound, Spread
 
 ROUNDING = 1e-9  # relative
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
+UNCHECKED = "their weights or gains are drawn, or nothing is known of whom the defence retains"
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
@@ -36,7 +37,8 @@ Limits = Float[np.ndarray, "times m lanes"]
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Slopes per ā of every bound, vehicle by vehicle, worst and fleet, for each group of attacked cells.
 
-    All are blank where weights or gains are drawn: then each lane has bounds of its own.
+    All are blank where weights or gains are drawn, for then each lane has bounds of its own, and where
+    nothing is known of whom the defence retains.
     """
     blocks = []
     for group in attacked_groups(cells):

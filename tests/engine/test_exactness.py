@@ -157,7 +157,7 @@ def test_constant_in_phase_attack_has_the_static_gains():
     known = {"star": (1 / 3, 1 / 3), "path": (1.8333, 1 / 3), "cyclic": (3.0, 0.3)}
     for defence in ("none", "trusted_trim"):
         given = systems.study(attack=signal, defence=defence, **clock, sweep={"topology": list(known)})
-        metrics = systems.simulate(systems.lanes(given, 2, ())).metrics
+        metrics = systems.simulate(systems.lanes(given, 2)).metrics
         for number, (name, (error, disagreement)) in enumerate(known.items()):
             ours = slice(2 * number, 2 * number + 2)
             if defence == "trusted_trim" and name == "cyclic":

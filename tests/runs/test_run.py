@@ -73,6 +73,18 @@ def test_rows_have_the_contract_s_columns(results):
     assert files == [f"{number:05d}.parquet" for number in range(4)]
 
 
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
+def test_optimised_programs_make_the_same_rows(engine, accuracy, config, results, tmp_path):
+    """As a user's process compiles them; the tests' own are compiled with less effort."""
+    words = [f"engine={engine}", "topology=cyclic", "sweep={attack.magnitude: [0, 5.5]}", "save={}"]
+    command = [sys.executable, "-m", "jaxnet", "run", str(config), *words, "--out", str(tmp_path / "out")]
+    optimised = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
+    subprocess.run(command, env=optimised, check=True, capture_output=True)
+    ours, known = jaxnet.open(tmp_path / "out").lanes, results.lanes.query("topology == 'cyclic'")
+    np.testing.assert_allclose(ours["tail_mean"], known["tail_mean"], rtol=0, atol=accuracy)
+    assert ours["switches"].tolist() == known["switches"].tolist()
+
+
 def test_cells_summarise_the_rows(results):
     """One row per cell, statistics recomputed with pandas."""
     cells, rows = results.cells, results.lanes

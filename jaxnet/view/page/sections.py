@@ -23,7 +23,7 @@ from jaxnet.statistics.curves import (
     scenes,
     shares,
 )
-from jaxnet.statistics.limits import unchecked
+from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import plots, trajectories
 from jaxnet.view.page.elements import folded, grid, key, sortable, stroke
@@ -273,7 +273,7 @@ def violations_section(results: Results) -> Section:
         skipped = unchecked(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
         if skipped:
-            words += f" Not held to any, for weights or gains are drawn: cells {check.ranges(skipped)}."
+            words += f" Not held to any: cells {check.ranges(skipped)}, for {UNCHECKED}."
         return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
 from jaxnet.statistics.fits import envelope_share, whole_draws
-from jaxnet.statistics.limits import unchecked
+from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results
 from jaxnet.view.text.check import ranges
 
@@ -101,5 +101,5 @@ def violations(results: Results) -> str:
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked(results.study.cells)
     if skipped:
-        lines.append(f"not held to any bound, for weights or gains are drawn: cells {ranges(skipped)}")
+        lines.append(f"not held to any bound: cells {ranges(skipped)}, for {UNCHECKED}")
     return "\n".join(lines)

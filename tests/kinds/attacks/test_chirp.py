@@ -27,7 +27,9 @@ def chirp(**numbers):
 
 def jets_of(attack, horizon, times):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
-    return np.stack(signal.jets(attack.vectors() * scaled(attack, attack.sizes(horizon)), attack.basis(times)))
+    return np.stack(
+        signal.jets(attack.vectors() * scaled(attack, attack.sizes(horizon)), attack.basis(times))
+    )
 
 
 @given(st.floats(-3, 3), st.floats(-0.5, 0.5), st.floats(1, 40), st.floats(0.1, 100))

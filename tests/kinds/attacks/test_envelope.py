@@ -33,7 +33,9 @@ def drawn(attack):
 
 def jets_of(attack, times, horizon=HORIZON):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
-    return np.stack(signal.jets(attack.vectors() * scaled(attack, attack.sizes(horizon)), attack.basis(times)))
+    return np.stack(
+        signal.jets(attack.vectors() * scaled(attack, attack.sizes(horizon)), attack.basis(times))
+    )
 
 
 @pytest.mark.parametrize("kind", INNER)
