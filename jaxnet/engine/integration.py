@@ -44,11 +44,15 @@ class Held(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What depends on the time alone."""
+    """What depends on the time alone, and what the law makes of it, which a stage would compute once for each
+    vehicle.
+    """
 
     time: Times  # itself
     navigator: Float[Array, "4 2 lanes"]
     basis: Basis
+    path: Float[Array, "2 lanes"]  # R(y_0)
+    drive: Float[Array, "functions lanes"]  # R(β)
 
 
 class Fleet(NamedTuple):
@@ -227,7 +231,9 @@ def where(flagged: Bool[Array, " lanes"], new: Any, old: Any) -> Any:
 
 def signals(lane: Lane, time: Times) -> Signals:
     """The navigator and the attacks' functions at these times."""
-    return Signals(time, lane.navigator.jets(time), lane.signal.basis(time))
+    navigator, basis = lane.navigator.jets(time), lane.signal.basis(time)
+    path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))
+    return Signals(time, navigator, basis, path, drive)
 
 
 def decide(lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, now: Signals) -> Mind:
@@ -253,8 +259,8 @@ def field(
         chosen = decide(lane, network, plan, ticks.begin(lane, network, plan), state, now)
         held, _ = hold(lane, network, chosen, plan)
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
-    attack = signal.combined(vectors, control.driven(lane.gain, now.basis))
-    demand = control.demand(own, now.navigator, attack, network.hearing, held.weights, lane.gain)
+    attack = signal.combined(vectors, now.drive)
+    demand = control.demand(own, now.path, attack, network.hearing, held.weights, lane.gain)
     inputs = lane.vehicle.inputs_for(state, control.product(held.inverse, demand))
     return lane.vehicle.motion(state, inputs)
 

@@ -35,17 +35,15 @@ def driven(gain: Gain, jets: Any) -> Any:
 
 def demand(
     own: Any,
-    navigator: Float[Array, "4 2 *lanes"],
+    path: Float[Array, "2 *lanes"],
     attack: Float[Array, "2 m *lanes"],
     hearing: Hearing,
     weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, what it receives, and `R(a)` of the attacks in
-    it.
-    """
+    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, `R(y_0)`, and `R(a)` of what attacks add."""
     mine = feedback(gain, own)
-    sources = jnp.concatenate([driven(gain, navigator)[:, None], mine], axis=1)
+    sources = jnp.concatenate([path[:, None], mine], axis=1)
     return hearing.mean(weights, sources, attack) - mine
 
 

@@ -56,12 +56,12 @@ class Hearing(NamedTuple):
         import jax
         import jax.numpy as jnp
 
-        def add(total: Any, slot: tuple[Any, Hearing]) -> tuple[Any, None]:
-            weight, one = slot
-            return total + weight * one.received(sources, signal)[:, 0], None
+        def add(slot: Any, total: Any) -> Any:
+            one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
+            weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
+            return total + weight * one.received(sources, signal)[:, 0]
 
-        each = Hearing(self.sources[:, None], self.speakers[:, None], self.attacked[:, None])
-        return jax.lax.scan(add, jnp.zeros_like(signal), (weights.swapaxes(0, 1), each))[0]
+        return jax.lax.fori_loop(0, len(self.sources), add, jnp.zeros_like(signal))
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """`[a0 | A]` of whose word is carried, from weights by slot."""
