@@ -362,7 +362,7 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
         "samples=300",  # several loads, for the shards of one load end together
         "save={}",
         "sweep={attack.magnitude: [1, 2, 3, 4, 5, 6, 7, 8, 9]}",
-        "horizon=6",
+        "horizon=3",
     ]
     command = [
         sys.executable,
