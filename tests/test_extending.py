@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
+from jaxnet.kinds import registry
+from jaxnet.runs import cluster
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
@@ -119,6 +122,83 @@ def test_a_folder_never_mixes_two_versions_of_a_module(folder):
     assert "my_kinds was changed since its rows were made" in refused.stderr
     (folder / "my_kinds.py").write_text(text)
     assert jaxnet_in(folder, *small).returncode == 0
+
+
+CELL = """
+import jax.numpy as jnp
+from jaxnet.kinds.defences import Defence
+
+SIZE = 2.0
+
+def size(x):
+    return jnp.sin(x)
+
+class Mine(Defence):
+    def decide(self, own, received, last, memory, around):
+        return last | (lambda y: SIZE * size(y))(own), memory
+
+class Other(Defence):
+    pass
+"""
+
+
+def made_of(cell, monkeypatch):
+    """What `Mine` of a notebook's cell is told to be made of."""
+    module = types.ModuleType("notebook_cells")
+    exec(cell.replace("\n", "\n__name__ = 'notebook_cells'\n", 1), vars(module))
+    monkeypatch.setitem(sys.modules, "notebook_cells", module)
+    return registry.typed("notebook_cells", [module.Mine]).sha256
+
+
+@pytest.mark.parametrize(
+    "change", [("jnp.sin", "jnp.cos"), ("2.0", "3.0"), ("SIZE *", "SIZE +"), ("last |", "last &")]
+)
+def test_a_class_that_a_notebook_changes_is_another_one(change, monkeypatch):
+    """By what it does, whom it calls and what values it uses."""
+    assert made_of(CELL.replace(*change), monkeypatch) != made_of(CELL, monkeypatch)
+
+
+@pytest.mark.parametrize("change", [("SIZE = ", "\n\nSIZE = "), ("pass", "moved: int = 3")])
+def test_what_else_a_notebook_holds_changes_no_class(change, monkeypatch):
+    """Where a class stands, and its neighbours."""
+    assert made_of(CELL.replace(*change), monkeypatch) == made_of(CELL, monkeypatch)
+
+
+SHELL = """
+import jaxnet
+from jaxnet.kinds.defences import Defence
+class Mine(Defence):
+    def decide(self, own, received, last, memory, around):
+        return last | True, memory
+keys = {"vehicles": 3, "horizon": 1.0, "tail": 0.5, "samples": 2, "attack": {"vehicles": [1]}}
+first = jaxnet.run({**keys, "defence": Mine()}, out="out").lanes.status.tolist()
+print(first == jaxnet.open("out").lanes.status.tolist() == ["ok"] * 2)
+class Mine(Defence):
+    def decide(self, own, received, last, memory, around):
+        return last & False, memory
+try:
+    jaxnet.run({**keys, "defence": Mine()}, out="out")
+except jaxnet.FolderError as error:
+    print(error)
+"""
+
+
+def test_a_class_typed_into_a_shell_is_told_from_what_it_was(tmp_path):
+    """A folder is not taken up by another class of the same name."""
+    done = subprocess.run(
+        [sys.executable], input=SHELL, capture_output=True, text=True, cwd=tmp_path, timeout=120, check=True
+    )
+    right, changed = done.stdout.splitlines()
+    assert right == "True"
+    assert changed.startswith("out holds another study: __main__ was changed since")
+
+
+def test_what_is_typed_into_a_shell_is_not_given_to_workers():
+    """They could not import it, and would wait for ever."""
+    work = types.SimpleNamespace(modules={"__main__": registry.Provenance("", "0", None)})
+    crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
+    with pytest.raises(cluster.ClusterError, match="no worker can import __main__, which has no file"):
+        next(crew(work, [1], lambda _: None))
 
 
 HEAD = """

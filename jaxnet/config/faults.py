@@ -31,9 +31,10 @@ def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 
 def metric_faults(study: Config) -> Iterator[Fault]:
     """Every column of a row has a name of its own."""
-    names = ["cell", "sample", "status", "steps", "switches", *(metric.name for metric in study.measured())]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    odd = [name for name in names if not name.isidentifier()]
+    own = [metric.name for metric in study.measured()]
+    names = ["cell", "sample", "status", "steps", "switches", *study.sweep, *own]
+    twice = sorted({name for name in own if names.count(name) > 1})
+    odd = [name for name in own if not name.isidentifier()]
     if twice or odd:
         yield Fault(("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})")
 

@@ -11,11 +11,13 @@ import functools
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import json
 import os
 import pkgutil
 import sys
-from collections.abc import Iterator
+import types
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,6 +45,9 @@ FAMILIES = {
 
 
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
+
+
+PLAIN = (bool, int, float, complex, str)
 
 
 class Provenance(NamedTuple):
@@ -180,22 +185,47 @@ SOURCES: dict[str, Provenance] = {}  # of modules that kinds came from, as they 
 
 
 def source_of(module: str) -> Provenance:
-    """What a module is made of now; where it has no file, what its functions are compiled to."""
-    held = sys.modules[module]
-    file = getattr(held, "__file__", None)
-    content = Path(file).read_bytes() if file and Path(file).exists() else compiled(held)
-    return Provenance(file or "", hashlib.sha256(content).hexdigest(), version_of(module))
+    """What a module's file holds now; what is typed into a notebook or a shell has none."""
+    file = getattr(sys.modules[module], "__file__", None) or ""
+    if not Path(file).is_file():  # a shell may say "<stdin>"
+        return Provenance("", "", None)
+    return Provenance(file, hashlib.sha256(Path(file).read_bytes()).hexdigest(), version_of(module))
 
 
-def compiled(module: Any) -> bytes:
-    """The code of a module's classes and functions, as a notebook has it."""
-    functions = [
-        each
-        for found in vars(module).values()
-        for each in (vars(found).values() if isinstance(found, type) else [found])
-        if hasattr(each, "__code__")
-    ]
-    return repr([(each.__code__.co_code, each.__code__.co_consts) for each in functions]).encode()
+def typed(module: str, kinds: list[Any]) -> Provenance:
+    """What kinds without a file are made of now: their functions, and what of their module these use."""
+    held = vars(sys.modules[module])
+    told: dict[str, Any] = {}
+    ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
+    while ahead:
+        name, thing = ahead.pop()
+        parts = [thing, *(each for base in bases_in(module, thing) for each in vars(base).values())]
+        codes = [code for part in parts for code in codes_of(part)]
+        told[name] = [(code.co_code, code.co_names, plain_of(code.co_consts)) for code in codes]
+        told[name] += plain_of([thing])
+        used = {name for code in codes for name in code.co_names}
+        ahead += [(name, held[name]) for name in used & set(held) - set(told)]
+    return Provenance("", hashlib.sha256(repr(sorted(told.items())).encode()).hexdigest(), None)
+
+
+def bases_in(module: str, thing: Any) -> list[type]:
+    """A class and its bases, as far as they are written in this module."""
+    return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
+
+
+def codes_of(thing: Any) -> Iterator[types.CodeType]:
+    """The code of a function, method, property or metric, and of the functions written inside it."""
+    thing = getattr(thing, "fget", getattr(thing, "of", thing))
+    code = getattr(inspect.unwrap(thing), "__code__", None) if callable(thing) else None
+    ahead = [code] if code else []
+    while ahead:
+        yield (code := ahead.pop())
+        ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
+
+
+def plain_of(values: Iterable[Any]) -> list[Any]:
+    """Those of some values whose text says all of them."""
+    return [value for value in values if isinstance(value, PLAIN)]
 
 
 @functools.cache
@@ -218,25 +248,32 @@ def search_folder(folder: str | Path) -> None:
         sys.path.append(str(folder))
 
 
-def root_of(module: str, file: str) -> Path:
-    """The folder from which a module in this file is imported."""
-    return Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")]
+def search_home(module: str, file: str) -> None:
+    """Have a module in this file found; what a notebook holds has none."""
+    if file:
+        search_folder(Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")])
 
 
 def provenance(data: Any) -> dict[str, Provenance]:
     """What those kinds are made of that plain data names and that are not ours, by module."""
     named = set(words(data))
-    homes = sorted({home_of(found) for name, found in OUTSIDE.items() if name in named})
-    for module in homes:
-        SOURCES.setdefault(module, source_of(module))
-    return {module: SOURCES[module] for module in homes}
+    found = [kind for name, kind in OUTSIDE.items() if name in named]
+    modules = {module: [kind for kind in found if home_of(kind) == module] for module in map(home_of, found)}
+    sources = {module: SOURCES.setdefault(module, source_of(module)) for module in sorted(modules)}
+    return {
+        module: source if source.file else typed(module, modules[module])
+        for module, source in sources.items()
+    }
 
 
 def confirm(modules: dict[str, Provenance]) -> None:
     """Raise KindError if modules that another process names are not the same here."""
     for name, made_of in modules.items():
-        if made_of.file:
-            search_folder(root_of(name, made_of.file))
+        if not made_of.file:
+            raise KindError(
+                f"{name} has no file, so no other process can import it: write its kinds into one"
+            )
+        search_home(name, made_of.file)
         try:
             importlib.import_module(name)
         except ImportError as error:

@@ -15,7 +15,6 @@ from jaxnet.model.circle import circle
 
 Vectors = Float[Any, "2 m functions *lanes"]
 Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
-Plane = Float[Any, "2 m *lanes"]
 
 
 class Harmonic(NamedTuple):

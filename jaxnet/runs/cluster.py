@@ -92,6 +92,10 @@ class Cluster:
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         if not todo:
             return
+        if typed := [name for name, made_of in work.modules.items() if not made_of.file]:
+            raise ClusterError(
+                f"no worker can import {typed[0]}, which has no file: write its kinds into a module"
+            )
         from distributed import KilledWorker
         from distributed.comm.core import CommClosedError
 

@@ -199,7 +199,7 @@ def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
 
 
 def all_bands(results: Results) -> dict[int, Band]:
-    """Bands of the cells of the first MOST scenes, by number of the cell."""
+    """Bands of the cells of the first MOST_PANELS scenes, by number of the cell."""
     cells = [cell for group in scenes(results.study.cells)[:MOST_PANELS] for cell in group.cells]
     tracking = results.errors["tracking"]
     found = {cell.number: band(tracking, cell) for cell in cells}

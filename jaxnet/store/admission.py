@@ -7,7 +7,7 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
-from jaxnet.kinds.registry import SOURCES
+from jaxnet.kinds import registry
 from jaxnet.store import rows
 from jaxnet.store.folder import UNHASHED, Folder, FolderError, digest
 
@@ -54,7 +54,7 @@ def held(folder: Folder) -> tuple[str | None, str | None]:
 
 def difference(folder: Folder, config: Config) -> str:
     """Keys in which the folder's study differs from a config, where it is known."""
-    if changed := changed_modules(folder):
+    if changed := changed_modules(folder, config):
         return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
@@ -71,13 +71,10 @@ def difference(folder: Folder, config: Config) -> str:
     return ": " + ", ".join(apart)
 
 
-def changed_modules(folder: Folder) -> list[str]:
-    """Modules of kinds from outside that are not what they were when the folder's rows were made."""
-    return [
-        name
-        for name, made_of in folder.manifest.get("modules", {}).items()
-        if name in SOURCES and SOURCES[name].sha256 != made_of["sha256"]
-    ]
+def changed_modules(folder: Folder, config: Config) -> list[str]:
+    """Modules that a config's kinds come from and that are not what they were when the rows were made."""
+    theirs, ours = folder.manifest.get("modules", {}), registry.provenance(plain(config))
+    return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
 
 
 def flat(value: Any, prefix: str = "") -> dict[str, Any]:

@@ -35,9 +35,9 @@ class Results:
         """The study that was run."""
         modules = self.manifest.get("modules", {})
         for name, made_of in modules.items():
-            registry.search_folder(registry.root_of(name, made_of["file"]))
+            registry.search_home(name, made_of["file"])
         study = load(self.path / "study.yaml")
-        for name in changed_modules(Folder(self.path)):
+        for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
         return study
 

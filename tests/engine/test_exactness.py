@@ -51,9 +51,9 @@ def exact(one, number, interval, intervals, **trimming):
 
 
 def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
-    """O1: 10 random lanes in each of three topologies, to 5e-6 m over 30 s."""
+    """O1: 20 random lanes in each of three topologies, to 5e-6 m over 30 s."""
     given = systems.study(attack="none", defence="none", sweep={"topology": TOPOLOGIES})
-    one = systems.lanes(given, 10)
+    one = systems.lanes(given, 20)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     for number, states in enumerate(outcome.series["state"]):
@@ -62,7 +62,7 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
             navigator_at(one, number), lane.gain, reference.flat_jets(lane.initial.T), INSTANTS
         )
         assert np.abs(states[:, :, :2] - known).max() <= 5e-6
-    star, cyclic, path = outcome.series["tracking"].reshape(3, 10, 301)
+    star, cyclic, path = outcome.series["tracking"].reshape(3, 20, 301)
     np.testing.assert_allclose(cyclic, star, atol=5e-6, rtol=0)
     np.testing.assert_allclose(path, star, atol=5e-6, rtol=0)
 
