@@ -202,7 +202,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
     before = ticks.begin(lane, network, plan) if plan.in_field else fleet.mind
     decided = decide(lane, network, plan, before, fleet.state, fleet.signals)
     mind = where(here, decided, fleet.mind)
-    lanes, vehicles = ticks.changed(mind, fleet.mind)
+    lanes, vehicles = ticks.changed(mind, fleet.mind, lane)
 
     def some(few: Any, carry: Any) -> Any:
         held, slope, step, status = carry

@@ -123,7 +123,7 @@ def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, p
 
     The first decision is no change, and followed in every lane.
     """
-    lanes, vehicles = ticks.changed(fleet.mind, fleet.followed)
+    lanes, vehicles = ticks.changed(fleet.mind, fleet.followed, lane)
     alive = fleet.status == Status.ok
     counted = fleet._replace(switches=fleet.switches + jnp.where(alive & ~first, vehicles, 0))
     return follow(counted, alive & (first | lanes), lane, network, plan)

@@ -25,7 +25,7 @@ from jaxnet.model.lane import Lane, Network
 class Mind(NamedTuple):
     """What was decided at a tick, and what is remembered of it."""
 
-    decision: Any  # of the defence: ([2,] slots, m, lanes)
+    decision: Any  # of the defence: ([2,] slots, m, lanes), () where nobody decides
     memory: Any  # of the defence
     vectors: Any  # of attackers that are strategic (2, m, B, lanes), else ()
     plot: Any  # their memory
@@ -46,22 +46,24 @@ class Seen(NamedTuple):
 def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
     """Before the first tick: everybody is retained."""
     around = surroundings(lane, network, jnp.zeros_like(lane.amplitude))
-    memory = lane.defence.start(around) if plan.decides else ()
-    everybody = jnp.ones(lane.weights.shape, bool)
     errors = (jnp.zeros_like(lane.initial[:2]),) * 3
+    decision, memory = (), ()
     if plan.decides:
+        memory, everybody = lane.defence.start(around), jnp.ones(lane.weights.shape, bool)
         shape = jax.eval_shape(
             lambda: lane.defence.decide(errors, received(network, errors, errors), everybody, memory, around)
         )
-        everybody = first_decision(shape[0], lane)
+        decision = first_decision(shape[0], lane)
     if not plan.strategic:
-        return Mind(everybody, memory, (), ())
-    nothing = sight(lane, network, everybody, errors, lane.signal.basis(around.time), around.time)
-    return Mind(everybody, memory, lane.vectors, lane.signal.begin(nothing))
+        return Mind(decision, memory, (), ())
+    nothing = sight(lane, network, decision, errors, lane.signal.basis(around.time), around.time)
+    return Mind(decision, memory, lane.vectors, lane.signal.begin(nothing))
 
 
 def sight(lane: Lane, network: Network, decision: Any, errors: Any, basis: Any, time: Any) -> Seen:
     """What a strategic attacker sees."""
+    if isinstance(decision, tuple):  # nobody decides
+        decision = jnp.ones(lane.weights.shape, bool)
     return Seen(
         errors, decision, lane.weights, network.hearing.sources, network.hearing.attacked, basis, time
     )
@@ -144,11 +146,12 @@ def weights_of(lane: Lane, mind: Mind, plan: Plan) -> AxisWeights:
     return retained.in_force(lane.weights, mind.decision) if plan.decides else lane.weights[None]
 
 
-def changed(now: Mind, before: Mind) -> tuple[Bool[Array, "lanes"], Int[Array, "lanes"]]:
+def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], Int[Array, "lanes"]]:
     """Lanes in which anything was decided otherwise, and how many vehicles retain others than before."""
-    apart = retained.changed(now.decision, before.decision)
-    others = retained.changed(*map(retained.support, (now.decision, before.decision))).sum(axis=0)
-    lanes = apart.any(axis=0)
+    lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.amplitude.shape, int)
+    if not isinstance(now.decision, tuple):
+        lanes = retained.changed(now.decision, before.decision).any(axis=0)
+        others = retained.changed(*map(retained.support, (now.decision, before.decision))).sum(axis=0)
     if not isinstance(now.vectors, tuple):
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others

@@ -152,7 +152,7 @@ def decide(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock
     """The fleets after the decision at this tick; those that cut a vehicle off have failed."""
     before = ticks.begin(lane, network, plan) if plan.in_field else fleet.mind
     mind = received_and_decided(before, times(number, lane, clock), fleet.state, lane, network, plan)
-    ok, switched = fleet.status == Status.ok, ticks.changed(mind, fleet.mind)[1]
+    ok, switched = fleet.status == Status.ok, ticks.changed(mind, fleet.mind, lane)[1]
     weights = ticks.weights_of(lane, mind, plan)
     connected = jax.vmap(lambda each: reaches_everybody(network.hearing, each), -1, -1)(weights)
     return fleet._replace(
