@@ -1,6 +1,7 @@
 """Tests run as strictly as can be: double precision, no silent promotion, shapes and types checked."""
 
 import atexit
+import gc
 import os
 import shutil
 import tempfile
@@ -27,3 +28,5 @@ install_import_hook("jaxnet", "beartype.beartype")
 
 settings.register_profile("jaxnet", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile("jaxnet")
+
+gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay

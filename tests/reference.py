@@ -51,20 +51,19 @@ def propagate(
 
     dropped = [set() for _ in range(m)]  # nothing was dropped before tick 0
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
+    lies = np.asarray(attack(0.0))
     for n in range(ticks + 1):
-        now = n * tick
-        reference = np.asarray(navigator(now))[:3]
+        reference = np.asarray(navigator(n * tick))[:3]
         states[n] = error + reference[:, None, :]
 
         # Decide.
         kept[n] = weights
         if trusted is not None:
             sources = np.vstack([reference[0], states[n, 0]])  # true positions of 0..m
-            lies = np.asarray(attack(now))[0]
             for i in range(1, m + 1):
                 row, dropped[i - 1], gap = _trim(
                     weights[i - 1],
-                    sources + lies[i - 1],
+                    sources + lies[0, i - 1],
                     trusted[i - 1],
                     theta[i - 1],
                     dropped[i - 1],
@@ -75,9 +74,8 @@ def propagate(
 
         # Move on to the next tick, with the weights just decided at both ends of the interval.
         if n < ticks:
-            before = _displacement(kept[n], attack(now))
-            after = _displacement(kept[n], attack((n + 1) * tick))
-            error = after + _apply(flow, error - before)
+            before, lies = _displacement(kept[n], lies), np.asarray(attack((n + 1) * tick))
+            error = _displacement(kept[n], lies) + _apply(flow, error - before)
 
     return {
         "positions": states[:, 0],
@@ -142,7 +140,7 @@ def nominal(navigator, gain, initial, times):
     """O1: positions (len(times), m, 2) without attack, by expm; `initial` is at t = 0."""
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
     flows = expm(_companion(gain) * np.asarray(times)[:, None, None])
-    paths = np.stack([navigator(t)[0] for t in times])
+    paths = np.asarray(navigator(np.asarray(times)))[0].T
     return paths[:, None] + np.einsum("tl,lmx->tmx", flows[:, 0], error)
 
 

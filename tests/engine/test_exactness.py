@@ -29,8 +29,7 @@ def attack_on_links(one, number):
         basis = np.asarray(lane.signal.basis(np.asarray(t)))
         received = np.zeros((4, m, m + 1, 2))
         for i, j in np.argwhere(lane.links):
-            for k in range(4):
-                received[k, i, j] = lane.vectors[:, i if j == 0 else j - 1] @ basis[k]
+            received[:, i, j] = basis @ lane.vectors[:, i if j == 0 else j - 1].T
         return received
 
     return at

@@ -361,7 +361,7 @@ def test_ctrl_c_keeps_what_was_finished(config, tmp_path):
         "samples=256",  # a load each, for the shards of one load end together
         "save={}",
         "sweep={attack.magnitude: {linspace: [1, 24, 24]}}",
-        "horizon=30",
+        "horizon=10",
     ]
     command = [
         sys.executable,
