@@ -8,7 +8,7 @@ Each is a constant of one axis times how far attacks spread through the network 
                          holds for
     static               consistent derivatives, kept sets that cannot switch
     peak_gain            any ρ within its bound: inconsistent derivatives and switching too
-    lyapunov_printed     nobody: its proof has a gap (see `lyapunov`)
+    lyapunov_printed     nobody: it is false in general (see `lyapunov`)
     lyapunov_corrected,  as peak_gain
     lyapunov_best,
     star_norm
@@ -103,7 +103,7 @@ def peak_gain(reach: Spread, gain: Gain) -> Bound:
 def lyapunov_printed(reach: Spread, gain: Gain) -> Bound:
     """`c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q), Q = I, as in the paper.
 
-    Without proof, for the constant lacks √κ(P); blank where kept sets may switch, for ε jumps there.
+    False in general, for the constant lacks √κ(P); blank where kept sets may switch, for ε jumps there.
     """
     return stacked(lyapunov.printed(gain), reach, gain, np.nan)
 

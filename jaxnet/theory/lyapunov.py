@@ -2,7 +2,8 @@
 
 With `A_c'P + P A_c = -Q`, `V = η'Pη` falls wherever `‖η‖ > 2‖PB‖ / λ_min(Q) · sup ‖ρ‖`. The paper takes this
 radius for the ultimate bound; but η leaves that ball again along the longest axis of the ellipsoid around
-it, which needs the further factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18).
+it, which needs the further factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18). Without
+it the bound is false in general, though true at gain (1, 3, 3) (SCIENCE O5).
 """
 
 import functools
@@ -32,7 +33,7 @@ def solution(gain: Gain, Q: Weight = IDENTITY) -> Weight:
 
 
 def printed(gain: Gain, Q: Weight = IDENTITY) -> float:
-    """`2‖PB‖ / λ_min(Q)`, the paper's constant, which its proof does not carry."""
+    """`2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
     return float(2 * np.linalg.norm(solution(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
 
 

@@ -105,6 +105,34 @@ def test_a_disturbance_can_attain_the_peak_gain():
     assert state[0] == pytest.approx(response.impulse_norm(gain), rel=1e-4)
 
 
+def test_the_printed_constant_holds_at_the_default_gain():
+    """For a fixed set of retained neighbours: the integral of ‖e^(At) B‖ bounds ‖η‖, and is below it."""
+    A = exact.companion(GAIN)
+    bound = quad(lambda time: np.linalg.norm(expm(A * time)[:, 2]), 0.0, 60.0, limit=500)[0]
+    assert bound == pytest.approx(1.4790, abs=5e-5)
+    assert bound < lyapunov.printed(GAIN)
+
+
+def test_the_printed_constant_is_false_in_general():
+    """ρ(t) = sign c'h(T - t) brings ‖η‖ above it, by the exact solution for constant ρ."""
+    gain, step = np.array([1.354, 9.748, 0.259]), 5e-3
+    A = exact.companion(gain)
+    flow = expm(A * step)
+    push = np.linalg.solve(A, flow - np.eye(3))[:, 2]
+    impulse = [np.array([0.0, 0.0, 1.0])]
+    for _ in range(60_000):
+        impulse.append(flow @ impulse[-1])
+    direction = np.array([0.0, 1.0, 0.0])
+    for _ in range(5):  # each time towards where the last one led
+        state = np.zeros(3)
+        for sign in np.sign(np.array(impulse[::-1]) @ direction):
+            state = flow @ state + push * sign
+        direction = state / np.linalg.norm(state)
+    assert np.linalg.norm(state) == pytest.approx(10.67, abs=0.02)
+    assert lyapunov.printed(gain) == pytest.approx(9.480, abs=5e-4)
+    assert np.linalg.norm(state) < lyapunov.corrected(gain)
+
+
 GRAPHS = {"star": Star().weights(12), "cyclic": CYCLIC, "path": Path().weights(12)}
 
 
