@@ -1,10 +1,18 @@
 """Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
 
+import textwrap
+
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
+from upath import UPath
 
 import jaxnet
-from jaxnet.view.figures import panels, tails, topology
+from jaxnet.statistics.curves import SHARE, Curve
+from jaxnet.statistics.groups import attacked_groups
+from jaxnet.store.results import Results
+from jaxnet.view.figures import bands, multiples, panels, tails, topology, unrecovered
 from tests import systems
 
 
@@ -79,7 +87,7 @@ def test_tails(results):
     assert axes.get_xscale() == "log"
     assert axes.get_xlabel().endswith("[m]")
     named = axes.get_yticklabels()
-    assert named[0].get_text() == "star, attack.magnitude = 0"
+    assert named[0].get_text().replace("\N{NO-BREAK SPACE}", " ") == "star, attack.magnitude = 0 m"
     dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
     np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))
 
@@ -94,3 +102,77 @@ def test_few_dots_stand_for_many_lanes():
         np.quantile(dots, [0.05, 0.5, 0.95]), np.quantile(values, [0.05, 0.5, 0.95]), 2e-3
     )
     np.testing.assert_array_equal(tails.some(values[:7]), np.sort(values[:7]))
+
+
+@pytest.fixture
+def many():
+    """More than a figure takes: 15 frequencies on five topologies, four sizes ā each; nothing was run."""
+    return systems.study(
+        vehicles=4,
+        attack={"vehicles": [2]},
+        sweep={
+            "topology": [{"kind": "cyclic", "label": f"graph {number}"} for number in range(5)],
+            "attack.frequency": {"linspace": [0.1, 1.5, 15]},
+            "attack.magnitude": [1, 2, 3, 4],
+        },
+    )
+
+
+def made_of(study, **stored):
+    """Results that have these stores, and are in no folder."""
+    made = Results(UPath("nowhere"))
+    vars(made).update(study=study, **stored)
+    return made
+
+
+def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
+    """By attack, ā and what else is swept; what is left out is said."""
+    times = np.arange(3.0)
+    values = np.ones((len(many.cells), 1, 3))
+    there = dict.fromkeys(("tracking", "disagreement"), (("cell", "sample", "time"), values))
+    monkeypatch.setattr(Results, "errors", xr.Dataset(there, {"time": times}))
+    figure = panels.figure(made_of(many), trajectories=False, errors=True)
+    titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
+    assert titles[1] == "(b) rotating attack, ā = 2 m, attack.frequency = 0.1 rad/s"
+    assert len(titles) == 4
+    assert figure.get_suptitle() == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
+
+
+def test_bands_say_what_they_leave_out(many, results):
+    """Groups and sizes ā; nothing where all are drawn."""
+    few = bands.figure(results.study.cells, {})
+    assert few.get_suptitle() == ""
+    assert bands.figure(many.cells, {}).get_suptitle() == (
+        "24 of 75 groups and 3 of 4 sizes ā are drawn; all are in errors.zarr"
+    )
+
+
+def test_shares_say_what_they_leave_out(many):
+    """Groups where ā is swept, else cells."""
+    rows = pd.DataFrame(0.5, index=range(len(many.cells)), columns=SHARE)
+    found = [
+        Curve(group, rows.iloc[list(group.attacked)].set_axis(list(group.attacked.values())), {}, {})
+        for group in attacked_groups(many.cells)
+    ]
+    made = made_of(many, cells=rows)
+    assert unrecovered.figure(made, found).get_suptitle() == "24 of 75 groups are drawn; all are in cells.csv"
+    assert unrecovered.rows(made).get_suptitle() == "24 of 300 cells are drawn; all are in cells.csv"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("attack.frequency", 0.3981071705534972, "attack.frequency = 0.3981 rad/s"),
+        ("attack.magnitude", 5, "attack.magnitude = 5 m"),
+        ("tick", 0.05, "tick = 0.05 s"),
+        ("initial.speed", 0.3, "initial.speed = 0.3 m/s"),
+        ("vehicles", 12, "vehicles = 12"),
+        ("defence", "none", "no defence"),
+        ("topology", "star", "star"),
+    ],
+)
+def test_swept_values_have_their_units(key, value, words):
+    """As the config's models know them, on one line with the number."""
+    given = multiples.called(key, value)
+    assert given.replace("\N{NO-BREAK SPACE}", " ") == words
+    assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])

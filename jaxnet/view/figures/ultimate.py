@@ -38,6 +38,7 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     panels[0].set(yscale="log", ylim=(low, high))
     panels[0].yaxis.minorticks_off()
     drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
+    multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
 
