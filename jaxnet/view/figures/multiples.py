@@ -76,8 +76,12 @@ def note_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> No
     """Have a figure say how many it shows of how many there are, if not all, and where they are."""
     lacking = [f"{shown:,} of {there:,} {noun}" for shown, there, noun in parts if shown < there]
     if lacking:
-        words = f"{' and '.join(lacking)} are drawn; all are in {where}"
-        drawn.suptitle(words, x=0.01, ha="left", fontsize=7)
+        note(drawn, f"{' and '.join(lacking)} are drawn; all are in {where}")
+
+
+def note(drawn: Figure, words: str) -> None:
+    """Write a small line above all panels."""
+    drawn.suptitle(words, x=0.01, ha="left", fontsize=7)
 
 
 def panels(
