@@ -1,7 +1,9 @@
 """Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
 
+import itertools
 import textwrap
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,7 +14,7 @@ import jaxnet
 from jaxnet.statistics.curves import SHARE, Curve
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.store.results import Results
-from jaxnet.view.figures import bands, multiples, panels, tails, topology, unrecovered
+from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology, unrecovered
 from tests import systems
 
 
@@ -176,3 +178,65 @@ def test_swept_values_have_their_units(key, value, words):
     given = multiples.called(key, value)
     assert given.replace("\N{NO-BREAK SPACE}", " ") == words
     assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])
+
+
+@pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)])
+def test_log_axes_have_numbers_side_by_side(ends):
+    """Two at least however short the axis, and none on another."""
+    with mpl.rc_context(style.RC):
+        figure = style.Figure(figsize=(1.7, 1.2))
+        panel = figure.add_subplot()
+    panel.set(xscale="log", xlim=ends, yscale="log", ylim=ends)
+    for axis in (panel.xaxis, panel.yaxis):
+        multiples.log_ticks(axis)
+    figure.draw_without_rendering()
+    for axis, side in ((panel.xaxis, 0), (panel.yaxis, 1)):
+        within = [tick.label1 for tick in axis.get_major_ticks() if ends[0] <= tick.get_loc() <= ends[1]]
+        boxes = [label.get_window_extent() for label in within if label.get_text()]
+        assert len(boxes) >= 2
+        edges = sorted((box.min[side], box.max[side]) for box in boxes)
+        assert all(one[1] <= other[0] for one, other in itertools.pairwise(edges))
+        assert not any(label.get_text() for label in axis.get_minorticklabels())
+
+
+@every.in_style
+def graphs_of(vehicles, attacked, topologies, **keys):
+    """The figure of these graphs."""
+    given = {"vehicles": vehicles, "attack": {"vehicles": attacked}, "sweep": {"topology": topologies}}
+    figure = topology.figure(systems.study(**given, **keys).cells)
+    figure.draw_without_rendering()
+    return figure
+
+
+@pytest.mark.parametrize("vehicles", [12, 48])
+def test_nodes_of_graphs_keep_apart(vehicles):
+    """Each has its number, at 5 points or more, and none lies on another."""
+    figure = graphs_of(vehicles, [2], ["star", "cyclic", "path"])
+    for axes in figure.axes:
+        nodes = [line for line in axes.lines if line.get_marker() in ("o", "s")]
+        places = axes.transData.transform([line.get_xydata()[0] for line in nodes]) * 72 / figure.dpi
+        apart = np.hypot(*(places[:, None] - places).T) + 1e3 * np.eye(len(nodes))
+        assert apart.min() > max(line.get_markersize() for line in nodes)
+        written = {text.get_text(): text.get_fontsize() for text in axes.texts}
+        assert {str(number) for number in range(vehicles + 1)} <= set(written)
+        assert min(written.values()) >= 5
+    assert figure.get_suptitle() == ""
+
+
+def test_graphs_too_large_for_numbers_say_so():
+    """The navigator and the attacked keep theirs."""
+    figure = graphs_of(400, [7], ["star"])
+    assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7", "1"}
+    words = "There is no room for the numbers of vehicles that are not attacked"
+    assert figure.get_suptitle() == words
+
+
+def test_legend_of_graphs_has_what_is_drawn():
+    """No trusted link without a defence, no attacked one without an attack."""
+    figure = graphs_of(12, [2], ["cyclic"], defence="none")
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "navigator",
+        "attacked vehicle",
+        "attacked link",
+        "other link",
+    ]

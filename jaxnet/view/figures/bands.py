@@ -29,7 +29,7 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
                 draw_band(panel, bands[cell.number], look)
     if bands:
         panels[0].set(yscale="log", ylim=bands_span(bands))
-        panels[0].yaxis.minorticks_off()
+        multiples.log_ticks(panels[0].yaxis)
     handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))

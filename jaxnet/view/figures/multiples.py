@@ -6,7 +6,10 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
@@ -30,11 +33,19 @@ def title(labels: dict[str, Any]) -> str:
     return ", ".join(called(key, value) for key, value in labels.items())
 
 
-def sizes_axis(panel: Axes, sizes: Sequence[float]) -> None:
-    """Have a log axis of ā, with ticks between the powers of ten only where there are few of them."""
-    panel.set_xscale("log")
-    if max(sizes) > 100 * min(sizes):
-        panel.xaxis.minorticks_off()
+def log_ticks(axis: Axis) -> None:
+    """Have numbers on a log axis whose ends are settled: where it has few decades also between them."""
+    low, high = sorted(axis.get_view_interval())
+    decades = np.log10(high / low)
+    if decades >= 2:
+        axis.set_minor_locator(NullLocator())
+        return
+    if decades >= 0.7:  # so that two of the numbers are there at least
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades <= 1 else (1, 3)))
+    else:
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def as_text(words: str) -> str:

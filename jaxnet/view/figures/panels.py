@@ -178,6 +178,8 @@ def draw_errors(
             values = data[variable].isel(cell=cell.number).values
             draw_band(panel, data["time"].values, values, look, name(cell))
         panel.set_yscale("log")
+        panel.autoscale_view()
+        multiples.log_ticks(panel.yaxis)
         panel.set_ylabel(symbol)
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
         if number == 0:

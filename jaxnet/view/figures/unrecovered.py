@@ -31,7 +31,9 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
     drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", height=1.15)
     for panel, curve in zip(panels, shown, strict=True):
         draw_share(panel, curve)
-    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set_xscale("log")
+    panels[0].autoscale_view()
+    multiples.log_ticks(panels[0].xaxis)
     panels[0].set_ylim(-4, 104)
     multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
