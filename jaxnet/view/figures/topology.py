@@ -16,10 +16,12 @@ from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
 SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
+CROWD = 16  # more vehicles than this are too many for one circle
+INNER = 0.8  # radius of a crowd's second circle
 EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
 NODE = 11.0  # [pt] diameter of a node where there is room for it
 LEGIBLE = 8.0  # [pt] diameter of a node whose number can be read
-ROOM = 12.0  # [pt] from one node to the next that panels grow for
+ROOM = 18.0  # [pt] from one node to the next that panels grow for
 MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
 
 PLAIN = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
@@ -120,11 +122,16 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
 
 
 def positions(weights: np.ndarray) -> np.ndarray:
-    """Where the sources stand: around the navigator, or in a snake if few vehicles hear it."""
+    """Where the sources stand: around the navigator, or in a snake if few vehicles hear it.
+
+    A crowd stands on two circles by turns, which leaves room for the links between neighbours.
+    """
     m = len(weights)
     if (weights[:, 0] > 0).sum() * 3 >= m:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        if m > CROWD:
+            circle[1::2] *= INNER
         return np.concatenate([np.zeros((1, 2)), circle])
     order, across = np.arange(m + 1), max(SNAKE, math.isqrt(m) + 1)
     row, column = order // across, order % across
@@ -168,7 +175,7 @@ def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
-        x, y = middle + (0.22 if mutual else 0.12) * aside
+        x, y = middle + (0.22 if mutual and len(weights) <= CROWD else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 
