@@ -2,6 +2,7 @@
 
 import itertools
 import textwrap
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -213,11 +214,11 @@ def test_nodes_of_graphs_keep_apart(vehicles):
     """Each has its number, at 5 points or more, and none lies on another."""
     figure = graphs_of(vehicles, [2], ["star", "cyclic", "path"])
     for axes in figure.axes:
-        nodes = [line for line in axes.lines if line.get_marker() in ("o", "s")]
+        nodes: Any = [line for line in axes.lines if line.get_marker() in ("o", "s")]
         places = axes.transData.transform([line.get_xydata()[0] for line in nodes]) * 72 / figure.dpi
         apart = np.hypot(*(places[:, None] - places).T) + 1e3 * np.eye(len(nodes))
         assert apart.min() > max(line.get_markersize() for line in nodes)
-        written = {text.get_text(): text.get_fontsize() for text in axes.texts}
+        written: dict[str, Any] = {text.get_text(): text.get_fontsize() for text in axes.texts}
         assert {str(number) for number in range(vehicles + 1)} <= set(written)
         assert min(written.values()) >= 5
     assert figure.get_suptitle() == ""

@@ -21,7 +21,7 @@ INNER = 0.8  # radius of a crowd's second circle
 EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
 NODE = 11.0  # [pt] diameter of a node where there is room for it
 LEGIBLE = 8.0  # [pt] diameter of a node whose number can be read
-ROOM = 18.0  # [pt] from one node to the next that panels grow for
+APART = 18.0  # [pt] from one node to the next that panels grow for
 MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
 
 PLAIN = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
@@ -57,16 +57,16 @@ def figure(cells: Sequence[Cell]) -> Figure:
 
 
 def panels_across(graphs: Sequence[np.ndarray]) -> int:
-    """How many graphs stand in a row: as many as leave ROOM between the nodes of each."""
-    wanted = max(ROOM / spacing(weights, 1.0) for weights in graphs)
+    """How many graphs stand in a row: as many as leave APART between the nodes of each."""
+    wanted = max(APART / spacing(weights, 1.0) for weights in graphs)
     return max(1, min(MOST_IN_ROW, int(72 * style.WIDTH / wanted)))
 
 
 def spacing(weights: np.ndarray, size: float) -> float:
-    """From one node to the next in a panel of this size [pt]."""
+    """From the last node to the nearest in a panel of this size [pt]."""
     places = positions(weights)
     extent = np.ptp(places, axis=0).max() + 2 * EDGE
-    return float(np.hypot(*(places[-1] - places[-2])) / extent * size)
+    return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
 
 
 def diameter(weights: np.ndarray, size: float) -> float:
