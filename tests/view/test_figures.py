@@ -1,10 +1,21 @@
 """Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
 
+import itertools
+import textwrap
+from typing import Any
+
+import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
+from upath import UPath
 
 import jaxnet
-from jaxnet.view.figures import panels, tails, topology
+from jaxnet.statistics.curves import SHARE, Curve
+from jaxnet.statistics.groups import attacked_groups
+from jaxnet.store.results import Results
+from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology, unrecovered
 from tests import systems
 
 
@@ -79,7 +90,7 @@ def test_tails(results):
     assert axes.get_xscale() == "log"
     assert axes.get_xlabel().endswith("[m]")
     named = axes.get_yticklabels()
-    assert named[0].get_text() == "star, attack.magnitude = 0"
+    assert named[0].get_text().replace("\N{NO-BREAK SPACE}", " ") == "star, attack.magnitude = 0 m"
     dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
     np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))
 
@@ -94,3 +105,139 @@ def test_few_dots_stand_for_many_lanes():
         np.quantile(dots, [0.05, 0.5, 0.95]), np.quantile(values, [0.05, 0.5, 0.95]), 2e-3
     )
     np.testing.assert_array_equal(tails.some(values[:7]), np.sort(values[:7]))
+
+
+@pytest.fixture
+def many():
+    """More than a figure takes: 15 frequencies on five topologies, four sizes ā each; nothing was run."""
+    return systems.study(
+        vehicles=4,
+        attack={"vehicles": [2]},
+        sweep={
+            "topology": [{"kind": "cyclic", "label": f"graph {number}"} for number in range(5)],
+            "attack.frequency": {"linspace": [0.1, 1.5, 15]},
+            "attack.magnitude": [1, 2, 3, 4],
+        },
+    )
+
+
+def made_of(study, **stored):
+    """Results that have these stores, and are in no folder."""
+    made = Results(UPath("nowhere"))
+    vars(made).update(study=study, **stored)
+    return made
+
+
+def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
+    """By attack, ā and what else is swept; what is left out is said."""
+    times = np.arange(3.0)
+    values = np.ones((len(many.cells), 1, 3))
+    there = dict.fromkeys(("tracking", "disagreement"), (("cell", "sample", "time"), values))
+    monkeypatch.setattr(Results, "errors", xr.Dataset(there, {"time": times}))
+    figure = panels.figure(made_of(many), trajectories=False, errors=True)
+    titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
+    assert titles[1] == "(b) rotating attack, ā = 2 m, attack.frequency = 0.1 rad/s"
+    assert len(titles) == 4
+    assert figure.get_suptitle() == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
+
+
+def test_bands_say_what_they_leave_out(many, results):
+    """Groups and sizes ā; nothing where all are drawn."""
+    few = bands.figure(results.study.cells, {})
+    assert few.get_suptitle() == ""
+    assert bands.figure(many.cells, {}).get_suptitle() == (
+        "24 of 75 groups and 3 of 4 sizes ā are drawn; all are in errors.zarr"
+    )
+
+
+def test_shares_say_what_they_leave_out(many):
+    """Groups where ā is swept, else cells."""
+    rows = pd.DataFrame(0.5, index=range(len(many.cells)), columns=SHARE)
+    found = [
+        Curve(group, rows.iloc[list(group.attacked)].set_axis(list(group.attacked.values())), {}, {})
+        for group in attacked_groups(many.cells)
+    ]
+    made = made_of(many, cells=rows)
+    assert unrecovered.figure(made, found).get_suptitle() == "24 of 75 groups are drawn; all are in cells.csv"
+    assert unrecovered.rows(made).get_suptitle() == "24 of 300 cells are drawn; all are in cells.csv"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("attack.frequency", 0.3981071705534972, "attack.frequency = 0.3981 rad/s"),
+        ("attack.magnitude", 5, "attack.magnitude = 5 m"),
+        ("tick", 0.05, "tick = 0.05 s"),
+        ("initial.speed", 0.3, "initial.speed = 0.3 m/s"),
+        ("vehicles", 12, "vehicles = 12"),
+        ("defence", "none", "no defence"),
+        ("topology", "star", "star"),
+    ],
+)
+def test_swept_values_have_their_units(key, value, words):
+    """As the config's models know them, on one line with the number."""
+    given = multiples.called(key, value)
+    assert given.replace("\N{NO-BREAK SPACE}", " ") == words
+    assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])
+
+
+@pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)])
+def test_log_axes_have_numbers_side_by_side(ends):
+    """Two at least however short the axis, and none on another."""
+    with mpl.rc_context(style.RC):
+        figure = style.Figure(figsize=(1.7, 1.2))
+        panel = figure.add_subplot()
+    panel.set(xscale="log", xlim=ends, yscale="log", ylim=ends)
+    for axis in (panel.xaxis, panel.yaxis):
+        multiples.log_ticks(axis)
+    figure.draw_without_rendering()
+    for axis, side in ((panel.xaxis, 0), (panel.yaxis, 1)):
+        within = [tick.label1 for tick in axis.get_major_ticks() if ends[0] <= tick.get_loc() <= ends[1]]
+        boxes = [label.get_window_extent() for label in within if label.get_text()]
+        assert len(boxes) >= 2
+        edges = sorted((box.min[side], box.max[side]) for box in boxes)
+        assert all(one[1] <= other[0] for one, other in itertools.pairwise(edges))
+        assert not any(label.get_text() for label in axis.get_minorticklabels())
+
+
+@every.in_style
+def graphs_of(vehicles, attacked, topologies, **keys):
+    """The figure of these graphs."""
+    given = {"vehicles": vehicles, "attack": {"vehicles": attacked}, "sweep": {"topology": topologies}}
+    figure = topology.figure(systems.study(**given, **keys).cells)
+    figure.draw_without_rendering()
+    return figure
+
+
+@pytest.mark.parametrize("vehicles", [12, 48])
+def test_nodes_of_graphs_keep_apart(vehicles):
+    """Each has its number, at 5 points or more, and none lies on another."""
+    figure = graphs_of(vehicles, [2], ["star", "cyclic", "path"])
+    for axes in figure.axes:
+        nodes: Any = [line for line in axes.lines if line.get_marker() in ("o", "s")]
+        places = axes.transData.transform([line.get_xydata()[0] for line in nodes]) * 72 / figure.dpi
+        apart = np.hypot(*(places[:, None] - places).T) + 1e3 * np.eye(len(nodes))
+        assert apart.min() > max(line.get_markersize() for line in nodes)
+        written: dict[str, Any] = {text.get_text(): text.get_fontsize() for text in axes.texts}
+        assert {str(number) for number in range(vehicles + 1)} <= set(written)
+        assert min(written.values()) >= 5
+    assert figure.get_suptitle() == ""
+
+
+def test_graphs_too_large_for_numbers_say_so():
+    """The navigator and the attacked keep theirs."""
+    figure = graphs_of(400, [7], ["star"])
+    assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7", "1"}
+    words = "There is no room for the numbers of vehicles that are not attacked"
+    assert figure.get_suptitle() == words
+
+
+def test_legend_of_graphs_has_what_is_drawn():
+    """No trusted link without a defence, no attacked one without an attack."""
+    figure = graphs_of(12, [2], ["cyclic"], defence="none")
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "navigator",
+        "attacked vehicle",
+        "attacked link",
+        "other link",
+    ]

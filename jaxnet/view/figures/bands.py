@@ -18,7 +18,8 @@ SIZES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 
 def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
     """A panel per group of cells that differ in ā alone, the first MOST."""
-    groups = scenes(cells)[:MOST_PANELS]
+    there = scenes(cells)
+    groups = there[:MOST_PANELS]
     drawn, panels = multiples.panels([group.labels for group in groups], "t [s]", r"$\tilde{e}$ [m]")
     looks: dict[str, Any] = {}
     for panel, group in zip(panels, groups, strict=True):
@@ -28,11 +29,18 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
                 draw_band(panel, bands[cell.number], look)
     if bands:
         panels[0].set(yscale="log", ylim=bands_span(bands))
-        panels[0].yaxis.minorticks_off()
+        multiples.log_ticks(panels[0].yaxis)
     handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
     drawn.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)
+    sizes = max(len(group.cells) for group in groups)
+    multiples.note_left_out(
+        drawn,
+        (len(groups), len(there), "groups"),
+        (min(SIZES, sizes), sizes, "sizes ā"),
+        where="errors.zarr",
+    )
     return drawn
 
 

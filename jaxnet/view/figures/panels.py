@@ -11,21 +11,22 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell
-from jaxnet.kinds.fields import is_drawn
-from jaxnet.statistics.curves import FLOOR
+from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.store.results import Results
-from jaxnet.view.figures import style
+from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 ROW_LETTERS = 30  # that a line along a row's height takes
+TITLE_LETTERS = 110  # that a line across the page takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
 
 
 def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
     """Rows are what is swept besides topology, the first MOST of each; the last column has the errors."""
-    rows = layout(results.study.cells)
+    whole = layout(results.study.cells)
+    rows = [row[:MOST_A_SIDE] for row in whole[:MOST_A_SIDE]]
     columns = max(map(len, rows)) if trajectories else 0
     drawn = Figure(figsize=(style.WIDTH, ROW_HEIGHT * len(rows) + 0.35))
     widths = [1.0] * columns + ([1.35] if errors else [])
@@ -38,10 +39,18 @@ def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
             draw_trajectories(drawn, grid, number, cells, lanes, reach)
     if errors:
         for number, cells in enumerate(rows):
-            title = f"({chr(ord('a') + number * len(widths) + columns)}) errors"
+            words = "errors" if trajectories else textwrap.fill(setting(cells[0]), TITLE_LETTERS)
+            title = f"({chr(ord('a') + number * len(widths) + columns)}) {words}"
             draw_errors(drawn, grid[number, columns], cells, results.errors, title, key=number == 0)
     if trajectories:
         drawn.legend(handles=legend(rows), loc="outside lower center", ncols=6, handlelength=2.2)
+    stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
+    multiples.note_left_out(
+        drawn,
+        (len(rows), len(whole), "rows"),
+        (max(map(len, rows)), max(map(len, whole)), "topologies"),
+        where=" and ".join(store for store, there in stores.items() if there),
+    )
     return drawn
 
 
@@ -67,7 +76,7 @@ def layout(cells: Sequence[Cell]) -> list[list[Cell]]:
     rows: dict[Any, list[Cell]] = {}
     for cell in cells:
         rows.setdefault(others(cell), []).append(cell)
-    return [row[:MOST_A_SIDE] for row in list(rows.values())[:MOST_A_SIDE]]
+    return list(rows.values())
 
 
 def others(cell: Cell) -> tuple[Any, ...]:
@@ -83,18 +92,12 @@ def name(cell: Cell) -> str:
 def setting(cell: Cell) -> str:
     """What a row is about, in a few words."""
     attack = cell.scenario.attack
-    if attack.amplitude() == 0:
-        words = ["no attack"]
-    else:
-        magnitude = attack.amplitude()
-        amount = "random" if is_drawn(magnitude) else f"{magnitude:g} m"
-        words = [f"{attack.kind} attack, " + rf"$\bar{{a}}$ = {amount}"]
-    words += [
-        f"{key} = {value}"
-        for key, value in cell.labels.items()
-        if key not in ("topology", "attack", "attack.magnitude")
-    ]
-    return ", ".join(words)
+    words = [magnitude_words(cell).replace(" m", f"{multiples.NO_BREAK}m")]
+    if attack.amplitude() != 0:
+        words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
+    told = ("topology", "attack", "attack.magnitude")
+    words += [multiples.called(key, value) for key, value in cell.labels.items() if key not in told]
+    return multiples.as_text(", ".join(words))
 
 
 def draw_trajectories(
@@ -175,6 +178,8 @@ def draw_errors(
             values = data[variable].isel(cell=cell.number).values
             draw_band(panel, data["time"].values, values, look, name(cell))
         panel.set_yscale("log")
+        panel.autoscale_view()
+        multiples.log_ticks(panel.yaxis)
         panel.set_ylabel(symbol)
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
         if number == 0:

@@ -27,6 +27,8 @@ def figure(results: Results) -> Figure:
         panel.plot([low, high], [number] * 2, color=style.BLACK, zorder=2)
         panel.plot(median, number, "D", color=style.BLACK, markersize=4, zorder=3)
     panel.set_xscale("log")
+    panel.autoscale_view()
+    multiples.log_ticks(panel.xaxis)
     dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
     panel.set_xlabel(f"mean error over the tail and the vehicles, {dot} [m]")
     panel.set_yticks(

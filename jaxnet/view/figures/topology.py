@@ -1,5 +1,6 @@
 """Who hears whom: the graphs of a study with their weights, attacked and trusted links."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,17 +10,24 @@ from matplotlib.patches import FancyArrowPatch
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
-from jaxnet.view.figures import style
+from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles, name
 from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
-SNAKE = 4  # vehicles in a row of a graph that is more of a chain
-NODE = 0.13  # radius of a node where the vehicles stand on a unit circle
+SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
+CROWD = 16  # more vehicles than this are too many for one circle
+INNER = 0.8  # radius of a crowd's second circle
+EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
+NODE = 11.0  # [pt] diameter of a node where there is room for it
+LEGIBLE = 8.0  # [pt] diameter of a node whose number can be read
+APART = 18.0  # [pt] from one node to the next that panels grow for
+MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
 
 PLAIN = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
 TRUSTED = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
 ATTACKED = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
+LINKS = {"trusted link": TRUSTED, "attacked link": ATTACKED, "other link": PLAIN}
 
 
 def figure(cells: Sequence[Cell]) -> Figure:
@@ -32,16 +40,48 @@ def figure(cells: Sequence[Cell]) -> Figure:
         known = graphs.get(name(cell))
         if known is None or attacked_links(cell) > attacked_links(known):
             graphs[name(cell)] = cell
-    shown = list(graphs.values())
-    columns = min(MOST_IN_ROW, len(shown))
+    shown = [(cell, situation_of(cell.scenario)) for cell in graphs.values()]
+    weights = [network.weights for _, network in shown]
+    across = panels_across(weights)
+    columns = min(across, len(shown))
     rows = -(-len(shown) // columns)
-    size = style.WIDTH / max(columns, 3)
+    size = style.WIDTH / max(columns, min(3, across))
     drawn = Figure(figsize=(size * columns if columns >= 3 else style.WIDTH, size * rows + 0.55))
-    for number, cell in enumerate(shown):
-        panel = drawn.add_subplot(rows, columns, number + 1)
-        draw_graph(panel, cell, situation_of(cell.scenario))
-    drawn.legend(handles=legend(), loc="outside lower center", ncols=5, handlelength=2.4)
+    for number, (cell, network) in enumerate(shown):
+        draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
+    drawn.legend(handles=legend(shown), loc="outside lower center", ncols=5, handlelength=2.4)
+    words = left_out(weights, 72 * size)
+    if words:
+        multiples.note(drawn, f"There is no room for {' and '.join(words)}")
     return drawn
+
+
+def panels_across(graphs: Sequence[np.ndarray]) -> int:
+    """How many graphs stand in a row: as many as leave APART between the nodes of each."""
+    wanted = max(APART / spacing(weights, 1.0) for weights in graphs)
+    return max(1, min(MOST_IN_ROW, int(72 * style.WIDTH / wanted)))
+
+
+def spacing(weights: np.ndarray, size: float) -> float:
+    """From the last node to the nearest in a panel of this size [pt]."""
+    places = positions(weights)
+    extent = np.ptp(places, axis=0).max() + 2 * EDGE
+    return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
+
+
+def diameter(weights: np.ndarray, size: float) -> float:
+    """Of a node in a panel of this size [pt]."""
+    return min(NODE, 0.8 * spacing(weights, size))
+
+
+def left_out(graphs: Sequence[np.ndarray], size: float) -> list[str]:
+    """What panels of this size [pt] have no room for."""
+    words = []
+    if any(diameter(weights, size) < LEGIBLE for weights in graphs):
+        words.append("the numbers of vehicles that are not attacked")
+    if any((weights > 0).any() and not labelled_links(weights) for weights in graphs):
+        words.append("the weights of all links")
+    return words
 
 
 def attacked_links(cell: Cell) -> int:
@@ -49,51 +89,67 @@ def attacked_links(cell: Cell) -> int:
     return int(situation_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
 
 
-def draw_graph(panel: Axes, cell: Cell, network: Situation) -> None:
-    """Arrows run as the signals do, from the source to the vehicle that hears it."""
+def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
+    """What the legend calls the link of each vehicle, from 0, with each source that it hears."""
+    attacked, decides = attacked_vehicles(cell), cell.scenario.defence.decides
+    return {
+        (int(i), int(j)): "attacked link"
+        if attacked and network.attacked[i, j]
+        else "trusted link"
+        if decides and network.trusted[i, j]
+        else "other link"
+        for i, j in np.argwhere(network.weights > 0)
+    }
+
+
+def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
+    """Arrows run as the signals do, from the source to the vehicle that hears it, on size [pt]."""
     places = positions(network.weights)
     attacked = attacked_vehicles(cell)
-    decides = cell.scenario.defence.decides
-    for i, j in np.argwhere(network.weights > 0):
-        under_attack = attacked and network.attacked[i, j]
-        look = ATTACKED if under_attack else TRUSTED if decides and network.trusted[i, j] else PLAIN
+    across = diameter(network.weights, size)
+    for (i, j), called in link_names(cell, network).items():
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
-        draw_link(panel, places[j], places[i + 1], bend, look)
+        draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINKS[called])
     label_weights(panel, network.weights, places)
     for source, (x, y) in enumerate(places):
-        draw_node(panel, source, x, y, source in attacked)
+        draw_node(panel, source, x, y, source in attacked, across)
     panel.set_title(name(cell), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")
-    panel.set_xlim(places[:, 0].min() - 0.3, places[:, 0].max() + 0.3)
-    panel.set_ylim(places[:, 1].min() - 0.3, places[:, 1].max() + 0.3)
+    panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
+    panel.set_ylim(places[:, 1].min() - EDGE, places[:, 1].max() + EDGE)
 
 
 def positions(weights: np.ndarray) -> np.ndarray:
-    """Where the sources stand: around the navigator, or in a snake if few vehicles hear it."""
+    """Where the sources stand: around the navigator, or in a snake if few vehicles hear it.
+
+    A crowd stands on two circles by turns, which leaves room for the links between neighbours.
+    """
     m = len(weights)
     if (weights[:, 0] > 0).sum() * 3 >= m:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        if m > CROWD:
+            circle[1::2] *= INNER
         return np.concatenate([np.zeros((1, 2)), circle])
-    order = np.arange(m + 1)
-    row, column = order // SNAKE, order % SNAKE
-    column = np.where(row % 2, SNAKE - 1 - column, column)
+    order, across = np.arange(m + 1), max(SNAKE, math.isqrt(m) + 1)
+    row, column = order // across, order % across
+    column = np.where(row % 2, across - 1 - column, column)
     return np.stack([column, -row], axis=1) * 0.62
 
 
 def draw_link(
-    panel: Axes, source: np.ndarray, listener: np.ndarray, bend: float, look: dict[str, object]
+    panel: Axes, source: np.ndarray, listener: np.ndarray, bend: float, rim: float, look: dict[str, object]
 ) -> None:
-    """An arrow that ends at the rim of the listener's node."""
+    """An arrow that ends at the rim of the listener's node, so far from its middle [pt]."""
     arrow = FancyArrowPatch(
         tuple(source),
         tuple(listener),
         connectionstyle=f"arc3,rad={bend}",
         arrowstyle="-|>,head_length=3.2,head_width=1.5",
-        shrinkA=6,
-        shrinkB=6,
+        shrinkA=rim,
+        shrinkB=rim,
         mutation_scale=1,
         zorder=1,
         **look,  # pyright: ignore[reportArgumentType]
@@ -101,25 +157,36 @@ def draw_link(
     panel.add_patch(arrow)
 
 
-def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
-    """Each link's weight, or where few values recur, one link of each value from navigator and vehicles."""
+def labelled_links(weights: np.ndarray) -> list[tuple[int, int]]:
+    """All links, or where few values recur, one of each from navigator and vehicles; none of too many."""
     links = [(int(i), int(j)) for i, j in np.argwhere(weights > 0)]
     classes: dict[tuple[bool, float], tuple[int, int]] = {}
     for i, j in links:
         classes.setdefault((j == 0, round(float(weights[i, j]), 6)), (i, j))
-    labelled = links if len(links) <= 8 or len(classes) > 3 else list(classes.values())
-    for i, j in labelled:
+    if len(links) > 8 and len(classes) <= 3:
+        return list(classes.values())
+    return links if len(links) <= MOST_WEIGHTS else []
+
+
+def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
+    """Write the weights beside their links."""
+    for i, j in labelled_links(weights):
         middle = 0.5 * (places[i + 1] + places[j])
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
-        x, y = middle + (0.22 if mutual else 0.12) * aside
+        x, y = middle + (0.22 if mutual and len(weights) <= CROWD else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 
 
-def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool) -> None:
-    """A numbered node: the navigator square and dark, an attacked vehicle in the attack's colour."""
+def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
+    """A node so many points across: the navigator square and dark, attacked vehicles in the attack's colour.
+
+    It has its number if that can be read; navigator and attacked vehicles are as large as that takes.
+    """
+    if source == 0 or lies:
+        across = max(across, LEGIBLE)
     marker, face, text = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
     edge = style.RED if lies else "0.15"
     width = 1.6 if lies else 0.8
@@ -127,32 +194,23 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool) -> None:
         x,
         y,
         marker,
-        markersize=11,
+        markersize=across,
         markerfacecolor=face,
         markeredgecolor=edge,
         markeredgewidth=width,
-        zorder=2,
+        zorder=2.5 if lies else 2,
     )
-    panel.text(x, y - 0.005, str(source), fontsize=6.5, ha="center", va="center", color=text, zorder=3)
+    if across >= LEGIBLE:
+        panel.text(x, y, str(source), fontsize=0.6 * across, ha="center", va="center", color=text, zorder=3)
 
 
-def legend() -> list[Line2D]:
-    """What is what."""
+def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D]:
+    """What is what, of what is there."""
     node = {"linestyle": "", "markersize": 7}
-    return [
-        Line2D([], [], marker="s", color="0.15", label="navigator", **node),
-        Line2D(
-            [],
-            [],
-            marker="o",
-            markerfacecolor="white",
-            markeredgecolor=style.RED,
-            markeredgewidth=1.6,
-            color="white",
-            label="attacked vehicle",
-            **node,
-        ),
-        Line2D([], [], **TRUSTED, label="trusted link"),
-        Line2D([], [], **ATTACKED, label="attacked link"),
-        Line2D([], [], **PLAIN, label="other link"),
-    ]
+    handles = [Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
+    if any(attacked_vehicles(cell) for cell, _ in shown):
+        rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
+        handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))
+    present = {called for cell, network in shown for called in link_names(cell, network).values()}
+    looks = [(called, look) for called, look in LINKS.items() if called in present]
+    return handles + [Line2D([], [], **look, label=called) for called, look in looks]

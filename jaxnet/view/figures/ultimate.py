@@ -34,10 +34,12 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)
-    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
-    panels[0].set(yscale="log", ylim=(low, high))
-    panels[0].yaxis.minorticks_off()
+    panels[0].set(xscale="log", yscale="log", ylim=(low, high))
+    panels[0].autoscale_view(scaley=False)
+    multiples.log_ticks(panels[0].xaxis)
+    multiples.log_ticks(panels[0].yaxis)
     drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
+    multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
 

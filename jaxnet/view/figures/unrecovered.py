@@ -31,8 +31,11 @@ def figure(results: Results, found: Sequence[Curve]) -> Figure:
     drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", height=1.15)
     for panel, curve in zip(panels, shown, strict=True):
         draw_share(panel, curve)
-    multiples.sizes_axis(panels[0], [size for curve in shown for size in curve.sizes.tolist()])
+    panels[0].set_xscale("log")
+    panels[0].autoscale_view()
+    multiples.log_ticks(panels[0].xaxis)
     panels[0].set_ylim(-4, 104)
+    multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
 
@@ -45,7 +48,8 @@ def draw_share(panel: Axes, curve: Curve) -> None:
 
 def rows(results: Results) -> Figure:
     """A row per cell."""
-    found = shares(results).head(MOST_PANELS)
+    there = shares(results)
+    found = there.head(MOST_PANELS)
     share, low, high = (100 * found[name].to_numpy() for name in found)
     places = np.arange(len(found))
     drawn = Figure(figsize=(style.WIDTH, 0.28 * len(found) + 0.7))
@@ -57,4 +61,5 @@ def rows(results: Results) -> Figure:
     panel.set_xlim(-2, 102)
     panel.set_xlabel("lanes unrecovered, with interval [%]")
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    multiples.note_left_out(drawn, (len(found), len(there), "cells"), where="cells.csv")
     return drawn
