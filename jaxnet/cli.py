@@ -18,6 +18,7 @@ import jaxnet
 INTERRUPTED = 130
 AGAIN = 0.5  # [s]
 FAILED_LANES = 3
+FORMATS = ("text", "csv", "markdown", "latex")
 NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
 
 config_arguments = [
@@ -201,13 +202,25 @@ def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
 
 @main.command()
 @results_argument
-def show(results: str) -> None:
-    """Print the summary table again."""
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    default="text",
+    show_default=True,
+    help="csv has all digits, the others four.",
+)
+def show(results: str, form: str) -> None:
+    """Print the summary table again, a line per cell.
+
+    As text it is at most 80 columns wide and 60 cells long, and says what it leaves out; the other formats
+    have all of it.
+    """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.view.text import tables
+        from jaxnet.view.text import formats
 
-        click.echo(tables.summary(opened))
+        click.echo(formats.written(opened, form))
 
 
 @main.command()

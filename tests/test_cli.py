@@ -1,12 +1,14 @@
 """The command line: what it says, where, and with which exit status."""
 
 import contextlib
+import io
 import os
 import signal
 import subprocess
 import sys
 import time
 
+import pandas as pd
 import pytest
 import xarray as xr
 import yaml
@@ -67,6 +69,34 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
     assert done.stdout.split()[:2] == ["cell", "ok"]
     assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
     assert jaxnet_does("show", out).stdout == done.stdout
+
+
+@pytest.fixture(scope="module")
+def swept(config):
+    """Results of four cells, two of them with a label that has braces."""
+    out = config.parent / "swept"
+    words = ["attack=bias", "sweep={topology: [star, cyclic], attack.magnitude: [0, {uniform: [1, 2]}]}"]
+    done = jaxnet_does("run", config, *words, "--out", out)
+    assert done.exit_code == 0, done.stderr
+    return out
+
+
+def test_the_summary_is_shown_in_other_formats(swept):
+    """CSV gives the numbers of cells.csv back, Markdown and LaTeX four digits of each and safe labels."""
+    cells = jaxnet.open(swept).cells
+    table = pd.read_csv(io.StringIO(jaxnet_does("show", swept, "--format", "csv").stdout))
+    assert table["tail mean [m]"].tolist() == cells["tail_mean_mean"].tolist()
+    assert table["attack.magnitude"].tolist() == cells["attack.magnitude"].tolist()
+    given = f"{cells['tail_mean_mean'][3]:.4g}"
+    rows = jaxnet_does("show", swept, "--format", "markdown").stdout.splitlines()
+    assert {row.count("|") for row in rows} == {len(table.columns) + 1}
+    assert len(rows) == 2 + 4
+    assert f"| {given} |" in rows[5]
+    rows = jaxnet_does("show", swept, "--format", "latex").stdout.splitlines()
+    assert {row.count("&") for row in rows if row.endswith("\\\\")} == {len(table.columns) - 1}
+    assert f"& {given} &" in rows[7]
+    assert r"\{" in rows[7]
+    assert jaxnet_does("show", swept, "--format", "html").exit_code == 2
 
 
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
