@@ -1,6 +1,7 @@
 """Results as text for a terminal."""
 
 from html import escape
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,11 @@ from jaxnet.store.results import Part, Results
 
 MOST_ROWS = 60
 MOST_FAILURES = 20
+WIDTH = 80
 SUMMARY = {
     "tail_mean_mean": "tail mean [m]",
-    "tail_mean_low": "low",
-    "tail_mean_high": "high",
+    "tail_mean_low": "mean low",
+    "tail_mean_high": "mean high",
     "tail_mean_median": "median",
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
@@ -27,19 +29,34 @@ def summary_rows(results: Results) -> pd.DataFrame:
     """The summary: a row per cell."""
     cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
-    shown = SUMMARY | (RECOVERY if "unrecovered" in cells else {})
+    shown = (RECOVERY if "unrecovered" in cells else {}) | SUMMARY
     table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
     table.insert(0, "cell", range(len(table)))
     return table
 
 
 def summary(results: Results) -> str:
-    """The summary table: a line per cell."""
+    """The summary table: a line per cell, as many columns as a terminal has room for."""
     table = summary_rows(results)
-    text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
+    notes = []
     if len(table) > MOST_ROWS:
-        text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
-    return text
+        notes.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
+    lines, left_out = narrow(table.head(MOST_ROWS))
+    if "mean low" not in left_out:
+        notes.append("mean low, mean high: 95 % t interval of the mean over lanes")
+    if left_out:
+        notes.append(fill(f"left out: {', '.join(left_out)}; all are in cells.csv", WIDTH))
+    return "\n".join([lines, *notes])
+
+
+def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
+    """A table without those of its last statistics that 80 columns have no room for, and their names."""
+    first = table.columns.get_loc("failed") + 2  # one statistic stays, however long the labels are
+    for count in range(len(table.columns), first - 1, -1):
+        lines = table.iloc[:, :count].to_string(index=False, float_format=number, na_rep="-")
+        if max(map(len, lines.splitlines())) <= WIDTH:
+            break
+    return lines, list(table.columns[count:])
 
 
 def html(results: Results) -> str:
