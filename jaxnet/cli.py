@@ -223,6 +223,23 @@ def show(results: str, form: str) -> None:
         click.echo(formats.written(opened, form))
 
 
+@main.command("list")
+@click.argument("folder", default="results")
+def list_results(folder: str) -> None:
+    """List the results folders at or below FOLDER (default: results).
+
+    A line each: cells, lanes, how many of them are ok and failed, whether the run is finished, and when it
+    was written.
+    """
+    with user_errors():
+        from jaxnet.view.text import folders
+
+        if lines := folders.text(folder):
+            click.echo(lines)
+        else:
+            click.echo(f"no results in {folder}", err=True)
+
+
 @main.command()
 @results_argument
 def fit(results: str) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,9 +18,10 @@ from click.testing import CliRunner
 import jaxnet
 from jaxnet import cli
 from jaxnet.cli import main
+from jaxnet.store.folder import Folder
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "fit", "report"]
+COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report"]
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +108,28 @@ def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
     again = jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
     assert again.stdout == done.stdout
     assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
+
+
+def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
+    """Finished ones, one that an interrupt left, parts alone; nothing of what is no results folder."""
+    here, part = tmp_path / "results", tmp_path / "results" / "more" / "part"
+    shutil.copytree(finished[0], here / "small")
+    shutil.copytree(finished[0], here / "more" / "cut")
+    Folder(here / "more" / "cut").write_manifest(finished=False)
+    assert jaxnet_does("run", config, "--out", part, "--shard", "0/1").exit_code == 0
+    (here / "notes").mkdir()
+    (here / "notes" / "manifest.json").write_text("{}")
+    done = jaxnet_does("list", here)
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert lines[0] == ["results", "cells", "lanes", "ok", "failed", "written"]
+    assert [line[:6] for line in lines[1:]] == [
+        [str(here / "more" / "cut"), "1", "2", "-", "-", "unfinished"],
+        [str(part), "-", "-", "-", "-", "unfinished"],
+        [str(here / "small"), "1", "2", "2", "0", "finished"],
+    ]
+    assert lines[3][6].startswith("20")
+    assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split()[:3] == lines[3][:3]
+    assert jaxnet_does("list", tmp_path / "none").stderr == f"no results in {tmp_path / 'none'}\n"
 
 
 def test_replay_gives_the_stored_row_again(finished):

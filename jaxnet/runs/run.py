@@ -103,6 +103,7 @@ class Run:
             modules={name: made_of._asdict() for name, made_of in self.modules.items()},
             device=jax.devices()[0].device_kind,
             chunk=self.machine.chunk,
+            cells=len(self.cells),
             samples=samples,
             shard_size=self.size,
             save=save,
