@@ -157,10 +157,9 @@ def run(
                 results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
             click.echo(tables.summary(results))
-            click.echo(
-                "\n".join(filter(None, [tables.what_was_written(results), tables.failures(results)])),
-                err=True,
-            )
+            done = tables.nothing_to_do if results.found_all else tables.what_was_written
+            said = [done(results), tables.failures(results), tables.next_command(results)]
+            click.echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 

@@ -70,6 +70,7 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
     assert done.exit_code == 0, done.stderr
     assert done.stdout.split()[:2] == ["cell", "ok"]
     assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
+    assert done.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert jaxnet_does("show", out).stdout == done.stdout
 
 
@@ -102,12 +103,19 @@ def test_the_summary_is_shown_in_other_formats(swept):
 
 
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
-    """Nothing is simulated, the same is printed."""
+    """Nothing is simulated, the same is printed, and it is said; not where only the tables were missing."""
     out, done = finished
     stamps = [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())]
     again = jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
     assert again.stdout == done.stdout
+    assert "nothing to do: all 2 lanes were there, 0 failed\n" in again.stderr
+    assert "wrote" not in again.stderr
+    assert again.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
+    Folder(out).write_manifest(finished=False)
+    assert (
+        "wrote" in jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out).stderr
+    )
 
 
 def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):

@@ -1,5 +1,6 @@
 """Results as text for a terminal."""
 
+import shlex
 from html import escape
 from textwrap import fill
 from typing import Any
@@ -85,6 +86,19 @@ def what_was_written(results: Results) -> str:
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
         f" wrote {results.path}: {', '.join(names)}" + stopped(results)
     )
+
+
+def nothing_to_do(results: Results) -> str:
+    """That a run found all of it there."""
+    lanes = results.manifest["lanes"]
+    return f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed" + stopped(
+        results
+    )
+
+
+def next_command(results: Results) -> str:
+    """What to type after a run."""
+    return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
 
 
 def part(run: Part) -> str:
