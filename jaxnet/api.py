@@ -205,11 +205,23 @@ def write_fits(results: stored.Results) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
     from jaxnet.statistics import ultimate
+    from jaxnet.view.figures import ULTIMATE
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
         yield from ultimate.analyse(results)
-        yield from figures.draw(results, figures.ULTIMATE)
+        yield from figures.draw(results, ULTIMATE)
+
+
+def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
+    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it."""
+    enable()
+    from jaxnet.view.figures import every as figures
+
+    with Folder(results.path).writing():
+        _ = results.cells  # refuses an unfinished run
+        drawn = getattr(figures.Plots(results), name)()
+        yield from figures.save(results, name, drawn)
 
 
 def write_report(results: stored.Results) -> Iterator[UPath]:

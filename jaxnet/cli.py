@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 import jaxnet
+from jaxnet.view.figures import NAMES
 
 INTERRUPTED = 130
 AGAIN = 0.5  # [s]
@@ -258,7 +259,8 @@ def fit(results: str) -> None:
 
 @main.command()
 @results_argument
-def report(results: str) -> None:
+@click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
+def report(results: str, shown: bool) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.
@@ -268,4 +270,27 @@ def report(results: str) -> None:
         from jaxnet.api import write_report
 
         for path in write_report(opened):
+            click.echo(f"wrote {path}", err=True)
+        if shown:
+            show_page(opened.path / "report.html")
+
+
+def show_page(page: Any) -> None:
+    """Open a page in the browser, or say that there is none."""
+    import webbrowser
+
+    if not webbrowser.open(page.absolute().as_uri()):
+        click.echo(f"no browser opens {page}", err=True)
+
+
+@main.command()
+@results_argument
+@click.argument("name", type=click.Choice(NAMES))
+def figure(results: str, name: str) -> None:
+    """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_figure
+
+        for path in write_figure(opened, name):
             click.echo(f"wrote {path}", err=True)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import webbrowser
 
 import pandas as pd
 import pytest
@@ -19,9 +20,10 @@ import jaxnet
 from jaxnet import cli
 from jaxnet.cli import main
 from jaxnet.store.folder import Folder
+from jaxnet.view import figures
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report"]
+COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report", "figure"]
 
 
 @pytest.fixture(scope="module")
@@ -154,11 +156,32 @@ def test_replay_gives_the_stored_row_again(finished):
     assert "samples 0 to 1 (got cell 0, sample 2)" in beyond.stderr
 
 
-def test_report_draws_the_figures(finished):
-    """Each as PNG and PDF."""
-    out, _ = finished
-    done = jaxnet_does("report", out)
+def test_one_figure_is_drawn_by_name(finished, tmp_path):
+    """As PNG and PDF; a name that is none, and one that the folder has no data for, are the user's errors."""
+    shutil.copytree(finished[0], tmp_path / "copy", ignore=shutil.ignore_patterns("figures"))
+    done = jaxnet_does("figure", tmp_path / "copy", "bands")
     assert done.exit_code == 0, done.stderr
+    written = sorted((tmp_path / "copy" / "figures").iterdir())
+    assert [path.name for path in written] == ["bands.pdf", "bands.png"]
+    assert written[0].read_bytes().startswith(b"%PDF")
+    unknown = jaxnet_does("figure", tmp_path / "copy", "band")
+    assert unknown.exit_code == 2
+    for name in figures.NAMES:
+        assert repr(name) in unknown.stderr
+    lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
+    assert lacking.exit_code == 2
+    assert "has no sweep of attack.magnitude" in lacking.stderr
+
+
+def test_report_draws_the_figures(finished, monkeypatch):
+    """Each as PNG and PDF; the page is opened if it is asked for."""
+    out, _ = finished
+    pages = []
+    monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
+    done = jaxnet_does("report", out, "--open")
+    assert done.exit_code == 0, done.stderr
+    assert pages == [(out / "report.html").as_uri()]
+    assert "no browser" not in done.stderr
     written = sorted(path.name for path in (out / "figures").iterdir())
     names = ("bands", "panels", "tails", "topologies")
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))
