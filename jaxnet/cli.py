@@ -220,7 +220,7 @@ def show(results: str, form: str) -> None:
         opened = jaxnet.open(results)
         from jaxnet.view.text import formats
 
-        click.echo(formats.written(opened, form))
+        click.echo(formats.in_format(opened, form))
 
 
 @main.command("list")
@@ -234,7 +234,7 @@ def list_results(folder: str) -> None:
     with user_errors():
         from jaxnet.view.text import folders
 
-        if lines := folders.text(folder):
+        if lines := folders.listing(folder):
             click.echo(lines)
         else:
             click.echo(f"no results in {folder}", err=True)

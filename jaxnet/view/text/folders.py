@@ -9,7 +9,7 @@ from upath import UPath
 from jaxnet.store import search
 
 
-def text(root: str) -> str:
+def listing(root: str) -> str:
     """All of them; empty if there is none."""
     rows = [row(path, manifest) for path, manifest in search.below(root)]
     return pd.DataFrame(rows).to_string(index=False) if rows else ""
@@ -27,11 +27,11 @@ def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
         "ok": lanes["ok"],
         "failed": lanes["failed"],
         "": "finished" if finished else "unfinished",
-        "written": written(path) if manifest else "-",
+        "written": last_written(path) if manifest else "-",
     }
 
 
-def written(path: UPath) -> str:
+def last_written(path: UPath) -> str:
     """When a run wrote there last, in local time."""
     stamp = (path / "manifest.json").stat().st_mtime
     return f"{datetime.fromtimestamp(stamp):%Y-%m-%d %H:%M}"

@@ -18,7 +18,7 @@ LATEX = str.maketrans(
 )
 
 
-def written(results: Results, name: str) -> str:
+def in_format(results: Results, name: str) -> str:
     """The summary in the format of that name."""
     return WRITERS[name](results).rstrip("\n")
 

@@ -52,12 +52,17 @@ def summary(results: Results) -> str:
 
 def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
     """A table without those of its last statistics that 80 columns have no room for, and their names."""
-    first = table.columns.get_loc("failed") + 2  # one statistic stays, however long the labels are
-    for count in range(len(table.columns), first - 1, -1):
-        lines = table.iloc[:, :count].to_string(index=False, float_format=number, na_rep="-")
-        if max(map(len, lines.splitlines())) <= WIDTH:
-            break
-    return lines, list(table.columns[count:])
+    names = list(table.columns)
+    least = names.index("failed") + 2  # one statistic stays, however long the labels are
+
+    def lines(count: int) -> str:
+        return table[names[:count]].to_string(index=False, float_format=number, na_rep="-")
+
+    def fits(count: int) -> bool:
+        return max(map(len, lines(count).splitlines())) <= WIDTH
+
+    count = next(filter(fits, range(len(names), least, -1)), least)
+    return lines(count), names[count:]
 
 
 def html(results: Results) -> str:
