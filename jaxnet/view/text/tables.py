@@ -56,7 +56,7 @@ def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
     least = names.index("failed") + 2  # one statistic stays, however long the labels are
 
     def lines(count: int) -> str:
-        return table[names[:count]].to_string(index=False, float_format=number, na_rep="-")
+        return table.iloc[:, :count].to_string(index=False, float_format=number, na_rep="-")
 
     def fits(count: int) -> bool:
         return max(map(len, lines(count).splitlines())) <= WIDTH
