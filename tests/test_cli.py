@@ -137,7 +137,8 @@ def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
         [str(part), "-", "-", "-", "-", "unfinished"],
         [str(here / "small"), "1", "2", "2", "0", "finished"],
     ]
-    assert lines[3][6].startswith("20")
+    stamp = time.localtime((here / "small" / "manifest.json").stat().st_mtime)
+    assert lines[3][6:] == [time.strftime("%Y-%m-%d", stamp), time.strftime("%H:%M", stamp)]
     assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split()[:3] == lines[3][:3]
     assert jaxnet_does("list", tmp_path / "none").stderr == f"no results in {tmp_path / 'none'}\n"
 

@@ -1,6 +1,5 @@
 """What `jaxnet list` prints: a line per results folder."""
 
-from datetime import datetime
 from typing import Any
 
 import pandas as pd
@@ -33,5 +32,5 @@ def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
 
 def last_written(path: UPath) -> str:
     """When a run wrote there last, in local time."""
-    stamp = (path / "manifest.json").stat().st_mtime
-    return f"{datetime.fromtimestamp(stamp):%Y-%m-%d %H:%M}"
+    file = path / "manifest.json"
+    return f"{file.fs.modified(file.path).astimezone():%Y-%m-%d %H:%M}"  # object stores tell it as a time
