@@ -1,5 +1,6 @@
 """What a script calls: `load` a study, `run` or `simulate` it, `open` its results; `field` is one lane's."""
 
+import dataclasses
 import uuid
 import weakref
 from collections.abc import Callable, Iterator
@@ -37,8 +38,14 @@ class Replay(NamedTuple):
     path: UPath
 
 
+@dataclasses.dataclass(frozen=True, repr=False)
 class Results(stored.Results):
-    """A results folder, read when asked, and what can be made of it."""
+    """A results folder, read when asked, and what can be made of it.
+
+    `found_all` says of what `run` returns that all was there already, so nothing was simulated.
+    """
+
+    found_all: bool = dataclasses.field(default=False, compare=False)
 
     def fit(self) -> pd.DataFrame:
         """Fit the ultimate error against ā, beside the bounds of theory; the fits.
@@ -123,8 +130,9 @@ def run(
 
         admit(folder, study.config, fresh)
         with reporting_to(progress) as report:
-            Run(study.config, study.cells, folder, report, Machine(devices, chunk), others).whole()
-    return Results(folder.path)
+            work = Run(study.config, study.cells, folder, report, Machine(devices, chunk), others)
+            missing = work.whole()
+    return Results(folder.path, found_all=not missing)
 
 
 def run_part(
@@ -197,11 +205,23 @@ def write_fits(results: stored.Results) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
     from jaxnet.statistics import ultimate
+    from jaxnet.view.figures import ULTIMATE
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
         yield from ultimate.analyse(results)
-        yield from figures.draw(results, figures.ULTIMATE)
+        yield from figures.draw(results, ULTIMATE)
+
+
+def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
+    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it."""
+    enable()
+    from jaxnet.view.figures import every as figures
+
+    with Folder(results.path).writing():
+        _ = results.cells  # refuses an unfinished run
+        drawn = getattr(figures.Plots(results), name)()
+        yield from figures.save(results, name, drawn)
 
 
 def write_report(results: stored.Results) -> Iterator[UPath]:

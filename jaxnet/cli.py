@@ -14,10 +14,12 @@ from typing import Any
 import click
 
 import jaxnet
+from jaxnet.view.figures import NAMES
 
 INTERRUPTED = 130
 AGAIN = 0.5  # [s]
 FAILED_LANES = 3
+FORMATS = ("text", "csv", "markdown", "latex")
 NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
 
 config_arguments = [
@@ -156,10 +158,9 @@ def run(
                 results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
             click.echo(tables.summary(results))
-            click.echo(
-                "\n".join(filter(None, [tables.what_was_written(results), tables.failures(results)])),
-                err=True,
-            )
+            done = tables.nothing_to_do if results.found_all else tables.what_was_written
+            said = [done(results), tables.failures(results), tables.next_command(results)]
+            click.echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -201,13 +202,42 @@ def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
 
 @main.command()
 @results_argument
-def show(results: str) -> None:
-    """Print the summary table again."""
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    default="text",
+    show_default=True,
+    help="csv has all digits, the others four.",
+)
+def show(results: str, form: str) -> None:
+    """Print the summary table again, a line per cell.
+
+    As text it is at most 80 columns wide and 60 cells long, and says what it leaves out; the other formats
+    have all of it.
+    """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.view.text import tables
+        from jaxnet.view.text import formats
 
-        click.echo(tables.summary(opened))
+        click.echo(formats.in_format(opened, form))
+
+
+@main.command("list")
+@click.argument("folder", default="results")
+def list_results(folder: str) -> None:
+    """List the results folders at or below FOLDER (default: results).
+
+    A line each: cells, lanes, how many of them are ok and failed, whether the run is finished, and when it
+    was written.
+    """
+    with user_errors():
+        from jaxnet.view.text import folders
+
+        if lines := folders.listing(folder):
+            click.echo(lines)
+        else:
+            click.echo(f"no results in {folder}", err=True)
 
 
 @main.command()
@@ -229,7 +259,8 @@ def fit(results: str) -> None:
 
 @main.command()
 @results_argument
-def report(results: str) -> None:
+@click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
+def report(results: str, shown: bool) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.
@@ -239,4 +270,27 @@ def report(results: str) -> None:
         from jaxnet.api import write_report
 
         for path in write_report(opened):
+            click.echo(f"wrote {path}", err=True)
+        if shown:
+            show_page(opened.path / "report.html")
+
+
+def show_page(page: Any) -> None:
+    """Open a page in the browser, or say that there is none."""
+    import webbrowser
+
+    if not webbrowser.open(page.absolute().as_uri()):
+        click.echo(f"no browser opens {page}", err=True)
+
+
+@main.command()
+@results_argument
+@click.argument("name", type=click.Choice(NAMES))
+def figure(results: str, name: str) -> None:
+    """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_figure
+
+        for path in write_figure(opened, name):
             click.echo(f"wrote {path}", err=True)

@@ -1,12 +1,16 @@
 """The command line: what it says, where, and with which exit status."""
 
 import contextlib
+import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import webbrowser
 
+import pandas as pd
 import pytest
 import xarray as xr
 import yaml
@@ -15,9 +19,11 @@ from click.testing import CliRunner
 import jaxnet
 from jaxnet import cli
 from jaxnet.cli import main
+from jaxnet.store.folder import Folder
+from jaxnet.view import figures
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "fit", "report"]
+COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report", "figure"]
 
 
 @pytest.fixture(scope="module")
@@ -66,16 +72,75 @@ def test_run_prints_its_table_and_what_it_wrote(finished):
     assert done.exit_code == 0, done.stderr
     assert done.stdout.split()[:2] == ["cell", "ok"]
     assert f"2 of 2 lanes ok, 0 failed; wrote {out}: cells.csv, lanes/" in done.stderr
+    assert done.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert jaxnet_does("show", out).stdout == done.stdout
 
 
+@pytest.fixture(scope="module")
+def swept(config):
+    """Results of four cells, two of them with a label that has braces."""
+    out = config.parent / "swept"
+    words = ["attack=bias", "sweep={topology: [star, cyclic], attack.magnitude: [0, {uniform: [1, 2]}]}"]
+    done = jaxnet_does("run", config, *words, "--out", out)
+    assert done.exit_code == 0, done.stderr
+    return out
+
+
+def test_the_summary_is_shown_in_other_formats(swept):
+    """CSV gives the numbers of cells.csv back, Markdown and LaTeX four digits of each and safe labels."""
+    cells = jaxnet.open(swept).cells
+    table = pd.read_csv(io.StringIO(jaxnet_does("show", swept, "--format", "csv").stdout))
+    assert table["tail mean [m]"].tolist() == cells["tail_mean_mean"].tolist()
+    assert table["attack.magnitude"].tolist() == cells["attack.magnitude"].tolist()
+    given = f"{cells['tail_mean_mean'][3]:.4g}"
+    rows = jaxnet_does("show", swept, "--format", "markdown").stdout.splitlines()
+    assert {row.count("|") for row in rows} == {len(table.columns) + 1}
+    assert len(rows) == 2 + 4
+    assert f"| {given} |" in rows[5]
+    rows = jaxnet_does("show", swept, "--format", "latex").stdout.splitlines()
+    assert {row.count("&") for row in rows if row.endswith("\\\\")} == {len(table.columns) - 1}
+    assert f"& {given} &" in rows[7]
+    assert r"\{" in rows[7]
+    assert jaxnet_does("show", swept, "--format", "html").exit_code == 2
+
+
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):
-    """Nothing is simulated, the same is printed."""
+    """Nothing is simulated, the same is printed, and it is said; not where only the tables were missing."""
     out, done = finished
     stamps = [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())]
     again = jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out)
     assert again.stdout == done.stdout
+    assert "nothing to do: all 2 lanes were there, 0 failed\n" in again.stderr
+    assert "wrote" not in again.stderr
+    assert again.stderr.splitlines()[-1] == f"next: jaxnet report {out}"
     assert [path.stat().st_mtime_ns for path in sorted((out / "lanes").iterdir())] == stamps
+    Folder(out).write_manifest(finished=False)
+    assert (
+        "wrote" in jaxnet_does("run", config, "save={errors: true, trajectories: all}", "--out", out).stderr
+    )
+
+
+def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
+    """Finished ones, one that an interrupt left, parts alone; nothing of what is no results folder."""
+    here, part = tmp_path / "results", tmp_path / "results" / "more" / "part"
+    shutil.copytree(finished[0], here / "small")
+    shutil.copytree(finished[0], here / "more" / "cut")
+    Folder(here / "more" / "cut").write_manifest(finished=False)
+    assert jaxnet_does("run", config, "--out", part, "--shard", "0/1").exit_code == 0
+    (here / "notes").mkdir()
+    (here / "notes" / "manifest.json").write_text("{}")
+    done = jaxnet_does("list", here)
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert lines[0] == ["results", "cells", "lanes", "ok", "failed", "written"]
+    assert [line[:6] for line in lines[1:]] == [
+        [str(here / "more" / "cut"), "1", "2", "-", "-", "unfinished"],
+        [str(part), "-", "-", "-", "-", "unfinished"],
+        [str(here / "small"), "1", "2", "2", "0", "finished"],
+    ]
+    stamp = time.localtime((here / "small" / "manifest.json").stat().st_mtime)
+    assert lines[3][6:] == [time.strftime("%Y-%m-%d", stamp), time.strftime("%H:%M", stamp)]
+    assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split()[:3] == lines[3][:3]
+    assert jaxnet_does("list", tmp_path / "none").stderr == f"no results in {tmp_path / 'none'}\n"
 
 
 def test_replay_gives_the_stored_row_again(finished):
@@ -92,11 +157,32 @@ def test_replay_gives_the_stored_row_again(finished):
     assert "samples 0 to 1 (got cell 0, sample 2)" in beyond.stderr
 
 
-def test_report_draws_the_figures(finished):
-    """Each as PNG and PDF."""
-    out, _ = finished
-    done = jaxnet_does("report", out)
+def test_one_figure_is_drawn_by_name(finished, tmp_path):
+    """As PNG and PDF; a name that is none, and one that the folder has no data for, are the user's errors."""
+    shutil.copytree(finished[0], tmp_path / "copy", ignore=shutil.ignore_patterns("figures"))
+    done = jaxnet_does("figure", tmp_path / "copy", "bands")
     assert done.exit_code == 0, done.stderr
+    written = sorted((tmp_path / "copy" / "figures").iterdir())
+    assert [path.name for path in written] == ["bands.pdf", "bands.png"]
+    assert written[0].read_bytes().startswith(b"%PDF")
+    unknown = jaxnet_does("figure", tmp_path / "copy", "band")
+    assert unknown.exit_code == 2
+    for name in figures.NAMES:
+        assert repr(name) in unknown.stderr
+    lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
+    assert lacking.exit_code == 2
+    assert "has no sweep of attack.magnitude" in lacking.stderr
+
+
+def test_report_draws_the_figures(finished, monkeypatch):
+    """Each as PNG and PDF; the page is opened if it is asked for."""
+    out, _ = finished
+    pages = []
+    monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
+    done = jaxnet_does("report", out, "--open")
+    assert done.exit_code == 0, done.stderr
+    assert pages == [(out / "report.html").as_uri()]
+    assert "no browser" not in done.stderr
     written = sorted(path.name for path in (out / "figures").iterdir())
     names = ("bands", "panels", "tails", "topologies")
     assert written == sorted(f"{name}.{kind}" for name in names for kind in ("png", "pdf"))

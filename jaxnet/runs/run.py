@@ -59,8 +59,8 @@ class Run:
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
-    def whole(self) -> None:
-        """Simulate what is missing, and make the tables and arrays."""
+    def whole(self) -> bool:
+        """Simulate what is missing, and make the tables and arrays; whether anything was missing."""
         looks = looks_of(self.study, self.before.get("samples", 0), self.size)
         tally = Tally(len(self.cells) * looks[-1], self.progress)
         self.folder.remove_torn()
@@ -77,7 +77,7 @@ class Run:
                     counts.add(self.cells[number], lanes["tail_mean"].to_numpy(), self.study.recovery.tau)
                 if recovery.settled(counts, self.cells, look // self.size, self.study.samples.until):
                     break
-        self.finish(samples, simulated)
+        return self.finish(samples, simulated)
 
     def part(self, number: int, of: int) -> tuple[int, int, int]:
         """Simulate what is missing of every `of`-th shard from `number` on.
@@ -103,6 +103,7 @@ class Run:
             modules={name: made_of._asdict() for name, made_of in self.modules.items()},
             device=jax.devices()[0].device_kind,
             chunk=self.machine.chunk,
+            cells=len(self.cells),
             samples=samples,
             shard_size=self.size,
             save=save,
@@ -145,13 +146,15 @@ class Run:
             tally.shard_done(done)
         return len(todo)
 
-    def finish(self, samples: int, simulated: int) -> None:
-        """The chosen trajectories, and the tables of all rows."""
+    def finish(self, samples: int, simulated: int) -> bool:
+        """The chosen trajectories, and the tables of all rows; whether anything was missing."""
+        missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.size)
         if not isinstance(self.study.save.trajectories, str):
             lanes = rows.scan(self.folder, every, ("sample", "status", "tail_mean"))
             chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
-            if simulated or not self.folder.manifest["finished"] or not self.stored(chosen):
+            missing = missing or not self.stored(chosen)
+            if missing:
                 self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples // self.size)
         self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
@@ -163,6 +166,7 @@ class Run:
             wall_seconds=round(self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3),
             finished=True,
         )
+        return missing
 
     def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
         """Whether the chosen lanes' trajectories are there as they were written."""

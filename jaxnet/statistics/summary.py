@@ -15,7 +15,7 @@ from jaxnet.store import rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
-SUMMARISED = ("tail_mean", "tail_max")
+SUMMARISED = ("tail_mean", "tail_max")  # norms, so their means are not negative
 CONFIDENCE = 0.95
 
 
@@ -31,7 +31,9 @@ def summarise(
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         for metric in metrics:
-            row |= {f"{metric}_{name}": value for name, value in spread(ok[metric].to_numpy()).items()}
+            least = 0.0 if metric in SUMMARISED else -np.inf
+            found = spread(ok[metric].to_numpy(), least)
+            row |= {f"{metric}_{name}": value for name, value in found.items()}
         table.append(row)
         if study.recovery is not None:
             counts.add(cells[number], ok["tail_mean"].to_numpy(), study.recovery.tau)
@@ -46,8 +48,11 @@ def summarised(study: Config) -> list[str]:
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
-def spread(values: np.ndarray) -> dict[str, float]:
-    """Mean with its t interval, median, quantiles and maximum; not-a-number where there is no lane."""
+def spread(values: np.ndarray, least: float) -> dict[str, float]:
+    """Mean with its t interval, median, quantiles and maximum; not-a-number where there is no lane.
+
+    `least` is what a mean can be at least: the interval does not go below it.
+    """
     count = len(values)
     if count == 0:
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
@@ -59,7 +64,7 @@ def spread(values: np.ndarray) -> dict[str, float]:
         q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
     return {
         "mean": mean,
-        "low": mean - half,
+        "low": np.maximum(mean - half, least),
         "high": mean + half,
         "median": median,
         "q05": q05,

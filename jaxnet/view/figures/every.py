@@ -8,11 +8,8 @@ from upath import UPath
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
-from jaxnet.view.figures import bands, panels, style, tails, topology, ultimate, unrecovered
+from jaxnet.view.figures import NAMES, bands, panels, style, tails, topology, ultimate, unrecovered
 from jaxnet.view.figures.style import Figure
-
-ULTIMATE = ("ultimate", "ultimate_mean")
-NAMES = ("topologies", "tails", "panels", "bands", "unrecovered", *ULTIMATE)
 
 in_style = mpl.rc_context(style.RC)
 

@@ -106,8 +106,9 @@ def summary_section(results: Results) -> Section:
     """The table of all cells."""
     rows = tables.summary_rows(results)
     note = (
-        "<p>Mean over lanes of the tail's mean error, with its 95 % t interval, its median and 95 % quantile;"
-        " worst is the greatest error of any vehicle in any lane. A click on a header sorts.</p>"
+        "<p>Mean over lanes of the tail's mean error, with its 95 % t interval (mean low, mean high),"
+        " its median and 95 % quantile; worst is the greatest error of any vehicle in any lane."
+        " A click on a header sorts.</p>"
     )
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"

@@ -1,6 +1,8 @@
 """Results as text for a terminal."""
 
+import shlex
 from html import escape
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,11 @@ from jaxnet.store.results import Part, Results
 
 MOST_ROWS = 60
 MOST_FAILURES = 20
+WIDTH = 80
 SUMMARY = {
     "tail_mean_mean": "tail mean [m]",
-    "tail_mean_low": "low",
-    "tail_mean_high": "high",
+    "tail_mean_low": "mean low",
+    "tail_mean_high": "mean high",
     "tail_mean_median": "median",
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
@@ -27,19 +30,39 @@ def summary_rows(results: Results) -> pd.DataFrame:
     """The summary: a row per cell."""
     cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
-    shown = SUMMARY | (RECOVERY if "unrecovered" in cells else {})
+    shown = (RECOVERY if "unrecovered" in cells else {}) | SUMMARY
     table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
     table.insert(0, "cell", range(len(table)))
     return table
 
 
 def summary(results: Results) -> str:
-    """The summary table: a line per cell."""
+    """The summary table: a line per cell, as many columns as a terminal has room for."""
     table = summary_rows(results)
-    text = table.head(MOST_ROWS).to_string(index=False, float_format=number, na_rep="-")
+    notes = []
     if len(table) > MOST_ROWS:
-        text += f"\n… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}"
-    return text
+        notes.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
+    lines, left_out = narrow(table.head(MOST_ROWS))
+    if "mean low" not in left_out:
+        notes.append("mean low, mean high: 95 % t interval of the mean over lanes")
+    if left_out:
+        notes.append(fill(f"left out: {', '.join(left_out)}; all are in cells.csv", WIDTH))
+    return "\n".join([lines, *notes])
+
+
+def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
+    """A table without those of its last statistics that 80 columns have no room for, and their names."""
+    names = list(table.columns)
+    least = names.index("failed") + 2  # one statistic stays, however long the labels are
+
+    def lines(count: int) -> str:
+        return table.iloc[:, :count].to_string(index=False, float_format=number, na_rep="-")
+
+    def fits(count: int) -> bool:
+        return max(map(len, lines(count).splitlines())) <= WIDTH
+
+    count = next(filter(fits, range(len(names), least, -1)), least)
+    return lines(count), names[count:]
 
 
 def html(results: Results) -> str:
@@ -68,6 +91,19 @@ def what_was_written(results: Results) -> str:
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
         f" wrote {results.path}: {', '.join(names)}" + stopped(results)
     )
+
+
+def nothing_to_do(results: Results) -> str:
+    """That a run found all of it there."""
+    lanes = results.manifest["lanes"]
+    return f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed" + stopped(
+        results
+    )
+
+
+def next_command(results: Results) -> str:
+    """What to type after a run."""
+    return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
 
 
 def part(run: Part) -> str:

@@ -1,0 +1,36 @@
+"""What `jaxnet list` prints: a line per results folder."""
+
+from typing import Any
+
+import pandas as pd
+from upath import UPath
+
+from jaxnet.store import search
+
+
+def listing(root: str) -> str:
+    """All of them; empty if there is none."""
+    rows = [row(path, manifest) for path, manifest in search.below(root)]
+    return pd.DataFrame(rows).to_string(index=False) if rows else ""
+
+
+def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
+    """One folder: of an unfinished run nobody has counted what failed, of parts alone nothing is known."""
+    cells = manifest.get("cells")
+    finished = manifest.get("finished", False)
+    lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
+    return {
+        "results": str(path),
+        "cells": cells or "-",
+        "lanes": cells * manifest["samples"] if cells else "-",
+        "ok": lanes["ok"],
+        "failed": lanes["failed"],
+        "": "finished" if finished else "unfinished",
+        "written": last_written(path) if manifest else "-",
+    }
+
+
+def last_written(path: UPath) -> str:
+    """When a run wrote there last, in local time."""
+    file = path / "manifest.json"
+    return f"{file.fs.modified(file.path).astimezone():%Y-%m-%d %H:%M}"  # object stores tell it as a time

@@ -1,0 +1,43 @@
+"""The tables of a terminal: what they show, and what they say they leave out."""
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+from upath import UPath
+
+from jaxnet.store.results import Results
+from jaxnet.view.text import tables
+from jaxnet.view.text.tables import RECOVERY, SUMMARY
+
+
+def results_of(labels: dict[str, object], columns: dict[str, str]) -> Results:
+    """Results of one cell with these labels, and 0.123456 for every statistic."""
+    row = {**labels, "ok": 5, "failed": 0, **dict.fromkeys(columns, 0.123456)}
+    results, study = Results(UPath("nowhere")), SimpleNamespace(cells=[SimpleNamespace(labels=labels)])
+    vars(results).update(cells=pd.DataFrame([row]), study=study)  # what else would be read there
+    return results
+
+
+@pytest.mark.parametrize("columns", [SUMMARY, RECOVERY | SUMMARY])
+@pytest.mark.parametrize("swept", [0, 1, 2, 3])
+def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, columns):
+    """What is shown and what is named as left out are all there is, in order."""
+    labels = {f"attack.of.{key}": 1.5 for key in range(swept)}
+    lines = tables.summary(results_of(labels, columns)).splitlines()
+    assert max(map(len, lines)) <= 80
+    _, _, left_out = " ".join(lines).partition("left out: ")
+    shown = [name for name in columns.values() if f" {name} " in f"{lines[0]} "]
+    named = left_out.removesuffix("; all are in cells.csv").split(", ") if left_out else []
+    assert shown + named == list(columns.values())
+    legend = "mean low, mean high: 95 % t interval of the mean over lanes"
+    assert (legend in lines) == ("mean low" in shown)
+
+
+def test_labels_are_never_left_out():
+    """However long they are; one statistic stays beside them."""
+    label = "a" * 90
+    lines = tables.summary(results_of({"topology": label}, SUMMARY)).splitlines()
+    assert label in lines[1]
+    assert "0.1235" in lines[1]
+    assert "left out: mean low, mean high, median, q95, worst [m]; all are in cells.csv" in lines
