@@ -180,8 +180,8 @@ def test_shares_of_cells_where_no_size_is_swept(folder):
     assert (trace["x"], trace["y"]) == ([25, 50, 75, 100], [0, 1, 2, 3])
     np.testing.assert_allclose(trace["error_x"]["arrayminus"], 10)
     names = grid["layouts"][0]["yaxis"]["ticktext"]
-    joined = unescape(names[2].replace("<br>", "")).replace(" ", "")
-    assert joined == f"{HOSTILE}, attack.magnitude = 1".replace(" ", "")
+    joined = unescape(names[2].replace("<br>", "")).replace(" ", "").replace("\N{NO-BREAK SPACE}", "")
+    assert joined == f"{HOSTILE}, attack.magnitude = 1 m".replace(" ", "")
     assert "<script" not in names[2]
 
 
