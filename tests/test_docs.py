@@ -24,12 +24,12 @@ SHORT = {"horizon": "1.0", "tail": "0.5", "engine": "exact"}
 
 
 def small(text):
-    """The same with four samples, also where their number depends on an interval's width, none of them shown
-    again in the report.
+    """The same with four samples, also where their number depends on an interval's width, and two topologies;
+    every lane counts as recovered, so the report replays none.
     """
     text = re.sub(r"(\bsamples\"?[:=] ?)\d+", r"\g<1>4", text)
     text = re.sub(r"half_width: [\d.]+", "half_width: 0.49, at_most: 4", text)
-    return text.replace("recovery: {", "recovery: {worst: 0, ")
+    return text.replace("tau: 0.01", "tau: 1.0e+9").replace("[star, cyclic, path]", "[star, cyclic]")
 
 
 class Reader:
