@@ -23,6 +23,14 @@ SUMMARY = {
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
 }
+LEAST_WANTED = (
+    ("q95",),
+    ("median",),
+    ("mean low", "mean high"),
+    ("share low", "share high"),
+    ("worst [m]",),
+    ("unrecovered",),
+)
 RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "share low", "unrecovered_high": "share high"}
 
 
@@ -51,18 +59,23 @@ def summary(results: Results) -> str:
 
 
 def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
-    """A table without those of its last statistics that 80 columns have no room for, and their names."""
-    names = list(table.columns)
-    least = names.index("failed") + 2  # one statistic stays, however long the labels are
+    """A table without what 80 columns have no room for, the least wanted first; the names of that."""
+    shown = table
+    for names in LEAST_WANTED:
+        if width(shown) <= WIDTH:
+            break
+        shown = shown.drop(columns=list(names), errors="ignore")
+    return as_lines(shown), [name for name in table if name not in shown]
 
-    def lines(count: int) -> str:
-        return table.iloc[:, :count].to_string(index=False, float_format=number, na_rep="-")
 
-    def fits(count: int) -> bool:
-        return max(map(len, lines(count).splitlines())) <= WIDTH
+def width(table: pd.DataFrame) -> int:
+    """Columns of a terminal that a table takes."""
+    return max(map(len, as_lines(table).splitlines()))
 
-    count = next(filter(fits, range(len(names), least, -1)), least)
-    return lines(count), names[count:]
+
+def as_lines(table: pd.DataFrame) -> str:
+    """A line per row."""
+    return table.to_string(index=False, float_format=number, na_rep="-")
 
 
 def html(results: Results) -> str:
