@@ -25,7 +25,7 @@ from jaxnet.statistics.curves import (
 )
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results, read_table
-from jaxnet.view.page import plots, trajectories
+from jaxnet.view.page import findings, plots, trajectories
 from jaxnet.view.page.elements import folded, grid, key, sortable, stroke
 from jaxnet.view.text import check, tables
 
@@ -50,6 +50,7 @@ def every(results: Results) -> list[Section]:
     """All that the folder has something for."""
     found = curves(results)
     each = [
+        findings_section(results, found),
         run_section(results),
         summary_section(results),
         ultimate_section(results, found),
@@ -69,6 +70,12 @@ def lead(results: Results) -> str:
         f"{check.count(len(results.study.cells), 'cell')}, {check.count(count['total'], 'lane')}:"
         f" {count['ok']:,} ok, {count['failed']:,} failed."
     )
+
+
+def findings_section(results: Results, found: list[Curve]) -> Section:
+    """What the tables say, in sentences."""
+    told = findings.sentences(results, found, fit_command(results))
+    return Section("findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>")
 
 
 def run_section(results: Results) -> Section:
@@ -107,11 +114,14 @@ def summary_section(results: Results) -> Section:
     rows = tables.summary_rows(results)
     note = (
         "<p>Mean over lanes of the tail's mean error, with its 95 % t interval, its median and 95 % quantile;"
-        " worst is the greatest error of any vehicle in any lane. A click on a header sorts.</p>"
+        " worst is the greatest error of any vehicle in any lane. What is below 1e-9 of ā, or 1e-9 m where"
+        " nobody is attacked, is rounding. A click on a header sorts.</p>"
     )
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
-    return Section("summary", "Summary", note + sortable(rows.head(MOST_ROWS)))
+    shown = rows.head(MOST_ROWS)
+    scales = dict.fromkeys(tables.SUMMARY.values(), findings.scales(results)[: len(shown)])
+    return Section("summary", "Summary", note + sortable(shown, scales))
 
 
 MEDIAN_KEY = [
@@ -167,11 +177,12 @@ def slopes_html(found: Sequence[Curve]) -> str:
             row |= {name: curve.slope(bound, "worst"), f"{name}, fleet": curve.slope(bound, "fleet")}
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
+    slopes, ones = shown.columns.difference(list(found[0].group.labels)), np.ones(len(shown))
     same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"))
+        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"), dict.fromkeys(slopes, ones))
     )
 
 

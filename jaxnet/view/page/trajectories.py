@@ -11,6 +11,8 @@ from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.page import findings
+from jaxnet.view.page.elements import measured
 from jaxnet.view.page.plots import packed
 
 MOST_FRAMES = 100
@@ -47,8 +49,10 @@ def lane(
     navigator = data["navigator"].values[frames]
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {engine} engine" if engine else ""
+    scale = float(findings.scales(results)[number])
+    told = f"{measured(error, scale)} m" if not np.isnan(error) else "none, it failed"
     return {
-        "label": f"{where}sample {sample}: tail mean {error:.4g} m (cell {number}{by})",
+        "label": f"{where}sample {sample}: tail mean {told} (cell {number}{by})",
         "command": results.replay_command(number, sample, engine),
         "vehicles": states.shape[1],
         "attacked": attacked_vehicles(cell),
