@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from upath import UPath
 
 import jaxnet
 from jaxnet.runs.replay import replay
@@ -100,7 +101,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     made, errors = systems.study(samples=3, **keys), np.array(errors)
     rows = pd.DataFrame({"cell": 0, "sample": range(3), "status": [*failed, *["ok"] * (3 - len(failed))]})
     rows = rows[rows["status"] != "ok"] if failed else rows
-    results = Results(tmp_path)
+    results = Results(UPath(tmp_path))
     table = {"ok": np.where(np.isnan(errors), 0, 3), "tail_mean_mean": errors, "tail_max_max": 2 * errors}
     table |= {"tail_mean_low": 0.5 * errors, "tail_mean_high": 1.5 * errors, **dict(cells)}
     lanes = {"ok": 3 * len(errors) - len(failed), "failed": len(failed), "total": 3 * len(errors)}
@@ -192,7 +193,7 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     cells.loc[:2, "tail_max_max"] = 1e-26
     cells["unrecovered_low"] = 1e-12
     cells.to_csv(copy / "cells.csv", index=False)
-    fits = pd.read_csv(copy / "fit.csv")
+    fits = pd.read_csv(copy / "fit.csv").astype({"low": float, "high": float})
     fits.loc[:2, ["estimate", "low", "high"]] = [1.38e-26, -1e-27, 2e-26]
     fits.to_csv(copy / "fit.csv", index=False)
     text = page.write_page(jaxnet.open(copy)).read_text()

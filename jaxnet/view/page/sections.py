@@ -1,5 +1,6 @@
 """The page's sections: what was run, tables, and the places where plots are drawn."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -99,7 +100,10 @@ def run_section(results: Results) -> Section:
         "wall time": f"{manifest['wall_seconds']:.4g} s",
     }
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
-    certificates = check.certificates(study.cells)
+    certificates = [
+        re.sub(r"cells ([0-9, -]+)$", lambda m: cells_named(m[1]), text, count=1, flags=re.MULTILINE)
+        for text in check.certificates(study.cells)
+    ]
     networks = check.count(len(certificates), "network")
     body = (
         f"<dl>{rows}</dl>"
@@ -248,8 +252,10 @@ def worst_section(results: Results) -> Section:
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
     options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
+    worst = {lane["worst"] for lane in found}
+    name = {(True,): "Worst lanes", (False,): "Replayed lanes"}.get(tuple(worst), "Worst and replayed lanes")
     body = (
-        "<p>Replayed lanes, the greatest tail error per ā first.</p>"
+        f"<p>{name}, of each the greatest tail error per ā first; a triangle points where a vehicle moves.</p>"
         f'<div class="controls"><label>Lane <select>{options}</select></label></div>{LANE_KEY}'
         '<div class="controls"><button type="button">Play</button>'
         '<input type="range" min="0" value="0" step="1" aria-label="time"><output></output></div>'
@@ -284,7 +290,7 @@ def violations_section(results: Results) -> Section:
         skipped = unchecked(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
         if skipped:
-            words += f" Not held to any: cells {check.ranges(skipped)}, for {UNCHECKED}."
+            words += f" Not held to any: {cells_named(check.ranges(skipped))}, for {UNCHECKED}."
         return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
 
@@ -304,6 +310,11 @@ def listed(rows: pd.DataFrame, count: int) -> str:
     """Lanes as a table, and how many there are in all."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
     return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows)
+
+
+def cells_named(numbers: str) -> str:
+    """Numbers of cells, drawn together, in words: cell 0, cells 0 to 3."""
+    return f"cell{'' if numbers.isdigit() else 's'} {numbers.replace('-', ' to ')}"
 
 
 def fit_command(results: Results) -> str:
