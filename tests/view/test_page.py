@@ -18,7 +18,7 @@ from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.figures import bands, style, ultimate, unrecovered
 from jaxnet.view.figures import every as figures
-from jaxnet.view.page import findings, plots, sections
+from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
@@ -436,6 +436,76 @@ def test_the_slider_moves_the_vehicles(opened, folder):
         f"vehicle {n}" for n in (2, 5, 8, 11)
     ]
     assert "--cell 5 --sample 2" in shown.locator("#lanes code").inner_text()
+
+
+def test_triangles_show_where_vehicles_go(opened, folder):
+    """Ahead of a vehicle on its path to the next instant: at most the turn between two instants away."""
+    import xarray as xr
+
+    shown = opened(1400, "light")
+    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
+    shown.locator("#lanes input").press("Home")
+    going = np.array(shown.eval_on_selector("#lanes .plot", "plot => plot.data[6].marker.angle"))
+    step = (states[1] - states[0])[[0, 2, 3, 5, 6, 8, 9, 11], :2]
+    path = np.degrees(np.arctan2(step[:, 1], step[:, 0]))
+    assert (abs((270 - going - path + 180) % 360 - 180) < 5).all()
+
+
+def test_headings_are_the_states_or_the_paths():
+    """Backwards is the other way; where there is no heading the path says it."""
+    import xarray as xr
+
+    values = np.array(
+        [[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0]], [[0.0, 2.0, 0.0, 1.0], [0.0, 2.0, 0.0, -1.0]]]
+    )
+    named = xr.DataArray(values, dims=("time", "vehicle", "state"))
+    known = named.assign_coords(state=["x", "y", "heading", "speed"])
+    assert trajectories.headings(known).tolist() == [[0, 180]] * 2
+    assert trajectories.headings(known.assign_coords(state=list("xyvw"))).tolist() == [[90, 90]] * 2
+
+
+def test_a_lane_replayed_by_hand_is_not_called_worst(folder, monkeypatch):
+    """The study asks for no worst lanes; were it to ask, those would come first, whatever their errors."""
+    results = jaxnet.open(folder)
+    (lane,) = trajectories.lanes(results)
+    assert lane["label"].startswith("replayed: ")
+    assert sections.worst_section(results).title == "Replayed lanes"
+    monkeypatch.setattr(trajectories, "worst_of", lambda results: [(5, 2)])
+    assert trajectories.lanes(results)[0]["label"].startswith("worst: ")
+    assert sections.worst_section(results).title == "Worst lanes"
+
+
+def test_cells_are_named_by_how_many_they_are(html):
+    """One is a cell, in the certificates too."""
+    assert [sections.cells_named(each) for each in ("0", "0, 1", "0-3, 7")] == [
+        "cell 0",
+        "cells 0, 1",
+        "cells 0 to 3, 7",
+    ]
+    text = section(html, "run")
+    assert "star, cell 0\n" in text
+    assert not re.search(r"cells \d+\n|cells \d+-", text)
+
+
+def test_paper_cuts_nothing(opened):
+    """In the dark too: light, tables in full and unscrolled, plots within a sheet; then all is as before."""
+    shown = opened(1400, "dark")
+    widths = "plots => plots.map(plot => plot.querySelector('.main-svg').clientWidth)"
+    before = shown.eval_on_selector_all(".plot", widths)
+    shown.set_viewport_size({"width": 703, "height": 900})
+    shown.emulate_media(media="print", color_scheme="dark")
+    shown.evaluate("dispatchEvent(new Event('beforeprint'))")
+    boxes = "boxes => boxes.map(box => box.scrollWidth - box.clientWidth)"
+    assert max(shown.eval_on_selector_all(".box, .plot", boxes)) <= 0
+    assert max(shown.eval_on_selector_all(".plot", widths)) <= 703
+    assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    ink = "getComputedStyle(document.querySelector('.xtick text')).fill"
+    assert np.mean(levels(shown.evaluate(ink))) < 128
+    shown.set_viewport_size({"width": 1400, "height": 900})
+    shown.emulate_media(media="screen", color_scheme="dark")
+    shown.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert shown.eval_on_selector_all(".plot", widths) == before
+    assert np.mean(levels(shown.evaluate(ink))) > 128
 
 
 def test_choosing_another_size_redraws(opened):

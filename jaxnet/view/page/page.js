@@ -83,10 +83,11 @@ function showLanes(section, lanes) {
     const trail = (vehicles, line) => ({ ...paths(vehicles, frame, 0), mode: "lines", line, hoverinfo: "skip" });
     const now = (vehicles, marker) =>
       ({ ...paths(vehicles, frame, frame), mode: "markers", marker, text: text(vehicles), hoverinfo: "text" });
-    // The marker turns clockwise from up, directions anticlockwise from x.
+    // A marker turns clockwise from up, directions anticlockwise from x; it stands off backwards, so it is
+    // a triangle upside down and turned round.
     const ahead = (vehicles, color, standoff) => ({ ...paths(vehicles, frame, frame), mode: "markers", hoverinfo: "skip",
-      marker: { color, symbol: "triangle-up", size: 7, standoff,
-        angle: vehicles.map((vehicle) => 90 - lane.ahead[frame * lane.vehicles + vehicle - 1]) } });
+      marker: { color, symbol: "triangle-down", size: 7, standoff,
+        angle: vehicles.map((vehicle) => 270 - lane.ahead[frame * lane.vehicles + vehicle - 1]) } });
     const traces = [
       { x: lane.navigator_x, y: lane.navigator_y, mode: "lines", hoverinfo: "skip",
         line: { color: "--black", width: 1.5, dash: "2px,3px" } },
@@ -145,5 +146,12 @@ redraw();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 // On paper it is light, and plots are as wide as a sheet: they are drawn before the sheet is laid out.
-for (const [event, printing] of [["beforeprint", true], ["afterprint", false]])
-  addEventListener(event, () => { document.documentElement.classList.toggle("printing", printing); redraw(); });
+function layOut(printing) {
+  document.documentElement.classList.toggle("printing", printing);
+  redraw();
+  for (const plot of document.querySelectorAll(".js-plotly-plot"))
+    if (plot.clientWidth) Plotly.relayout(plot, printing ? { width: plot.clientWidth, height: plot.clientHeight }
+      : { width: null, height: null, autosize: true });
+}
+addEventListener("beforeprint", () => layOut(true));
+addEventListener("afterprint", () => layOut(false));

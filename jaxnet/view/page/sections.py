@@ -255,7 +255,8 @@ def worst_section(results: Results) -> Section:
     worst = {lane["worst"] for lane in found}
     name = {(True,): "Worst lanes", (False,): "Replayed lanes"}.get(tuple(worst), "Worst and replayed lanes")
     body = (
-        f"<p>{name}, of each the greatest tail error per ā first; a triangle points where a vehicle moves.</p>"
+        f"<p>{name}, of each the greatest tail error per ā first;"
+        " a triangle points where a vehicle moves.</p>"
         f'<div class="controls"><label>Lane <select>{options}</select></label></div>{LANE_KEY}'
         '<div class="controls"><button type="button">Play</button>'
         '<input type="range" min="0" value="0" step="1" aria-label="time"><output></output></div>'

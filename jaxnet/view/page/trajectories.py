@@ -60,9 +60,10 @@ def lane(
     by = f", {engine} engine" if engine else ""
     scale = float(findings.scales(results)[number])
     told = f"{measured(error, scale)} m" if not np.isnan(error) else "none, it failed"
+    which = "worst" if worst else "replayed"
     return {
         "worst": worst,
-        "label": f"{'worst' if worst else 'replayed'}: {where}sample {sample}: tail mean {told} (cell {number}{by})",
+        "label": f"{which}: {where}sample {sample}: tail mean {told} (cell {number}{by})",
         "command": results.replay_command(number, sample, engine),
         "vehicles": states.shape[1],
         "attacked": attacked_vehicles(cell),
