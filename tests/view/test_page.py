@@ -439,16 +439,15 @@ def test_the_slider_moves_the_vehicles(opened, folder):
 
 
 def test_triangles_show_where_vehicles_go(opened, folder):
-    """Ahead of a vehicle on its path to the next instant: at most the turn between two instants away."""
+    """Along its path from the instant before, but for the turn since."""
     import xarray as xr
 
     shown = opened(1400, "light")
     states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
-    shown.locator("#lanes input").press("Home")
     going = np.array(shown.eval_on_selector("#lanes .plot", "plot => plot.data[6].marker.angle"))
-    step = (states[1] - states[0])[[0, 2, 3, 5, 6, 8, 9, 11], :2]
+    step = (states[-1] - states[-2])[[0, 2, 3, 5, 6, 8, 9, 11], :2]
     path = np.degrees(np.arctan2(step[:, 1], step[:, 0]))
-    assert (abs((270 - going - path + 180) % 360 - 180) < 5).all()
+    assert (abs((270 - going - path + 180) % 360 - 180) < 10).all()
 
 
 def test_headings_are_the_states_or_the_paths():
@@ -483,7 +482,7 @@ def test_cells_are_named_by_how_many_they_are(html):
         "cells 0 to 3, 7",
     ]
     text = section(html, "run")
-    assert "star, cell 0\n" in text
+    assert "star, cells 0 to 2\n" in text
     assert not re.search(r"cells \d+\n|cells \d+-", text)
 
 

@@ -52,7 +52,7 @@ function floats(packed) {
   return new Float32Array(Uint8Array.from(atob(packed.bdata), (letter) => letter.charCodeAt(0)).buffer);
 }
 
-const [HONEST_AHEAD, ATTACKED_AHEAD] = [8, 9]; // [px] from a vehicle's middle to its triangle
+const [HONEST_AHEAD, ATTACKED_AHEAD] = [6, 7]; // [px] from a vehicle's middle to that of the diamond ahead of it
 
 function showLanes(section, lanes) {
   const [select, play, slider, clock, plot, command] =
@@ -83,10 +83,10 @@ function showLanes(section, lanes) {
     const trail = (vehicles, line) => ({ ...paths(vehicles, frame, 0), mode: "lines", line, hoverinfo: "skip" });
     const now = (vehicles, marker) =>
       ({ ...paths(vehicles, frame, frame), mode: "markers", marker, text: text(vehicles), hoverinfo: "text" });
-    // A marker turns clockwise from up, directions anticlockwise from x; it stands off backwards, so it is
-    // a triangle upside down and turned round.
+    // A marker turns clockwise from up and stands off backwards, directions turn anticlockwise from x. Of a
+    // narrow diamond, the same either way up, the front half looks out of the vehicle as a triangle.
     const ahead = (vehicles, color, standoff) => ({ ...paths(vehicles, frame, frame), mode: "markers", hoverinfo: "skip",
-      marker: { color, symbol: "triangle-down", size: 7, standoff,
+      marker: { color, symbol: "diamond-tall", size: 11, standoff,
         angle: vehicles.map((vehicle) => 270 - lane.ahead[frame * lane.vehicles + vehicle - 1]) } });
     const traces = [
       { x: lane.navigator_x, y: lane.navigator_y, mode: "lines", hoverinfo: "skip",
@@ -148,6 +148,11 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 // On paper it is light, and plots are as wide as a sheet: they are drawn before the sheet is laid out.
 function layOut(printing) {
   document.documentElement.classList.toggle("printing", printing);
+  for (const table of document.querySelectorAll("table")) {
+    table.style.fontSize = "";
+    const wide = table.scrollWidth / table.parentElement.clientWidth;
+    if (printing && wide > 1) table.style.fontSize = `${0.98 / wide}em`;
+  }
   redraw();
   for (const plot of document.querySelectorAll(".js-plotly-plot"))
     if (plot.clientWidth) Plotly.relayout(plot, printing ? { width: plot.clientWidth, height: plot.clientHeight }
