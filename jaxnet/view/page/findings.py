@@ -63,7 +63,7 @@ def extremes(results: Results) -> str:
     if errors.empty:
         ended = results.manifest["lanes"]["ok"]
         return "No attacked lane came to its end." if ended else "No lane came to its end: there is no error."
-    asked = len(results.study.cells) if unit == "m" else np.count_nonzero(scales(results) > 0)
+    asked = len(results.study.cells) if unit == "m" else int(np.sum(scales(results) > 0))
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
