@@ -29,7 +29,7 @@ def sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
         extremes(results),
         failures(results),
         *unrecovered(results),
-        bounds(results, found, fit),
+        tightest(results, found, fit),
         certainty(results),
     ]
 
@@ -110,7 +110,7 @@ def unrecovered(results: Results) -> list[str]:
     return [f"{head} least, {at(share.min())}; greatest, {at(share.max())}."]
 
 
-def bounds(results: Results, found: Sequence[Curve], fit: str) -> str:
+def tightest(results: Results, found: Sequence[Curve], fit: str) -> str:
     """How near the worst found is to the tightest bound."""
     if not found:
         return "No bound to compare with: no cell has an attack of a fixed magnitude."
