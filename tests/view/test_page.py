@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from upath import UPath
 
 import jaxnet
 from jaxnet.runs.replay import replay
@@ -17,7 +18,7 @@ from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.figures import bands, style, ultimate, unrecovered
 from jaxnet.view.figures import every as figures
-from jaxnet.view.page import plots, sections
+from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
@@ -91,6 +92,126 @@ def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     shown = np.array(rows_of(section(html, "summary")))
     np.testing.assert_array_equal(shown[:, 0], range(6))
     np.testing.assert_array_equal(shown[:, 1:], stored[columns])
+
+
+def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str]:
+    """Findings of a study of three samples whose cells have these mean tail errors."""
+    made, errors = systems.study(samples=3, **keys), np.array(errors)
+    rows = pd.DataFrame({"cell": 0, "sample": range(3), "status": [*failed, *["ok"] * (3 - len(failed))]})
+    rows = rows[rows["status"] != "ok"] if failed else rows
+    results = Results(UPath(tmp_path))
+    table = {"ok": np.where(np.isnan(errors), 0, 3), "tail_mean_mean": errors, "tail_max_max": 2 * errors}
+    table |= {"tail_mean_low": 0.5 * errors, "tail_mean_high": 1.5 * errors, **dict(cells)}
+    lanes = {"ok": 3 * len(errors) - len(failed), "failed": len(failed), "total": 3 * len(errors)}
+    vars(results).update(
+        study=made,
+        cells=pd.DataFrame(table),
+        manifest={"samples": 3, "lanes": lanes},
+        by_cell=lambda *columns, where: rows.groupby("cell"),
+    )
+    if bounds is not None:
+        slopes = [[name, "worst", slope] for name, slope in bounds.items()]
+        pd.DataFrame(slopes, columns=["bound", "vehicle", "slope"]).to_csv(tmp_path / "bounds.csv")
+    return findings.sentences(results, curves.curves(results), "jaxnet fit x")
+
+
+def test_the_page_begins_with_what_was_found(html):
+    """Before all else, in words; names of cells are text."""
+    assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
+    text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
+    assert "No lane failed, of 18." in text
+    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude = 1 (cell 1)" in text
+    assert "greatest, 100 %" in text
+    assert "1 lane above a bound that claims to hold" in text
+
+
+def test_findings_compare_errors_by_their_size(tmp_path):
+    """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
+    sweep = {"attack.magnitude": [0, 1, 10]}
+    extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
+    assert "least, <b>0.5 ā</b>, in attack.magnitude = 10 (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
+    assert sure == (
+        "3 samples of each cell: the worst cell's mean is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
+    )
+
+
+def test_findings_of_a_single_cell(tmp_path):
+    """The tightest bound that is one, as the printed is not; no share and no interval that is not there."""
+    nothing = {"tail_mean_low": [np.nan], "unrecovered": [np.nan]}
+    given = {"static": 8.0, "peak_gain": 12.0, "lyapunov_printed": 1.0, "star_norm": np.inf}
+    extremes, _, share, bounds, sure = told(
+        tmp_path,
+        [20.0],
+        cells=nothing | {key: [np.nan] for key in curves.SHARE[1:]},
+        bounds=given,
+        recovery={"tau": 0.1},
+        attack={"kind": "rotating", "magnitude": 10},
+    )
+    assert extremes == "The tail's mean error, per ā, is <b>2 ā</b> in all lanes."
+    assert share == "No share unrecovered: no attacked lane came to its end."
+    assert bounds == "The tightest bound over the worst found is <b>2</b>: static, 8 ā, over 4 ā."
+    assert "no interval of the mean, 20 m, from 3 ok lanes" in sure
+
+
+def test_findings_where_nobody_is_attacked(tmp_path):
+    """Errors are in metres, and rounding is told as such."""
+    extremes, _, bounds, sure = told(tmp_path, [1e-12], attack="none")
+    assert extremes == "The tail's mean error is <b>0 (rounding) m</b> in all lanes."
+    assert "no cell has an attack of a fixed magnitude" in bounds
+    assert "the mean is 0 (rounding) m" in sure
+
+
+def test_findings_where_every_lane_failed(tmp_path):
+    """How many of which kind, and no number that is not there."""
+    failed = ["singular", "stuck", "singular"]
+    attack = {"kind": "rotating", "magnitude": 10}
+    words = told(tmp_path, [np.nan], failed, bounds={"static": 1.0}, attack=attack)
+    assert words[:2] == [
+        "No lane came to its end: there is no error.",
+        "<b>3 lanes of 3 failed</b>: 2 singular, 1 stuck.",
+    ]
+    assert not [each for each in words if "nan" in each]
+
+
+def test_a_worst_error_of_rounding_has_no_ratio(tmp_path):
+    """A bound is not millions of times nothing."""
+    attack = {"kind": "rotating", "magnitude": 10}
+    *_, bounds, _ = told(tmp_path, [1e-9], bounds={"static": 1.0}, attack=attack)
+    assert bounds == "In 1 group the worst found is 0 (rounding)."
+
+
+def test_rounding_is_shown_as_such(folder, tmp_path):
+    """Below 1e-9 of ā, not above; slopes too; whatever sorts keeps its number, a share is no error."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("*.zarr"))
+    cells = pd.read_csv(copy / "cells.csv")
+    cells["tail_mean_mean"] = [2e-10, 2e-9, 2e-9, 2e-9, 0.9e-9, 1.1e-8]
+    cells["tail_mean_low"] = -1e-12
+    cells.loc[:2, "tail_max_max"] = 1e-26
+    cells["unrecovered_low"] = 1e-12
+    cells.to_csv(copy / "cells.csv", index=False)
+    fits = pd.read_csv(copy / "fit.csv").astype({"low": float, "high": float})
+    fits.loc[:2, ["estimate", "low", "high"]] = [1.38e-26, -1e-27, 2e-26]
+    fits.to_csv(copy / "fit.csv", index=False)
+    text = page.write_page(jaxnet.open(copy)).read_text()
+    shown = cells_of(section(text, "summary"))
+    zero = "0 (rounding)"
+    assert [row[5] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
+    assert {row[6] for row in shown} == {zero}
+    assert {row[-2] for row in shown} == {"1e-12"}
+    assert rows_of(section(text, "summary"))[0][4] == 2e-10
+    star, ring = cells_of(section(text, "ultimate"))
+    assert star[1:6] == [zero] * 5
+    assert ring[2] == "7"
+    assert "tightest bound" in (found := section(text, "findings"))
+    assert "In 1 group the worst found is 0 (rounding)." in found
+
+
+def cells_of(text: str) -> list[list[str]]:
+    """What stands in a table's rows."""
+    rows = re.findall(r"<tr>(<td.*?)</tr>", text)
+    return [re.findall(r"<td.*?>(.*?)</td>", row) for row in rows]
 
 
 def test_what_a_config_says_is_text(html):
@@ -313,6 +434,75 @@ def test_the_slider_moves_the_vehicles(opened, folder):
         f"vehicle {n}" for n in (2, 5, 8, 11)
     ]
     assert "--cell 5 --sample 2" in shown.locator("#lanes code").inner_text()
+
+
+def test_triangles_show_where_vehicles_go(opened, folder):
+    """Along its path from the instant before, but for the turn since."""
+    import xarray as xr
+
+    shown = opened(1400, "light")
+    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
+    going = np.array(shown.eval_on_selector("#lanes .plot", "plot => plot.data[6].marker.angle"))
+    step = (states[-1] - states[-2])[[0, 2, 3, 5, 6, 8, 9, 11], :2]
+    path = np.degrees(np.arctan2(step[:, 1], step[:, 0]))
+    assert (abs((270 - going - path + 180) % 360 - 180) < 10).all()
+
+
+def test_headings_are_the_states_or_the_paths():
+    """Backwards is the other way; where there is no heading the path says it."""
+    import xarray as xr
+
+    values = np.array(
+        [[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, -1.0]], [[0.0, 2.0, 0.0, 1.0], [0.0, 2.0, 0.0, -1.0]]]
+    )
+    named = xr.DataArray(values, dims=("time", "vehicle", "state"))
+    known = named.assign_coords(state=["x", "y", "heading", "speed"])
+    assert trajectories.headings(known).tolist() == [[0, 180]] * 2
+    assert trajectories.headings(known.assign_coords(state=list("xyvw"))).tolist() == [[90, 90]] * 2
+
+
+def test_a_lane_replayed_by_hand_is_not_called_worst(folder, monkeypatch):
+    """The study asks for no worst lanes; were it to ask, those would come first, whatever their errors."""
+    results = jaxnet.open(folder)
+    (lane,) = trajectories.lanes(results)
+    assert lane["label"].startswith("replayed: ")
+    assert sections.worst_section(results).title == "Replayed lanes"
+    monkeypatch.setattr(trajectories, "worst_of", lambda results: [(5, 2)])
+    assert trajectories.lanes(results)[0]["label"].startswith("worst: ")
+    assert sections.worst_section(results).title == "Worst lanes"
+
+
+def test_cells_are_named_by_how_many_they_are(html):
+    """One is a cell, in the certificates too."""
+    assert [sections.cells_named(each) for each in ("0", "0, 1", "0-3, 7")] == [
+        "cell 0",
+        "cells 0, 1",
+        "cells 0 to 3, 7",
+    ]
+    text = section(html, "run")
+    assert "star, cells 0 to 2\n" in text
+    assert not re.search(r"cells \d+\n|cells \d+-", text)
+
+
+def test_paper_cuts_nothing(opened):
+    """In the dark too: light, tables in full and unscrolled, plots within a sheet; then all is as before."""
+    shown = opened(1400, "dark")
+    widths = "plots => plots.map(plot => plot.querySelector('.main-svg').clientWidth)"
+    before = shown.eval_on_selector_all(".plot", widths)
+    shown.set_viewport_size({"width": 703, "height": 900})
+    shown.emulate_media(media="print", color_scheme="dark")
+    shown.evaluate("dispatchEvent(new Event('beforeprint'))")
+    boxes = "boxes => boxes.map(box => box.scrollWidth - box.clientWidth)"
+    assert max(shown.eval_on_selector_all(".box, .plot", boxes)) <= 0
+    assert max(shown.eval_on_selector_all(".plot", widths)) <= 703
+    assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    ink = "getComputedStyle(document.querySelector('.xtick text')).fill"
+    assert np.mean(levels(shown.evaluate(ink))) < 128
+    shown.set_viewport_size({"width": 1400, "height": 900})
+    shown.emulate_media(media="screen", color_scheme="dark")
+    shown.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert shown.eval_on_selector_all(".plot", widths) == before
+    assert np.mean(levels(shown.evaluate(ink))) > 128
 
 
 def test_choosing_another_size_redraws(opened):

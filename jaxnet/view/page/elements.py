@@ -1,6 +1,6 @@
 """What the page's sections are made of: tables that sort, places for plots, keys to what is drawn in them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -10,14 +10,22 @@ import pandas as pd
 from jaxnet.view.figures.multiples import columns, title
 from jaxnet.view.text import tables
 
+# Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
+# ticks, some 1e-12 m: what is below this is arithmetic, and far below any error that a robot has.
+ROUNDING = 1e-9
+
 
 def folded(name: str, text: str) -> str:
     """Text that opens on a click."""
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 
-def sortable(rows: pd.DataFrame) -> str:
-    """Rows as a table that sorts; numbers to four digits, and in full for the sorting."""
+def sortable(rows: pd.DataFrame, scales: Mapping[str, np.ndarray] | None = None) -> str:
+    """Rows as a table that sorts; numbers to four digits, and in full for the sorting.
+
+    Columns with scales, one of each row, hold errors: what is rounding to its scale is shown as such.
+    """
+    scales = scales or {}
     numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
     heads = "".join(
         f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
@@ -26,8 +34,10 @@ def sortable(rows: pd.DataFrame) -> str:
     )
     by_column = [
         [
-            number_cell(value) if number else f"<td>{escape(str(value))}</td>"
-            for value in rows.iloc[:, n].tolist()
+            number_cell(value, scale) if number else f"<td>{escape(str(value))}</td>"
+            for value, scale in zip(
+                rows.iloc[:, n].tolist(), scales.get(rows.columns[n], np.zeros(len(rows))), strict=True
+            )
         ]
         for n, number in enumerate(numeric)
     ]
@@ -41,14 +51,22 @@ def sortable(rows: pd.DataFrame) -> str:
 NUMBER = ' class="number"'
 
 
-def number_cell(value: float | int) -> str:
-    """A number; a dash where there is none."""
+def number_cell(value: float | int, scale: float = 0.0) -> str:
+    """A number; a dash where there is none; zero where it is rounding to its scale."""
     if np.isnan(value):
         return f"<td{NUMBER}>–</td>"
     if np.isinf(value):
         return f'<td{NUMBER} data-value="Infinity">∞</td>'
-    text = str(value) if isinstance(value, int) else tables.number(value)
+    text = str(value) if isinstance(value, int) else measured(value, scale)
     return f'<td{NUMBER} data-value="{value!r}">{text}</td>'
+
+
+def measured(value: float, scale: float = 1.0) -> str:
+    """An error, or one per ā (scale 1); a scale that is not known is a metre, and 0 is of no error."""
+    known = 1.0 if np.isnan(scale) else scale
+    if 0 < abs(value) < ROUNDING * known:
+        return "0 (rounding)"
+    return "∞" if value == np.inf else tables.number(value)
 
 
 def grid(labels: Sequence[dict[str, Any]], choose: str = "", choices: Sequence[str] = ()) -> str:

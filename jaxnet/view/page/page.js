@@ -52,6 +52,8 @@ function floats(packed) {
   return new Float32Array(Uint8Array.from(atob(packed.bdata), (letter) => letter.charCodeAt(0)).buffer);
 }
 
+const [HONEST_AHEAD, ATTACKED_AHEAD] = [6, 7]; // [px] from a vehicle's middle to that of the diamond ahead of it
+
 function showLanes(section, lanes) {
   const [select, play, slider, clock, plot, command] =
     ["select", "button", "input", "output", ".plot", "code"].map((name) => section.querySelector(name));
@@ -59,7 +61,7 @@ function showLanes(section, lanes) {
   const choose = () => {
     const given = lanes[select.selectedIndex];
     lane = { ...given };
-    for (const key of ["time", "x", "y", "navigator_x", "navigator_y"]) lane[key] = floats(given[key]);
+    for (const key of ["time", "x", "y", "ahead", "navigator_x", "navigator_y"]) lane[key] = floats(given[key]);
     slider.max = lane.time.length - 1;
     slider.value = slider.max;
     command.textContent = lane.command;
@@ -81,6 +83,11 @@ function showLanes(section, lanes) {
     const trail = (vehicles, line) => ({ ...paths(vehicles, frame, 0), mode: "lines", line, hoverinfo: "skip" });
     const now = (vehicles, marker) =>
       ({ ...paths(vehicles, frame, frame), mode: "markers", marker, text: text(vehicles), hoverinfo: "text" });
+    // A marker turns clockwise from up and stands off backwards, directions turn anticlockwise from x. Of a
+    // narrow diamond, the same either way up, the front half looks out of the vehicle as a triangle.
+    const ahead = (vehicles, color, standoff) => ({ ...paths(vehicles, frame, frame), mode: "markers", hoverinfo: "skip",
+      marker: { color, symbol: "diamond-tall", size: 11, standoff,
+        angle: vehicles.map((vehicle) => 270 - lane.ahead[frame * lane.vehicles + vehicle - 1]) } });
     const traces = [
       { x: lane.navigator_x, y: lane.navigator_y, mode: "lines", hoverinfo: "skip",
         line: { color: "--black", width: 1.5, dash: "2px,3px" } },
@@ -90,6 +97,7 @@ function showLanes(section, lanes) {
       now(lane.attacked, { color: "--red", symbol: "diamond", size: 10 }),
       { x: [lane.navigator_x[frame]], y: [lane.navigator_y[frame]], mode: "markers", text: ["navigator"],
         hoverinfo: "text", marker: { color: "--black", symbol: "square-open", size: 13, line: { width: 2 } } },
+      ahead(honest, "--blue", HONEST_AHEAD), ahead(lane.attacked, "--red", ATTACKED_AHEAD),
     ];
     const range = [-lane.reach, lane.reach];
     Plotly.react(plot, coloured(traces), layout({
@@ -136,3 +144,19 @@ for (const head of document.querySelectorAll("th[aria-sort]")) {
 const redraw = () => redraws.forEach((draw) => draw());
 redraw();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+
+// On paper it is light, and plots are as wide as a sheet: they are drawn before the sheet is laid out.
+function layOut(printing) {
+  document.documentElement.classList.toggle("printing", printing);
+  for (const table of document.querySelectorAll("table")) {
+    table.style.fontSize = "";
+    const wide = table.scrollWidth / table.parentElement.clientWidth;
+    if (printing && wide > 1) table.style.fontSize = `${0.98 / wide}em`;
+  }
+  redraw();
+  for (const plot of document.querySelectorAll(".js-plotly-plot"))
+    if (plot.clientWidth) Plotly.relayout(plot, printing ? { width: plot.clientWidth, height: plot.clientHeight }
+      : { width: null, height: null, autosize: true });
+}
+addEventListener("beforeprint", () => layOut(true));
+addEventListener("afterprint", () => layOut(false));

@@ -1,5 +1,6 @@
 """The page's sections: what was run, tables, and the places where plots are drawn."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -25,7 +26,7 @@ from jaxnet.statistics.curves import (
 )
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results, read_table
-from jaxnet.view.page import plots, trajectories
+from jaxnet.view.page import findings, plots, trajectories
 from jaxnet.view.page.elements import folded, grid, key, sortable, stroke
 from jaxnet.view.text import check, tables
 
@@ -50,6 +51,7 @@ def every(results: Results) -> list[Section]:
     """All that the folder has something for."""
     found = curves(results)
     each = [
+        findings_section(results, found),
         run_section(results),
         summary_section(results),
         ultimate_section(results, found),
@@ -69,6 +71,12 @@ def lead(results: Results) -> str:
         f"{check.count(len(results.study.cells), 'cell')}, {check.count(count['total'], 'lane')}:"
         f" {count['ok']:,} ok, {count['failed']:,} failed."
     )
+
+
+def findings_section(results: Results, found: list[Curve]) -> Section:
+    """What the tables say, in sentences."""
+    told = findings.sentences(results, found, fit_command(results))
+    return Section("findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>")
 
 
 def run_section(results: Results) -> Section:
@@ -92,7 +100,10 @@ def run_section(results: Results) -> Section:
         "wall time": f"{manifest['wall_seconds']:.4g} s",
     }
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
-    certificates = check.certificates(study.cells)
+    certificates = [
+        re.sub(r"cells ([0-9, -]+)$", lambda m: cells_named(m[1]), text, count=1, flags=re.MULTILINE)
+        for text in check.certificates(study.cells)
+    ]
     networks = check.count(len(certificates), "network")
     body = (
         f"<dl>{rows}</dl>"
@@ -108,11 +119,14 @@ def summary_section(results: Results) -> Section:
     note = (
         "<p>Mean over lanes of the tail's mean error, with its 95 % t interval (mean low, mean high),"
         " its median and 95 % quantile; worst is the greatest error of any vehicle in any lane."
+        " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
-    return Section("summary", "Summary", note + sortable(rows.head(MOST_ROWS)))
+    shown = rows.head(MOST_ROWS)
+    scales = dict.fromkeys(tables.SUMMARY.values(), findings.scales(results)[: len(shown)])
+    return Section("summary", "Summary", note + sortable(shown, scales))
 
 
 MEDIAN_KEY = [
@@ -168,11 +182,12 @@ def slopes_html(found: Sequence[Curve]) -> str:
             row |= {name: curve.slope(bound, "worst"), f"{name}, fleet": curve.slope(bound, "fleet")}
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
+    slopes, ones = shown.columns.difference(list(found[0].group.labels)), np.ones(len(shown))
     same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"))
+        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"), dict.fromkeys(slopes, ones))
     )
 
 
@@ -238,8 +253,11 @@ def worst_section(results: Results) -> Section:
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
     options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
+    worst = {lane["worst"] for lane in found}
+    name = {(True,): "Worst lanes", (False,): "Replayed lanes"}.get(tuple(worst), "Worst and replayed lanes")
     body = (
-        "<p>Replayed lanes, the greatest tail error per ā first.</p>"
+        f"<p>{name}, of each the greatest tail error per ā first;"
+        " a triangle points where a vehicle moves.</p>"
         f'<div class="controls"><label>Lane <select>{options}</select></label></div>{LANE_KEY}'
         '<div class="controls"><button type="button">Play</button>'
         '<input type="range" min="0" value="0" step="1" aria-label="time"><output></output></div>'
@@ -274,7 +292,7 @@ def violations_section(results: Results) -> Section:
         skipped = unchecked(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
         if skipped:
-            words += f" Not held to any: cells {check.ranges(skipped)}, for {UNCHECKED}."
+            words += f" Not held to any: {cells_named(check.ranges(skipped))}, for {UNCHECKED}."
         return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
 
@@ -294,6 +312,11 @@ def listed(rows: pd.DataFrame, count: int) -> str:
     """Lanes as a table, and how many there are in all."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
     return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows)
+
+
+def cells_named(numbers: str) -> str:
+    """Numbers of cells, drawn together, in words: cell 0, cells 0 to 3."""
+    return f"cell{'' if numbers.isdigit() else 's'} {numbers.replace('-', ' to ')}"
 
 
 def fit_command(results: Results) -> str:
