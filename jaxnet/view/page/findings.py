@@ -162,7 +162,7 @@ def certainty(results: Results) -> str:
         return f"{samples}."
     cells: Any = results.cells
     place: Any = errors.idxmax()
-    worst, scale = cells.iloc[place], scales(results)[place]
+    worst, scale = cells.iloc[place], float(scales(results)[place])
     mean, low, high = (measured(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high"))
     where = "the worst cell's mean" if len(errors) > 1 else "the mean"
     if np.isnan(worst["tail_mean_low"]):
