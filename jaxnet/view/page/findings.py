@@ -161,8 +161,8 @@ def certainty(results: Results) -> str:
     if errors.empty:
         return f"{samples}."
     cells: Any = results.cells
-    worst: Any = cells.iloc[int(errors.idxmax())]
-    scale = scales(results)[int(errors.idxmax())]
+    place: Any = errors.idxmax()
+    worst, scale = cells.iloc[place], float(scales(results)[place])
     mean, low, high = (measured(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high"))
     where = "the worst cell's mean" if len(errors) > 1 else "the mean"
     if np.isnan(worst["tail_mean_low"]):
