@@ -120,7 +120,7 @@ def test_the_page_begins_with_what_was_found(html):
     assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     assert "No lane failed, of 18." in text
-    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude = 1 (cell 1)" in text
+    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude =\xa01\xa0m (cell 1)" in text
     assert "greatest, 100 %" in text
     assert "1 lane above a bound that claims to hold" in text
 
@@ -129,7 +129,7 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
-    assert "least, <b>0.5 ā</b>, in attack.magnitude = 10 (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert "least, <b>0.5 ā</b>, in attack.magnitude =\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
         "3 samples of each cell: the worst cell's mean is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
@@ -197,10 +197,10 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     text = page.write_page(jaxnet.open(copy)).read_text()
     shown = cells_of(section(text, "summary"))
     zero = "0 (rounding)"
-    assert [row[5] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
-    assert {row[6] for row in shown} == {zero}
-    assert {row[-2] for row in shown} == {"1e-12"}
-    assert rows_of(section(text, "summary"))[0][4] == 2e-10
+    assert [row[8] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
+    assert {row[9] for row in shown} == {zero}
+    assert {row[6] for row in shown} == {"1e-12"}
+    assert rows_of(section(text, "summary"))[0][7] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))
     assert star[1:6] == [zero] * 5
     assert ring[2] == "7"
