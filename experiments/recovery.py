@@ -40,7 +40,7 @@ QUESTIONS: dict[str, dict[str, Any]] = {
         "attack.frequency": [0.1, 0.35, 0.7, 1.0, 1.2, 1.4, 2.0, 2.8],
     },
     "gain": {"attack": PAIR, "gain": [[1, 3, 3], [2, 5, 4], [6, 11, 6]]},
-    "navigator's weight": {"attack": PAIR, "topology.navigator_weight": [0.02, 0.05, 0.1, 0.2, 0.4]},
+    "weight": {"attack": PAIR, "topology.navigator_weight": [0.02, 0.05, 0.1, 0.2, 0.4]},
     "attacked": {"attack": PAIR, "attack.vehicles": [[2, 5, 8, 11], [1, 5, 9], [1, 7], [4]]},
     "magnitude": {"attack": PAIR, "attack.magnitude": [0.1, 1.0, 10.0, 100.0]},
     "tick": {"attack": PAIR, "tick": [0.25, 0.1, 0.05, 0.025, 0.0125]},

@@ -146,9 +146,10 @@ import jax.numpy as jnp
 from jaxnet.kinds.defences import Defence
 
 SIZE = 2.0
+TABLE = [1.0, 5.0]
 
-def size(x):
-    return jnp.sin(x)
+def size(x, power=3):
+    return jnp.sin(x) * TABLE[0] * sum((0.1, 0.2, 0.3))
 
 class Mine(Defence):
     def decide(self, own, received, last, memory, around):
@@ -168,7 +169,16 @@ def made_of(cell, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "change", [("jnp.sin", "jnp.cos"), ("2.0", "3.0"), ("SIZE *", "SIZE +"), ("last |", "last &")]
+    "change",
+    [
+        ("jnp.sin", "jnp.cos"),
+        ("2.0", "3.0"),
+        ("SIZE *", "SIZE +"),
+        ("last |", "last &"),
+        ("5.0", "6.0"),
+        ("=3", "=4"),
+        ("0.2", "0.4"),
+    ],
 )
 def test_a_class_that_a_notebook_changes_is_another_one(change, monkeypatch):
     """By what it does, whom it calls and what values it uses."""

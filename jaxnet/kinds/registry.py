@@ -17,7 +17,7 @@ import os
 import pkgutil
 import sys
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -199,10 +199,11 @@ def typed(module: str, kinds: list[Any]) -> Provenance:
     ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
     while ahead:
         name, thing = ahead.pop()
-        parts = [thing, *(each for base in bases_in(module, thing) for each in vars(base).values())]
+        held_by = [vars(base).items() for base in bases_in(module, thing)]
+        parts = [thing, *(each for held_in in held_by for key, each in held_in if not key.startswith("__"))]
         codes = [code for part in parts for code in codes_of(part)]
-        told[name] = [(code.co_code, code.co_names, plain_of(code.co_consts)) for code in codes]
-        told[name] += plain_of([thing])
+        told[name] = [(code.co_code, code.co_names, as_words(code.co_consts)) for code in codes]
+        told[name] += [as_words(part) + as_words(defaults_of(part)) for part in parts]
         used = {name for code in codes for name in code.co_names}
         ahead += [(name, held[name]) for name in used & set(held) - set(told)]
     return Provenance("", hashlib.sha256(repr(sorted(told.items())).encode()).hexdigest(), None)
@@ -213,19 +214,38 @@ def bases_in(module: str, thing: Any) -> list[type]:
     return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
 
 
-def codes_of(thing: Any) -> Iterator[types.CodeType]:
-    """The code of a function, method, property or metric, and of the functions written inside it."""
+def function_of(thing: Any) -> Any:
+    """What a function, method, property or metric does."""
     thing = getattr(thing, "fget", getattr(thing, "of", thing))
-    code = getattr(inspect.unwrap(thing), "__code__", None) if callable(thing) else None
+    return inspect.unwrap(thing) if callable(thing) else thing
+
+
+def codes_of(thing: Any) -> Iterator[types.CodeType]:
+    """Its code, and that of the functions written inside it."""
+    code = getattr(function_of(thing), "__code__", None)
     ahead = [code] if code else []
     while ahead:
         yield (code := ahead.pop())
         ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
 
 
-def plain_of(values: Iterable[Any]) -> list[Any]:
-    """Those of some values whose text says all of them."""
-    return [value for value in values if isinstance(value, PLAIN)]
+def defaults_of(thing: Any) -> Any:
+    """Values of a function's arguments that are left out."""
+    function = function_of(thing)
+    return getattr(function, "__defaults__", None), getattr(function, "__kwdefaults__", None)
+
+
+def as_words(value: Any) -> str:
+    """Numbers and text, also in containers and arrays, in full; nothing of what else there is."""
+    if isinstance(value, PLAIN):
+        return repr(value)
+    if isinstance(value, dict):
+        return as_words([*value.items()])
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(as_words, value))}]"
+    if isinstance(value, set | frozenset):
+        return as_words(sorted(map(as_words, value)))
+    return as_words(value.tolist()) if hasattr(value, "dtype") and hasattr(value, "tolist") else ""
 
 
 @functools.cache
@@ -269,10 +289,6 @@ def provenance(data: Any) -> dict[str, Provenance]:
 def confirm(modules: dict[str, Provenance]) -> None:
     """Raise KindError if modules that another process names are not the same here."""
     for name, made_of in modules.items():
-        if not made_of.file:
-            raise KindError(
-                f"{name} has no file, so no other process can import it: write its kinds into one"
-            )
         search_home(name, made_of.file)
         try:
             importlib.import_module(name)

@@ -14,6 +14,11 @@ def ranges(numbers: Sequence[int]) -> str:
     return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
+def cells_named(numbers: Sequence[int]) -> str:
+    """Cells by their numbers: cell 0, cells 0-3."""
+    return f"cell{'s' if len(numbers) > 1 else ''} {ranges(numbers)}"
+
+
 def plural_s(who: str) -> str:
     """The verb's ending for one or several."""
     return "s" if who.isdigit() else ""

@@ -12,6 +12,7 @@ import pytest
 from upath import UPath
 
 import jaxnet
+from jaxnet.model import wording
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
 from jaxnet.store.results import Results
@@ -474,14 +475,14 @@ def test_a_lane_replayed_by_hand_is_not_called_worst(folder, monkeypatch):
 
 def test_cells_are_named_by_how_many_they_are(html):
     """One is a cell, in the certificates too."""
-    assert [sections.cells_named(each) for each in ("0", "0, 1", "0-3, 7")] == [
+    assert [wording.cells_named(each) for each in ([0], [0, 1], [0, 1, 2, 3, 7])] == [
         "cell 0",
         "cells 0, 1",
-        "cells 0 to 3, 7",
+        "cells 0-3, 7",
     ]
     text = section(html, "run")
-    assert "star, cells 0 to 2\n" in text
-    assert not re.search(r"cells \d+\n|cells \d+-", text)
+    assert "star, cells 0-2\n" in text
+    assert not re.search(r"cells \d+\n", text)
 
 
 def test_paper_cuts_nothing(opened):

@@ -1,6 +1,5 @@
 """The page's sections: what was run, tables, and the places where plots are drawn."""
 
-import re
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import (
@@ -100,10 +100,7 @@ def run_section(results: Results) -> Section:
         "wall time": f"{manifest['wall_seconds']:.4g} s",
     }
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
-    certificates = [
-        re.sub(r"cells ([0-9, -]+)$", lambda m: cells_named(m[1]), text, count=1, flags=re.MULTILINE)
-        for text in check.certificates(study.cells)
-    ]
+    certificates = check.certificates(study.cells)
     networks = check.count(len(certificates), "network")
     body = (
         f"<dl>{rows}</dl>"
@@ -292,7 +289,7 @@ def violations_section(results: Results) -> Section:
         skipped = unchecked(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
         if skipped:
-            words += f" Not held to any: {cells_named(check.ranges(skipped))}, for {UNCHECKED}."
+            words += f" Not held to any: {cells_named(skipped)}, for {UNCHECKED}."
         return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
 
@@ -312,11 +309,6 @@ def listed(rows: pd.DataFrame, count: int) -> str:
     """Lanes as a table, and how many there are in all."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
     return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows)
-
-
-def cells_named(numbers: str) -> str:
-    """Numbers of cells, drawn together, in words: cell 0, cells 0 to 3."""
-    return f"cell{'' if numbers.isdigit() else 's'} {numbers.replace('-', ' to ')}"
 
 
 def fit_command(results: Results) -> str:

@@ -10,7 +10,7 @@ from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import count, plural_s, ranges
+from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
 from jaxnet.theory import certificate
 
@@ -82,7 +82,7 @@ def network_text(cells: Sequence[Cell]) -> str:
         **scenario.defence.describe(weights, attacked, trusted),
         **drawn_lines(cells),
     }
-    title = f"{scenario.topology.kind}, cells {ranges([cell.number for cell in cells])}"
+    title = f"{scenario.topology.kind}, {cells_named([cell.number for cell in cells])}"
     width = max(map(len, rows))
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
@@ -129,9 +129,9 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     gain = [cell.number for cell in cells if any(map(is_drawn, cell.scenario.gain))]
     lines = {}
     if weights:
-        lines["weights"] = f"drawn in cells {ranges(weights)}; ‖L⁻¹‖₂ is of the graph of their medians"
+        lines["weights"] = f"drawn in {cells_named(weights)}; ‖L⁻¹‖₂ is of the graph of their medians"
     if gain:
-        lines["gain"] = f"drawn in cells {ranges(gain)}; stable whatever is drawn"
+        lines["gain"] = f"drawn in {cells_named(gain)}; stable whatever is drawn"
     return lines
 
 

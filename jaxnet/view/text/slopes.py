@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
 from jaxnet.statistics.fits import envelope_share, whole_draws
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results
-from jaxnet.view.text.check import ranges
 
 MOST_VIOLATIONS = 20
 RECOVERED = 1e-6  # of ā; less is a transient or rounding
@@ -101,5 +101,5 @@ def violations(results: Results) -> str:
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked(results.study.cells)
     if skipped:
-        lines.append(f"not held to any bound: cells {ranges(skipped)}, for {UNCHECKED}")
+        lines.append(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}")
     return "\n".join(lines)
