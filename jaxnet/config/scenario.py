@@ -34,14 +34,15 @@ def differs_by_lane(scenario: Scenario) -> bool:
     return scenario.topology.differs() or any(map(is_drawn, scenario.gain))
 
 
-def decides(scenario: Scenario) -> bool:
-    """Whether vehicles, or attackers, decide at ticks."""
-    return (scenario.defence.decides or scenario.attack.strategic) and scenario.tick > 0
+def has_ticks(scenario: Scenario) -> bool:
+    """Whether anything happens at ticks: somebody decides, or what an attack does is summed up."""
+    something = scenario.defence.decides or scenario.attack.strategic or not scenario.attack.consistent()
+    return something and scenario.tick > 0
 
 
 def interval_of(scenario: Scenario) -> float:
-    """From tick to tick [s]: where nobody decides, a tick is an output step."""
-    return scenario.tick if decides(scenario) else scenario.output_step
+    """From tick to tick [s]: where nothing happens at ticks, one is an output step."""
+    return scenario.tick if has_ticks(scenario) else scenario.output_step
 
 
 def outputs_of(scenario: Scenario) -> int:

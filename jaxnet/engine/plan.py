@@ -19,6 +19,7 @@ class Plan(NamedTuple):
     metrics: tuple[Metric, ...] = CONTRACT
     decides: bool = True  # whether vehicles decide whom to retain
     strategic: bool = False  # whether attackers choose their vectors at ticks
+    consistent: bool = True  # whether an attack's signals come with their true derivatives
     in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
     save: tuple[str, ...] = ()  # what is stacked over output times, of `metrics.SERIES`
     rows: int = 0  # of those stacks: the clock's outputs and t = 0, where anything is saved

@@ -9,6 +9,10 @@ functions of time, as the vehicles' signals are, so G is one too, with vectors `
 weights or attacks do: then they are solved for anew, for the lanes concerned alone, and e takes up the
 difference, since E does not jump.
 
+Where what is falsified is not a path with its derivatives, G = L⁻¹ W g with what the axis makes of the
+disturbance ρ = R(β), `g‴ + P(g) = ρ`, which is summed up from tick to tick by Gauss and Legendre's rule.
+Where it is, g = β solves that.
+
 The lanes are the last axis of every array. What a pass of a loop needs of an instant's functions it finds in
 the carry: a number computed where it is used would be computed once for each vehicle that uses it.
 """
@@ -17,6 +21,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import metrics
@@ -34,6 +39,8 @@ from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
 SOLVED = 16  # lanes whose Laplacians are solved at once
+NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
+SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 
 Lanes = Float[Array, "lanes"]
 
@@ -47,8 +54,13 @@ class Fleet(NamedTuple):
     mind: Mind  # decided at this tick
     basis: Basis  # the attacks' functions now
     next_basis: Basis  # and at the next tick
+    effects: Any  # what an axis makes of them now and at the next tick; () where it is they themselves
     switches: Int[Array, "lanes"]
     status: Code
+
+    def effect(self) -> Any:
+        """The scalar functions of G now, with two derivatives or more."""
+        return self.effects[0] if self.effects else self.basis
 
 
 def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
@@ -64,8 +76,12 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
             free=propagate(numbers, fleet.free),
             basis=fleet.next_basis,
             next_basis=lane.signal.basis(instant(n + 2)),
+            effects=() if plan.consistent else (fleet.effects[1], next_effect(fleet.effects[1], n + 1)),
         )
         return decide(moved, lane, network, plan, instant(n + 1))
+
+    def next_effect(effect: Any, n: Any) -> Any:
+        return passed_on(effect, responses, lane, numbers, instant(n), clock.interval)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
         fleet, gathered, series, navigator = carry
@@ -83,7 +99,8 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         everywhere = jnp.ones_like(ok)
         return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
 
-    fleet = start(lane, network, plan, instant)
+    responses: Any = () if plan.consistent else impulse_responses(lane.gain, clock.interval)
+    fleet = start(lane, network, plan, instant, next_effect)
     navigator = lane.navigator.jets(instant(zero))
     series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, navigator))
     gathered = metrics.nothing(plan.metrics, lane.initial.shape[1:])
@@ -95,17 +112,19 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     return Outcome(status, found, jnp.zeros_like(status), fleet.switches, series)
 
 
-def start(lane: Lane, network: Network, plan: Plan, instant: Any) -> Fleet:
+def start(lane: Lane, network: Network, plan: Plan, instant: Any, next_effect: Any) -> Fleet:
     """The lanes at t = 0 with their first decision taken, all of E still free."""
     navigator, mind = lane.navigator.jets(instant(0)), ticks.begin(lane, network, plan)
-    status = ticks.status_at_start(lane)
+    status, basis = ticks.status_at_start(lane), lane.signal.basis(instant(0))
+    none = jnp.zeros_like(basis[:3])
     fleet = Fleet(
         free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
         forced=jnp.zeros_like(lane.vectors),
         followed=mind._replace(memory=(), plot=()),
         mind=mind,
-        basis=lane.signal.basis(instant(0)),
+        basis=basis,
         next_basis=lane.signal.basis(instant(1)),
+        effects=() if plan.consistent else (none, next_effect(none, 0)),
         switches=jnp.zeros_like(status),
         status=status,
     )
@@ -114,7 +133,7 @@ def start(lane: Lane, network: Network, plan: Plan, instant: Any) -> Fleet:
 
 def decide(fleet: Fleet, lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
     """Have vehicles receive and decide."""
-    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.basis))
+    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
     return fleet._replace(mind=ticks.decide(lane, network, plan, fleet.mind, errors, fleet.basis, time))
 
 
@@ -139,7 +158,7 @@ def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Net
         if plan.decides:
             weights = retained.in_force(weights[0], picked(fleet.mind.decision, few))
         response, residual = forced_response(picked(vectors, few), weights, network)
-        jump = signal.jets(picked(forced, few) - response, picked(fleet.basis, few))
+        jump = signal.jets(picked(forced, few) - response, picked(fleet.effect(), few))
         cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
         free = tuple(e.at[..., few].add(by, mode="drop") for e, by in zip(free, jump, strict=False))
         return free, put(forced, few, response), put(status, few, cut_off)
@@ -170,6 +189,34 @@ def propagate(numbers: Flow, jets: Jets) -> Jets:
     return a, b, c
 
 
+def impulse_responses(gain: control.Gain, interval: Any) -> Float[Array, "nodes 3 lanes"]:
+    """`expm(A_c (1 - x) h) B` at the NODES x of a tick h."""
+    identity = jnp.broadcast_to(jnp.eye(3)[1:, :, None], (2, *gain.shape))
+    companion = jnp.concatenate([identity, -gain[None]]) * interval
+    flow = jax.vmap(jax.scipy.linalg.expm, -1, -1)
+    return jnp.stack([flow(companion * (1 - node))[:, 2] for node in NODES])
+
+
+def passed_on(
+    effect: Float[Array, "3 functions lanes"],
+    responses: Float[Array, "nodes 3 lanes"],
+    lane: Lane,
+    numbers: Flow,
+    time: Lanes,
+    interval: Any,
+) -> Float[Array, "3 functions lanes"]:
+    """What an axis makes of the attacks' functions one tick on: `g‴ + P(g) = R(β)`, from g now.
+
+    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, exact to rounding for functions that
+    are smooth within a tick.
+    """
+    total = jnp.einsum("klL,lbL->kbL", numbers.flow, effect)
+    for node, share, response in zip(NODES, SHARES, responses, strict=True):
+        disturbance = control.driven(lane.gain, lane.signal.basis(time + node * interval))
+        total = total + share * interval * response[:, None] * disturbance[None]
+    return total
+
+
 def plus(jets: Any, others: Any) -> Jets:
     """Sum of two signals' jets."""
     return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
@@ -177,7 +224,7 @@ def plus(jets: Any, others: Any) -> Jets:
 
 def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan, navigator: Any) -> Observation:
     """The fleets as they are measured now."""
-    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.basis))
+    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
     jets = plus(errors, [jet[:, None] for jet in navigator])
     return Observation(
         errors[0],

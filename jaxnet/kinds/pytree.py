@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from jaxnet.kinds.kind import Kind
+from jaxnet.model.signal import Falsified
 
 
 class Settings:
@@ -36,7 +37,9 @@ KNOWN: set[type] = set()
 
 
 def as_pytree(drawn: Any) -> Any:
-    """A drawn kind with what lanes ask of it, its class known to JAX; anything else as it is."""
+    """A drawn kind with what lanes ask of it, its class known to JAX, in a tuple too; else as it is."""
+    if isinstance(drawn, Falsified):
+        return drawn._replace(signal=as_pytree(drawn.signal))
     if not isinstance(drawn, Kind):
         return drawn
     cls = type(drawn)

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import decides, interval_of, outputs_of
+from jaxnet.config.scenario import has_ticks, interval_of, outputs_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
@@ -17,6 +17,7 @@ from jaxnet.lanes.proofs import prove
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
+from jaxnet.model.signal import ORDERS, Falsified
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
@@ -71,6 +72,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         metrics=scenario.measured(),
         decides=scenario.defence.decides,
         strategic=scenario.attack.strategic,
+        consistent=scenario.attack.consistent(),
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,
@@ -81,7 +83,7 @@ def clock_of(scenario: Scenario) -> Clock:
     """When things happen."""
     numbers = (
         interval_of(scenario),
-        round(scenario.output_step / scenario.tick) if decides(scenario) else 1,
+        round(scenario.output_step / scenario.tick) if has_ticks(scenario) else 1,
         outputs_of(scenario),
         round(scenario.tail / scenario.output_step) + 1,  # both ends of the tail
     )
@@ -111,7 +113,15 @@ def attack_of(scenario: Scenario, draw: Draw) -> tuple[Any, np.ndarray, Any]:
     scale = np.broadcast_to(scaled(drawn, sizes), count)
     attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
     vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
-    return signal, vectors, scale
+    return received_of(signal, drawn, count), vectors, scale
+
+
+def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:
+    """The signal with the orders that are falsified."""
+    orders = np.isin(ORDERS, attack.falsified())
+    if orders.all():
+        return signal
+    return Falsified(signal, np.broadcast_to(orders[:, None].astype(float), (4, count)))
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:

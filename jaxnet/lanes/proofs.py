@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.attacks import AnyAttack
+from jaxnet.kinds.kind import KindError
 
 INSTANTS = 65
 STEP = 1e-4  # [s] of the difference quotients
@@ -21,7 +22,7 @@ ROUNDING = 1e-9
 
 
 def prove(
-    attack: Kind, basis: Any, vectors: np.ndarray | None, sizes: Any, horizon: float, count: int
+    attack: AnyAttack, basis: Any, vectors: np.ndarray | None, sizes: Any, horizon: float, count: int
 ) -> None:
     """Raise KindError if a drawn attack's functions, unit vectors or sizes for `count` lanes are not what
     they must be.
@@ -39,7 +40,8 @@ def prove(
     times = np.linspace(STEP, horizon - STEP, INSTANTS)
     around = np.add.outer([-STEP, 0.0, STEP], times)
     before, now, after = np.asarray(jax.vmap(jax.vmap(lambda t: basis(jnp.full(count, t))))(around))
-    prove_derivatives(name, times, (after - before)[:, :3] / (2 * STEP), now[:, 1:])
+    if attack.derived:
+        prove_derivatives(name, times, (after - before)[:, :3] / (2 * STEP), now[:, 1:])
     greatest = np.linalg.norm(now, axis=2).max(axis=0)
     if not (greatest <= sizes * (1 + ROUNDING) + ROUNDING).all():
         order = int(np.argmax((greatest - sizes).max(axis=1)))

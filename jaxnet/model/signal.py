@@ -13,6 +13,8 @@ from jaxtyping import Float
 
 from jaxnet.model.circle import circle
 
+ORDERS = (0, 1, 2, 3)  # of a path and its derivatives, as they are received
+
 Vectors = Float[Any, "2 m functions *lanes"]
 Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
 
@@ -25,6 +27,17 @@ class Harmonic(NamedTuple):
     def basis(self, time: Any) -> Any:
         """Both functions with their derivatives: (4, 2, lanes)."""
         return turning(*circle(self.frequency * time), self.frequency)
+
+
+class Falsified(NamedTuple):
+    """A signal of which only some orders are received, so that they need not be each other's derivatives."""
+
+    signal: Any  # with a `basis`
+    orders: Any  # (4, lanes), 1 for an order that is received, else 0
+
+    def basis(self, time: Any) -> Any:
+        """The signal's functions, with zeros in the other orders."""
+        return self.orders[:, None] * self.signal.basis(time)
 
 
 def turning(cosine: Any, sine: Any, rate: Any) -> Any:
@@ -43,7 +56,6 @@ def combined(vectors: Any, functions: Any) -> Any:
     return total
 
 
-def jets(vectors: Any, basis: Any) -> tuple[Any, Any, Any, Any]:
-    """A signal and its first three derivatives [m, m/s, m/s², m/s³], each (2, m, lanes)."""
-    now, first, second, third = (combined(vectors, order) for order in basis)
-    return now, first, second, third
+def jets(vectors: Any, basis: Any) -> tuple[Any, ...]:
+    """A signal and as many derivatives as the functions have [m, m/s, …], each (2, m, lanes)."""
+    return tuple(combined(vectors, order) for order in basis)

@@ -19,9 +19,9 @@ from jaxnet.theory import exact
 def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
     """Lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
     attack = scenario.attack
-    if scenario.tick == 0 or attack.strategic or attack.replaces():
+    if scenario.tick == 0 or attack.strategic or attack.replaces() or not attack.consistent():
         raise ValueError(
-            "the exact solution is known of decisions at ticks and attacks that add a given signal"
+            "the exact solution is known of decisions at ticks and attacks that add a given path"
         )
     return job(scenario.model_copy(update={"output_step": scenario.tick}), seed, samples, ("state", "kept"))
 

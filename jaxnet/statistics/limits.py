@@ -65,7 +65,9 @@ def spread_of(scenario: Scenario) -> Spread | None:
     if known.retained is None or differs_by_lane(scenario):
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
-    return bounds.spread_of(known.retained, known.attacked, carried, smooth=not scenario.attack.strategic)
+    attack = scenario.attack
+    smooth = attack.consistent() and not attack.strategic
+    return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
 
 
 def unchecked(cells: Sequence[Cell]) -> list[int]:

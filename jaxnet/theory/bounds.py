@@ -3,7 +3,8 @@ O5).
 
 Each is a constant of one axis times how far attacks spread through the network (`spread`). With
 β = 1 + k0 + k1 + k2, attacks whose value and first three derivatives are within ā disturb an axis by ρ with
-`‖ρ_i‖ ≤ β γ_i ā`, in E = y - y_0, whatever kept sets follow each other.
+`‖ρ_i‖ ≤ β γ_i ā`, in E = y - y_0, whatever kept sets follow each other. Where only some of the received
+derivatives are falsified, β has their terms alone.
 
                          holds for
     static               consistent derivatives, kept sets that cannot switch
@@ -24,6 +25,7 @@ import numpy as np
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
+from jaxnet.model.signal import ORDERS
 from jaxnet.theory import lyapunov, response, spread
 from jaxnet.theory.response import Gain
 from jaxnet.theory.spread import Gains
@@ -50,19 +52,33 @@ class Spread(NamedTuple):
     gains: Gains  # γ
     fixed: Weights | None  # in force for good; None where retained neighbours, or attacks, may jump
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else not-a-number
+    orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
+
+    def disturbance(self, gain: Gain) -> float:
+        """β, what attacks of size 1 on these orders come to in ρ."""
+        return float(np.append(gain, 1.0)[list(self.orders)].sum())
 
 
-def spread_of(retained: AnySubset, attacked: Links, carried: Links, smooth: bool = True) -> Spread:
-    """How far attacks on some links spread, `carried` those that carry what their source says."""
+def spread_of(
+    retained: AnySubset,
+    attacked: Links,
+    carried: Links,
+    smooth: bool = True,
+    orders: tuple[int, ...] = ORDERS,
+) -> Spread:
+    """How far attacks on some links spread, `carried` those that carry what their source says.
+
+    `smooth` attacks are paths with their derivatives; `orders` are those that they falsify.
+    """
     gains = spread.worst_gains(retained, attacked, carried)
     fixed = retained.fixed if smooth else None
     if fixed is None:
-        return Spread(gains, None, np.nan)
+        return Spread(gains, None, np.nan, orders)
     if graph.unreachable(fixed):
-        return Spread(gains, fixed, np.inf)
+        return Spread(gains, fixed, np.inf, orders)
     inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(fixed * carried)), 2)
     added = np.where(attacked, fixed, 0.0).sum(axis=1)
-    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)))
+    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 
 def bounds(reach: Spread, gain: Gain) -> dict[str, Bound]:
@@ -128,7 +144,7 @@ def star_norm(reach: Spread, gain: Gain) -> Bound:
 
 def per_vehicle(constant: float, reach: Spread, gain: Gain) -> Bound:
     """`c β γ_i`, and their 2-norm."""
-    slopes = constant * (1 + gain.sum()) * reach.gains
+    slopes = constant * reach.disturbance(gain) * reach.gains
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
@@ -137,4 +153,4 @@ def stacked(constant: float, reach: Spread, gain: Gain, switching: float) -> Bou
     one = per_vehicle(constant, reach, gain)
     if reach.fixed is None:
         return Bound(one.vehicles * switching, one.fleet * switching)
-    return one._replace(fleet=float(constant * (1 + gain.sum()) * reach.norms))
+    return one._replace(fleet=float(constant * reach.disturbance(gain) * reach.norms))

@@ -6,19 +6,21 @@ they and their derivatives become; the vectors are scaled by ā over the greates
 """
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Len
 from pydantic import Field
 
 from jaxnet.kinds.fields import Each, NotNegative, is_drawn
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
-from jaxnet.model.signal import Harmonic
+from jaxnet.model.signal import ORDERS, Harmonic
 
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
+Order = Literal[0, 1, 2, 3]
 
 
 class AnyAttack(Kind):
@@ -26,6 +28,7 @@ class AnyAttack(Kind):
 
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
+    derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
 
     def targets(self) -> list[int]:
         """Vehicles that are attacked, from 1."""
@@ -46,6 +49,14 @@ class AnyAttack(Kind):
         Otherwise it carries what its source says, plus the signal.
         """
         return False
+
+    def falsified(self) -> tuple[int, ...]:
+        """Orders of the received derivatives that carry the signal, of 0 to 3; the others are true."""
+        return ORDERS
+
+    def consistent(self) -> bool:
+        """Whether what is received of an attacked source are a path and its derivatives."""
+        return self.derived and self.falsified() == ORDERS
 
     def signal(self) -> Any:
         """What gives the scalar functions: `basis(time)` → (4, B, lanes), for times (lanes,) [s]."""
@@ -74,7 +85,9 @@ class Attack(AnyAttack):
     """
 
     present: ClassVar[bool] = True
-    untraced: ClassVar[frozenset[str]] = frozenset({"label", "magnitude", "vehicles", "channel", "threat"})
+    untraced: ClassVar[frozenset[str]] = frozenset(
+        {"label", "magnitude", "vehicles", "channel", "threat", "orders"}
+    )
 
     magnitude: NotNegative = Field(
         default=5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
@@ -89,6 +102,11 @@ class Attack(AnyAttack):
         default="adds",
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
+    )
+    orders: Annotated[list[Order], Len(1)] = Field(
+        default=[*ORDERS],
+        description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
+        " 2 acceleration, 3 jerk; the others are true",
     )
 
     @classmethod
@@ -122,6 +140,10 @@ class Attack(AnyAttack):
     def replaces(self) -> bool:
         """As `threat` says."""
         return self.threat == "replaces"
+
+    def falsified(self) -> tuple[int, ...]:
+        """As `orders` says."""
+        return tuple(sorted(set(self.orders)))
 
     def signal(self) -> Any:
         """The attack itself, for `basis` is its own."""
@@ -163,13 +185,18 @@ class Attack(AnyAttack):
             yield Fault(("attack.vehicles",), f"named twice (got {self.vehicles})")
         if self.strategic and scenario.tick == 0:
             yield Fault(("attack", "tick"), f"{self.kind} decides at ticks: give a tick")
+        if self.replaces() and self.falsified() != ORDERS:
+            yield Fault(
+                ("attack.orders", "attack.threat"),
+                f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
+            )
         if self.strategic and is_drawn(self.magnitude):
             yield Fault(("attack.magnitude",), f"{self.kind} takes a number")
 
 
 def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:
-    """What unit vectors are multiplied with (lanes,) [m]: ā over the greatest of the four sizes."""
-    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes), axis=0))
+    """What unit vectors are multiplied with (lanes,) [m]: ā over the greatest size of what is falsified."""
+    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

@@ -9,11 +9,13 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
+from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
 from jaxnet.theory import certificate
 
+ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_CELLS = 60
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
@@ -110,7 +112,15 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     else:
         how = "in what they transmit"
     instead = ", in place of what is sent" if attack.replaces() else ""
-    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}"
+    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{orders_told(attack)}"
+
+
+def orders_told(attack: AnyAttack) -> str:
+    """Where what is received of an attacked source is not a path with its derivatives."""
+    if attack.consistent():
+        return ""
+    which = ", ".join(ORDER_NAMES[order] for order in attack.falsified())
+    return f"; {which} falsified each on its own, so the static bound says nothing"
 
 
 def honest_line(facts: certificate.Certificate) -> str:

@@ -1,0 +1,35 @@
+"""Constants that do not belong together."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.fields import Angle
+
+
+class Spoof(Attack):
+    """A constant offset along each vehicle's direction in each of the `orders`, so a path with derivatives
+    that are not its own.
+
+    With all orders it drives the fleet as far as any disturbance of this size: it attains the peak gain where
+    ‖h‖₁ = 1/k0 (SCIENCE O5).
+    """
+
+    kind = "spoof"
+    derived: ClassVar[bool] = False
+
+    direction: Angle = 0.0
+
+    def basis(self, time: Any) -> Any:
+        """One function, 1 in every order."""
+        xp = time.__array_namespace__()
+        return xp.ones((4, 1, *time.shape))
+
+    def vectors(self) -> np.ndarray:
+        """The direction."""
+        return along(self.direction)[:, :, None]  # pyright: ignore[reportArgumentType]
+
+    def sizes(self, horizon: float) -> np.ndarray:
+        """1 in every order."""
+        return np.ones((4, 1))

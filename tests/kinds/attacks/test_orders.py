@@ -1,0 +1,91 @@
+"""Some of the received derivatives are falsified: exact answers of all engines (SCIENCE O10)."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests import reference, systems
+
+RING_AND_PATH = {"topology": ["cyclic", "path"]}
+CONSISTENT = {"cyclic": 3.1034482758620690, "path": 4.0}  # worst vehicle's static gain, SCIENCE O3
+BETA = 8.0  # 1 + k0 + k1 + k2
+
+
+def worst_at_the_end(engine, attack, **keys):
+    """Greatest error over ā of each topology, after a minute and a half."""
+    clock = {"horizon": 90.0, "tail": 0.0, "output_step": 0.5, "tick": 0.5}
+    study = systems.study(engine=engine, attack=attack, defence="none", sweep=RING_AND_PATH, **clock, **keys)
+    outcome = systems.simulate(systems.lanes(study, 1, ()))
+    assert (outcome.status == 0).all()
+    return outcome.metrics["tail_max"] / attack["magnitude"]
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-6), ("nonlinear", 1e-5)])
+def test_a_constant_in_every_order_attains_the_peak_gain(engine, accuracy):
+    """24.83 ā on the ring, 32 ā on the path: β times the static gain."""
+    known = [BETA * CONSISTENT[name] for name in RING_AND_PATH["topology"]]
+    found = worst_at_the_end(engine, {"kind": "spoof", "magnitude": 2.0})
+    np.testing.assert_allclose(found, known, rtol=0, atol=accuracy)
+
+
+@pytest.mark.parametrize("orders", [[0], [1], [3], [0, 2]])
+def test_a_constant_in_some_orders(orders):
+    """Each order counts by its gain, over k0."""
+    share = sum([1.0, 3.0, 3.0, 1.0][k] for k in orders)
+    found = worst_at_the_end("exact", {"kind": "spoof", "magnitude": 2.0, "orders": orders})
+    known = [share * CONSISTENT[name] for name in RING_AND_PATH["topology"]]
+    np.testing.assert_allclose(found, known, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-6), ("nonlinear", 1e-5)])
+def test_a_position_alone_that_rotates_is_filtered(engine, accuracy):
+    """`(1 + ω²)^(-3/2)` of what the consistent one does: 0.5498 at 0.7 rad/s."""
+    attack = {"kind": "rotating", "frequency": 0.7, "phase": 0.0, "magnitude": 2.0}
+    alone = worst_at_the_end(engine, {**attack, "orders": [0]})
+    np.testing.assert_allclose(alone / worst_at_the_end(engine, attack), 1.49**-1.5, rtol=0, atol=accuracy)
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-7), ("nonlinear", 1e-5), ("stacked", 1e-5)])
+def test_a_lane_moves_as_an_independent_integration(engine, accuracy):
+    """Chirped acceleration and position, drawn gains: `R(E_i) = Σ w_ij (R(E_j) + R(a_j))`, by SciPy."""
+    attack = {"kind": "chirp", "frequency": 0.9, "rate": 0.3, "magnitude": 3.0, "orders": [0, 2]}
+    gain = [{"uniform": [0.9, 1.1]}, 3, {"uniform": [3, 4]}]
+    keys = {"defence": "none", "horizon": 4.0, "tail": 1.0, "gain": gain}
+    study = systems.study(engine=engine, attack=attack, **keys)
+    one = systems.lanes(study, 2)
+    outcome = systems.simulate(one)
+    times = np.arange(41) * 0.1
+    for number in range(2):
+        lane = systems.lane(one, number)
+        known = integrated(lane, times)
+        path = np.stack([np.asarray(lane.navigator.jets(np.asarray(t)))[0] for t in times])
+        ours = outcome.series["state"][number, :, :, :2] - path[:, None]
+        assert np.abs(ours - known).max() <= accuracy
+
+
+def integrated(lane, times):
+    """E of one lane: E‴ = q with `L q = Σ w R(a) - P(L E)`, the chirp's jets written out."""
+    k0, k1, k2 = np.asarray(lane.gain)
+    graph, m = lane.weights, len(lane.weights)
+    laplacian = np.eye(m) - graph[:, 1:]
+    vectors, kind = lane.vectors, lane.signal.signal
+
+    def disturbance(t):
+        angle = float(kind.frequency) * t + float(kind.rate) * t**2 / 2
+        rate, slope = float(kind.frequency) + float(kind.rate) * t, float(kind.rate)
+        wave = np.array([np.cos(angle), np.sin(angle)])
+        ahead = np.array([-np.sin(angle), np.cos(angle)])
+        felt = k0 * wave + k2 * (slope * ahead - rate**2 * wave)
+        mine = vectors @ felt  # (2, m)
+        added = np.where(lane.links[:, 1:], graph[:, 1:], 0.0)
+        return added @ mine.T
+
+    def field(t, flat):
+        error = flat.reshape(3, m, 2)
+        demand = disturbance(t) - laplacian @ (k0 * error[0] + k1 * error[1] + k2 * error[2])
+        return np.concatenate([error[1], error[2], np.linalg.solve(laplacian, demand)]).ravel()
+
+    navigator = np.asarray(lane.navigator.jets(np.asarray(0.0)))
+    start = reference.flat_jets(lane.initial.T) - navigator[:3, None]
+    found = solve_ivp(field, (0, times[-1]), start.ravel(), "DOP853", times, rtol=1e-12, atol=1e-10)
+    return found.y.reshape(3, m, 2, -1)[0].transpose(2, 0, 1)
