@@ -17,7 +17,7 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import retained, signal
+from jaxnet.model import control, retained, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 
@@ -45,18 +45,19 @@ class Seen(NamedTuple):
 
 def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
     """Before the first tick: everybody is retained."""
-    around = surroundings(lane, network, jnp.zeros_like(lane.amplitude))
-    errors = (jnp.zeros_like(lane.initial[:2]),) * 3
+    time, errors = jnp.zeros_like(lane.amplitude), (jnp.zeros_like(lane.initial[:2]),) * 3
     decision, memory = (), ()
     if plan.decides:
-        memory, everybody = lane.defence.start(around), jnp.ones(lane.weights.shape, bool)
+        memory = lane.defence.start(surroundings(lane, network, time))
+        everybody = jnp.ones(lane.weights.shape, bool)
+        around = surroundings(lane, network, time, memory, (*errors, errors[0]))
         shape = jax.eval_shape(
             lambda: lane.defence.decide(errors, received(network, errors, errors), everybody, memory, around)
         )
         decision = first_decision(shape[0], lane)
     if not plan.strategic:
         return Mind(decision, memory, (), ())
-    nothing = sight(lane, network, decision, errors, lane.signal.basis(around.time), around.time)
+    nothing = sight(lane, network, decision, errors, lane.signal.basis(time), time)
     return Mind(decision, memory, lane.vectors, lane.signal.begin(nothing))
 
 
@@ -82,10 +83,16 @@ def first_decision(decided: Any, lane: Lane) -> Any:
     return jnp.broadcast_to(lane.weights, decided.shape)
 
 
-def surroundings(lane: Lane, network: Network, time: Any) -> Neighbourhood:
-    """What a defence is told besides the jets."""
+def surroundings(
+    lane: Lane, network: Network, time: Any, memory: Any = (), attack: Any = ()
+) -> Neighbourhood:
+    """What a defence is told besides the jets; `attack` are the signals' jets."""
+    announced = lane.defence.announcement(memory)
+    if not isinstance(announced, tuple):
+        sent = jnp.concatenate([jnp.zeros_like(announced[:, :1]), announced], axis=1)
+        announced = network.hearing.received(sent, control.driven(lane.gain, attack))
     return Neighbourhood(
-        network.hearing.sources, lane.weights, network.trusted, lane.gain, time, network.shared
+        network.hearing.sources, lane.weights, network.trusted, lane.gain, time, network.shared, announced
     )
 
 
@@ -112,7 +119,7 @@ def decide(
         received(network, errors, attack),
         mind.decision,
         mind.memory,
-        surroundings(lane, network, time),
+        surroundings(lane, network, time, mind.memory, attack),
     )
     return mind._replace(decision=of_heard(decision, lane), memory=memory)
 

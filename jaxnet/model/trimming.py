@@ -17,20 +17,40 @@ def condition(heard: Mask, trusted: Mask, theta: Int[Array, " m"]) -> Bool[Array
 
 
 def deviation(
-    received: Float[Array, "2 slots m lanes"], trusted: Mask, references: Int[Array, "most m"]
+    received: Float[Array, "axes slots m lanes"], trusted: Mask, references: Int[Array, "most m"]
 ) -> Scores:
-    """`Δ_ik`, mean distance [m] from what i receives of k to what it receives of those it trusts; else 0."""
+    """`Δ_ik`, mean distance from what i receives of k to what it receives of those it trusts; else 0.
+
+    What is received has a first axis over components, those of a position [m] or of more.
+    """
     listeners, distance = jnp.arange(received.shape[2]), jnp.zeros(received.shape[1:])
     for slot in references:
         apart = received - received.at[:, slot, listeners].get(mode="promise_in_bounds")[:, None]
         counts = trusted.at[slot, listeners].get(mode="promise_in_bounds")
-        distance = distance + jnp.where(counts[None], jnp.sqrt(apart[0] ** 2 + apart[1] ** 2), 0.0)
+        distance = distance + jnp.where(counts[None], length(apart), 0.0)
     return distance / jnp.maximum(1, trusted.sum(axis=0)).astype(float)[None]
 
 
 def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) -> Scores:
     """Scores with a tolerance [m] added to those of who were dropped last."""
     return score + jnp.where(retained, 0.0, tolerance[None, None])
+
+
+def length(vectors: Float[Array, "axes slots m lanes"]) -> Scores:
+    """Their norms, component by component added up."""
+    squares = vectors[0] ** 2
+    for component in vectors[1:]:
+        squares = squares + component**2
+    return jnp.sqrt(squares)
+
+
+def filtered(
+    score: Scores, before: Scores, interval: Float[Array, " lanes"], constant: Float[Array, " lanes"]
+) -> Scores:
+    """Scores, low-passed: `s ← s + (1 - e^{-h/T}) (Δ - s)`; at first they themselves."""
+    first = jnp.isinf(interval)[None, None]
+    share = -jnp.expm1(-interval / constant)[None, None]
+    return jnp.where(first, score, before + share * (score - before))
 
 
 def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:

@@ -22,7 +22,7 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
             "a vector field needs double precision: call jax.config.update('jax_enable_x64', True) first"
         )
     scenario = study.cells[cell].scenario
-    if scenario.attack.strategic or (scenario.defence.decides and scenario.defence.ticks_only):
+    if scenario.attack.strategic or (scenario.defence.decides and scenario.defence.needs_ticks()):
         kind = (scenario.attack if scenario.attack.strategic else scenario.defence).kind
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
     one = job(scenario.model_copy(update={"tick": 0.0}), study.config.seed, [sample])

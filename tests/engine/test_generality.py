@@ -68,7 +68,10 @@ class Withdrawing(Defence):
     """From 2.4375 s on the navigator alone is retained; needs no memory."""
 
     kind = "withdrawing"
-    ticks_only: ClassVar[bool] = False
+
+    def needs_ticks(self) -> bool:
+        """None."""
+        return False
 
     def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Any) -> Any:
         """By the time alone."""

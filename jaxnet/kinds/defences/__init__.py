@@ -20,6 +20,7 @@ class Neighbourhood(NamedTuple):
     gain: Any  # (3, lanes), on ε, ε̇, ε̈
     time: Any  # (lanes,) [s]
     shared: Any  # what the defence's `shared` has made
+    announced: Any = ()  # what each slot's source announces, attacked or not: (2, slots, m, lanes)
 
 
 class Defence(Kind):
@@ -30,9 +31,10 @@ class Defence(Kind):
     """
 
     decides: ClassVar[bool] = True
-    ticks_only: ClassVar[bool] = (
-        True  # whether it cannot be evaluated at any instant, without memory (`tick: 0`)
-    )
+
+    def needs_ticks(self) -> bool:
+        """Whether it cannot be evaluated at any instant, without memory (`tick: 0`)."""
+        return True
 
     def trusts(self, weights: Weights) -> Links:
         """Links of a graph whose source the listener trusts: the navigator, wherever it is heard."""
@@ -46,6 +48,14 @@ class Defence(Kind):
 
     def start(self, around: Neighbourhood) -> Any:
         """The memory before anything was received: any pytree of arrays whose last axis is over lanes."""
+        return ()
+
+    def announcement(self, memory: Any) -> Any:
+        """What vehicles tell their listeners of the `R(y) - R(y_0)` that drives them: (2, m, lanes).
+
+        An attacked link adds R of its signal, and carries that alone where the threat replaces. () where they
+        tell nothing, the default.
+        """
         return ()
 
     def decide(
@@ -70,7 +80,7 @@ class Defence(Kind):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """A rule that has a memory needs ticks."""
-        if self.decides and self.ticks_only and scenario.tick == 0:
+        if self.decides and self.needs_ticks() and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
 
 

@@ -1,20 +1,21 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood, by_listener
-from jaxnet.kinds.fields import MARK, NotNegative, member, names_distribution
+from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
 from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.wording import ranges
 
+Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
@@ -33,14 +34,23 @@ class Trimming(NamedTuple):
     references: Int[np.ndarray, "most m"]
 
 
+class Recollection(NamedTuple):
+    """What a vehicle remembers from tick to tick; () for what its score does not need."""
+
+    score: Any  # (slots, m, lanes), low-pass filtered
+    time: Any  # (lanes,) [s] of the last tick
+    announced: Any  # (2, m, lanes), ρ, which it announces itself
+
+
 class TrustedTrim(Defence):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
-    A vehicle trims if it hears at least 2ϑ_i + 1 sources, ϑ_i of them trusted; the others retain everybody.
+    How far is a matter of `score`: of positions, as the paper has it, of positions, velocities and
+    accelerations together, of what the law makes of them, or of what sources announce (SCIENCE, section 3). A
+    vehicle trims if it hears at least 2ϑ_i + 1 sources, ϑ_i of them trusted; the others retain everybody.
     """
 
     kind = "trusted_trim"
-    ticks_only: ClassVar[bool] = False
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
@@ -51,6 +61,18 @@ class TrustedTrim(Defence):
         default={}, description="{vehicle: [sources]} trusted besides the navigator"
     )
     tolerance: NotNegative = Field(default=1e-9, description="[m], SCIENCE O8")
+    score: Score = Field(
+        default="position",
+        description="what is compared: position, the paper's; jets, position, velocity and acceleration;"
+        " feedback, what the law makes of them; announced, what sources say drives them",
+    )
+    filter: Positive | None = Field(
+        default=None, description="[s], time constant of a low-pass filter on scores"
+    )
+
+    def needs_ticks(self) -> bool:
+        """What is remembered is remembered from tick to tick."""
+        return self.filter is not None or self.score == "announced"
 
     def trusts(self, weights: Weights) -> Links:
         """The navigator wherever it is heard, and those listed."""
@@ -63,22 +85,55 @@ class TrustedTrim(Defence):
         references = np.argsort(~slots, axis=0, kind="stable")[:most]
         return Trimming(by_listener(self.theta, len(weights)), references)
 
+    def start(self, around: Neighbourhood) -> Any:
+        """Nothing was scored yet, and nothing is announced but that nothing drives one."""
+        lanes = around.weights.shape[1:]
+        xp = around.weights.__array_namespace__()
+        score, time = (), ()
+        if self.filter is not None:
+            score, time = xp.zeros(around.weights.shape), xp.full(lanes[1:], -xp.inf)
+        return Recollection(score, time, xp.zeros((2, *lanes)) if self.score == "announced" else ())
+
+    def announcement(self, memory: Any) -> Any:
+        """ρ of the last tick."""
+        return memory.announced if memory else ()
+
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
     ) -> tuple[Any, Any]:
         """Drop the greatest scores, ties to the lower number.
 
         `tolerance` [m] is added to the score of those dropped last, so that rounding alone changes nobody's
-        mind (SCIENCE O8).
+        mind (SCIENCE O8). Announced is `ρ_i = Σ w̃_ij ρ_j` over the retained, of what they announced.
         """
-        from jaxnet.model import trimming
+        from jaxnet.model import retained, trimming
 
         heard = around.weights > 0
         trusts = heard & around.trusted[:, :, None]
         candidates = heard & ~trusts & trimming.condition(heard, trusts, around.shared.theta)[None]
-        score = trimming.deviation(received[0], trusts, around.shared.references)
+        score = trimming.deviation(self.compared(received, around), trusts, around.shared.references)
+        if self.filter is not None:
+            score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
+            memory = memory._replace(score=score, time=around.time)
         score = trimming.stiffened(score, last, self.tolerance)
-        return ~trimming.farthest(score, candidates, around.shared.theta), memory
+        decision = ~trimming.farthest(score, candidates, around.shared.theta)
+        if self.score == "announced":
+            weights = retained.in_force(around.weights, decision)
+            memory = memory._replace(announced=(weights * around.announced).sum(axis=1))
+        return decision, memory
+
+    def compared(self, received: Any, around: Neighbourhood) -> Any:
+        """What scores compare: (axes, slots, m, lanes)."""
+        from jaxnet.model import control
+
+        match self.score:
+            case "jets":
+                return received[0].__array_namespace__().concatenate(received)
+            case "feedback":
+                return control.feedback(around.gain, received)
+            case "announced":
+                return around.announced
+        return received[0]
 
     def retained(self, weights: Weights, trusted: Links) -> AnySubset:
         """A vehicle that trims drops exactly ϑ_i untrusted sources, or all where it hears fewer."""
