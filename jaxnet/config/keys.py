@@ -16,7 +16,7 @@ from jaxnet.engine.methods.nonlinear import Nonlinear
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.attacks.rotating import Rotating
-from jaxnet.kinds.defences import Defence
+from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member
@@ -61,7 +61,7 @@ class Scenario(Record):
     initial: Initial = Initial()
     gain: Annotated[list[Number], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
     attack: Annotated[AnyAttack, Of("attack")] = Rotating()
-    defence: Annotated[Defence, Of("defence")] = TrustedTrim()
+    defence: Annotated[AnyDefence, Of("defence")] = TrustedTrim()
     engine: Annotated[Engine, Of("engine")] = Nonlinear()
     metrics: list[Annotated[str, AfterValidator(known_metric)]] = Field(
         default=[], description="what rows measure besides the contract's metrics"

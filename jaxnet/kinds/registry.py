@@ -38,7 +38,7 @@ FAMILIES = {
     "navigator": Family("jaxnet.kinds.navigators", "Navigator", "jaxnet.navigators"),
     "vehicle": Family("jaxnet.kinds.vehicles", "Vehicle", "jaxnet.vehicles"),
     "attack": Family("jaxnet.kinds.attacks", "AnyAttack", "jaxnet.attacks"),
-    "defence": Family("jaxnet.kinds.defences", "Defence", "jaxnet.defences"),
+    "defence": Family("jaxnet.kinds.defences", "AnyDefence", "jaxnet.defences"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
     "engine": Family("jaxnet.engine.methods", "Engine", "jaxnet.engines"),
 }

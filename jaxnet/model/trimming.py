@@ -10,12 +10,6 @@ Mask = Bool[Array, "slots m lanes"]
 Scores = Float[Array, "slots m lanes"]
 
 
-def condition(heard: Mask, trusted: Mask, theta: Int[Array, " m"]) -> Bool[Array, "m lanes"]:
-    """Vehicles that hear at least 2ϑ + 1 sources, ϑ of them trusted."""
-    needed = theta[:, None]
-    return (heard.sum(axis=0) >= 2 * needed + 1) & (trusted.sum(axis=0) >= needed)
-
-
 def deviation(
     received: Float[Array, "axes slots m lanes"], trusted: Mask, references: Int[Array, "most m"]
 ) -> Scores:

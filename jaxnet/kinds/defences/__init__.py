@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.model import graph
+from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.model import graph, safety
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
+from jaxnet.model.safety import Safe
 
 
 class Neighbourhood(NamedTuple):
@@ -23,14 +25,10 @@ class Neighbourhood(NamedTuple):
     announced: Any = ()  # what each slot's source announces, attacked or not: (2, slots, m, lanes)
 
 
-class Defence(Kind):
-    """A rule by which vehicles weigh what they receive. One of one's own gives `decide`.
+class AnyDefence(Kind):
+    """What is asked of a defence."""
 
-    Jets, a position with its velocity and acceleration, are told relative to the navigator's: what a rule
-    makes of differences alone it makes of these.
-    """
-
-    decides: ClassVar[bool] = True
+    decides: ClassVar[bool] = False
 
     def needs_ticks(self) -> bool:
         """Whether it cannot be evaluated at any instant, without memory (`tick: 0`)."""
@@ -74,13 +72,39 @@ class Defence(Kind):
         """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
         return None
 
+    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
+        """Vehicles that end on the navigator whatever attackers say; by default those out of their reach."""
+        return Safe("untouched", safety.untouched(weights > 0, attacked))
+
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what it promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
 
+
+class Defence(AnyDefence):
+    """A rule by which vehicles weigh what they receive. One of one's own gives `decide`.
+
+    Jets, a position with its velocity and acceleration, are told relative to the navigator's: what a rule
+    makes of differences alone it makes of these.
+    """
+
+    decides: ClassVar[bool] = True
+    untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
+
+    trusted: dict[int, list[int]] = Field(
+        default={}, description="{vehicle: [sources]} trusted besides the navigator"
+    )
+
+    def trusts(self, weights: Weights) -> Links:
+        """The navigator wherever it is heard, and those listed."""
+        return graph.trusted_links(weights, self.trusted)
+
     def faults(self, scenario: Any) -> Iterator[Fault]:
-        """A rule that has a memory needs ticks."""
-        if self.decides and self.needs_ticks() and scenario.tick == 0:
+        """Whoever is named must exist, and a rule that has a memory needs ticks."""
+        yield from unknown_vehicles("defence.trusted", list(self.trusted), scenario.vehicles, first=1)
+        sources = [source for trusted in self.trusted.values() for source in trusted]
+        yield from unknown_vehicles("defence.trusted", sources, scenario.vehicles, first=0)
+        if self.needs_ticks() and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
 
 

@@ -1,17 +1,16 @@
 """No defence."""
 
-from typing import Any, ClassVar
+from typing import Any
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import AnyDefence, Neighbourhood
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset, everybody
 
 
-class NoDefence(Defence):
+class NoDefence(AnyDefence):
     """Everybody is believed."""
 
     kind = "none"
-    decides: ClassVar[bool] = False
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

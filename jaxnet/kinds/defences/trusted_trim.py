@@ -10,9 +10,10 @@ from pydantic import Discriminator, Field
 from jaxnet.kinds.defences import Defence, Neighbourhood, by_listener
 from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
 from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
-from jaxnet.model import graph, hearing
+from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
+from jaxnet.model.safety import Safe
 from jaxnet.model.wording import ranges
 
 Score = Literal["position", "jets", "feedback", "announced"]
@@ -46,8 +47,12 @@ class TrustedTrim(Defence):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
     How far is a matter of `score`: of positions, as the paper has it, of positions, velocities and
-    accelerations together, of what the law makes of them, or of what sources announce (SCIENCE, section 3). A
-    vehicle trims if it hears at least 2ϑ_i + 1 sources, ϑ_i of them trusted; the others retain everybody.
+    accelerations together, or of what the law makes of them. A vehicle trims if it hears at least 2ϑ_i + 1
+    sources, ϑ_i of them trusted; the others retain everybody.
+
+    Or vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)` as it follows from what their retained
+    sources announced at the last tick, and drop the ϑ_i that announce most, if they hear more than ϑ_i
+    (SCIENCE, O11).
     """
 
     kind = "trusted_trim"
@@ -57,9 +62,6 @@ class TrustedTrim(Defence):
         Annotated[Theta, member("all")] | Annotated[dict[int, Theta], member("each")],
         Discriminator(whole_or_each),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
-    trusted: dict[int, list[int]] = Field(
-        default={}, description="{vehicle: [sources]} trusted besides the navigator"
-    )
     tolerance: NotNegative = Field(default=1e-9, description="[m], SCIENCE O8")
     score: Score = Field(
         default="position",
@@ -73,10 +75,6 @@ class TrustedTrim(Defence):
     def needs_ticks(self) -> bool:
         """What is remembered is remembered from tick to tick."""
         return self.filter is not None or self.score == "announced"
-
-    def trusts(self, weights: Weights) -> Links:
-        """The navigator wherever it is heard, and those listed."""
-        return graph.trusted_links(weights, self.trusted)
 
     def shared(self, weights: Weights, trusted: Links, sources: np.ndarray) -> Trimming:
         """ϑ, and where the trusted sources are heard."""
@@ -108,47 +106,63 @@ class TrustedTrim(Defence):
         """
         from jaxnet.model import retained, trimming
 
-        heard = around.weights > 0
+        heard, theta = around.weights > 0, around.shared.theta
         trusts = heard & around.trusted[:, :, None]
-        candidates = heard & ~trusts & trimming.condition(heard, trusts, around.shared.theta)[None]
-        score = trimming.deviation(self.compared(received, around), trusts, around.shared.references)
+        trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
+        if self.score == "announced":
+            score = trimming.length(around.announced)
+        else:
+            compared = self.compared(received, around.gain)
+            score = trimming.deviation(compared, trusts, around.shared.references)
         if self.filter is not None:
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
             memory = memory._replace(score=score, time=around.time)
         score = trimming.stiffened(score, last, self.tolerance)
-        decision = ~trimming.farthest(score, candidates, around.shared.theta)
+        decision = ~trimming.farthest(score, heard & ~trusts & trims[None], theta)
         if self.score == "announced":
             weights = retained.in_force(around.weights, decision)
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))
         return decision, memory
 
-    def compared(self, received: Any, around: Neighbourhood) -> Any:
-        """What scores compare: (axes, slots, m, lanes)."""
+    def trims(self, heard: Any, trusted: Any, theta: Any) -> Any:
+        """Who trims, by how many sources are heard and how many of them are trusted."""
+        if self.score == "announced":
+            return heard > theta
+        return (heard >= 2 * theta + 1) & (trusted >= theta)
+
+    def compared(self, received: Any, gain: Any) -> Any:
+        """What scores compare of what is received: (axes, slots, m, lanes)."""
         from jaxnet.model import control
 
-        match self.score:
-            case "jets":
-                return received[0].__array_namespace__().concatenate(received)
-            case "feedback":
-                return control.feedback(around.gain, received)
-            case "announced":
-                return around.announced
-        return received[0]
+        if self.score == "jets":
+            return received[0].__array_namespace__().concatenate(received)
+        return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
     def retained(self, weights: Weights, trusted: Links) -> AnySubset:
         """A vehicle that trims drops exactly ϑ_i untrusted sources, or all where it hears fewer."""
         theta = by_listener(self.theta, len(weights))
-        trims = protected(weights, trusted, theta) & (theta > 0)
-        links = (weights > 0) & ~trusted & trims[:, None]
+        links = (weights > 0) & ~trusted & self.protected(weights, trusted)[:, None]
         return AnySubset(weights, links, np.minimum(theta, links.sum(axis=1)))
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
-        """For whom |N_i| ≥ 2ϑ_i + 1 holds with ϑ_i trusted sources, and where more than ϑ_i are attacked."""
+    def protected(self, weights: Weights, trusted: Links) -> Bool[np.ndarray, " m"]:
+        """Vehicles that trim anybody on a graph."""
         theta = by_listener(self.theta, len(weights))
-        meets = protected(weights, trusted, theta) & (theta > 0)
+        return self.trims((weights > 0).sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
+
+    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
+        """Those whose announced disturbance contracts, if they announce; other scores prove nothing."""
+        if self.score != "announced":
+            return super().safe(weights, attacked, trusted)
+        theta = by_listener(self.theta, len(weights))
+        return Safe("by contraction", safety.contracting(weights > 0, attacked, trusted, theta))
+
+    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+        """Who trims, and where more than ϑ_i are attacked."""
+        theta, meets = by_listener(self.theta, len(weights)), self.protected(weights, trusted)
         outnumbered = meets & ((attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1))
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
-        line = f"ϑ = {values}, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "
+        asked = "|N_i| > ϑ" if self.score == "announced" else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"
+        line = f"ϑ = {values}, {asked}: "
         if not meets.any():
             return {"trimming": line + "nobody is protected, so everybody keeps whom they hear"}
         line += "holds for every vehicle"
@@ -161,15 +175,6 @@ class TrustedTrim(Defence):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Whoever is named must exist."""
-        m, listed = scenario.vehicles, self.trusted
-        yield from unknown_vehicles("defence.trusted", list(listed), m, first=1)
-        sources = [source for trusted in listed.values() for source in trusted]
-        yield from unknown_vehicles("defence.trusted", sources, m, first=0)
+        yield from super().faults(scenario)
         if isinstance(self.theta, dict):
-            yield from unknown_vehicles("defence.theta", list(self.theta), m, first=1)
-
-
-def protected(weights: Weights, trusted: Links, theta: Int[np.ndarray, " m"]) -> Bool[np.ndarray, " m"]:
-    """Vehicles that meet the trimming condition: at least 2ϑ + 1 heard and ϑ trusted sources."""
-    heard = (weights > 0).sum(axis=1)
-    return (heard >= 2 * theta + 1) & (trusted.sum(axis=1) >= theta)
+            yield from unknown_vehicles("defence.theta", list(self.theta), scenario.vehicles, first=1)

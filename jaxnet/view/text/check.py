@@ -11,6 +11,8 @@ from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.kind import numbered
+from jaxnet.model.safety import Safe
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
 from jaxnet.theory import certificate
@@ -82,6 +84,7 @@ def network_text(cells: Sequence[Cell]) -> str:
         "attack": attack_line(scenario, facts),
         "Assumption 1": honest_line(facts),
         **scenario.defence.describe(weights, attacked, trusted),
+        "safe": safe_line(scenario.defence.safe(weights, attacked, trusted)),
         **drawn_lines(cells),
     }
     title = f"{scenario.topology.kind}, {cells_named([cell.number for cell in cells])}"
@@ -131,6 +134,14 @@ def honest_line(facts: certificate.Certificate) -> str:
     if facts.all_attacked:
         line += f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
     return line
+
+
+def safe_line(safe: Safe) -> str:
+    """Who ends on the navigator whatever attackers say, and of whom that is not known."""
+    if safe.vehicles.all():
+        return f"every vehicle, {safe.why}"
+    rest = f"not known of {ranges(numbered(~safe.vehicles))}"
+    return f"{ranges(numbered(safe.vehicles))}, {safe.why}; {rest}" if safe.vehicles.any() else rest
 
 
 def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from jaxnet.kinds.attacks.bias import Bias
 from jaxnet.kinds.defences import Neighbourhood
-from jaxnet.kinds.defences.trusted_trim import TrustedTrim, protected
+from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.figure1 import Figure1
 from jaxnet.kinds.graphs.path import Path
@@ -62,7 +62,7 @@ class Situation:
 @jax.jit
 def decide(weights, received, trusted, memory, shared):
     """The decision of one moment in one lane: weights in force and slots dropped."""
-    rule = TrustedTrim.filled({"tolerance": jnp.full(1, TOLERANCE)})
+    rule = TrustedTrim.filled({"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None})
     around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, None, None, shared)
     jets = (received[..., None],) * 3
     decision, _ = rule.decide(jets, jets, ~memory[..., None], (), around)
@@ -249,13 +249,13 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
     )
     weights = weights_of(heard)
     trusts = rule.trusts(weights)
-    marks, found = protected(weights, trusts, np.array(theta)), rule.retained(weights, trusts)
+    marks, found = rule.protected(weights, trusts), rule.retained(weights, trusts)
     np.testing.assert_array_equal(found.weights, weights)
     for i, (sources, drops) in enumerate(zip(heard, theta, strict=True), start=1):
         believed = sources & ({0} | set(trusted.get(i, ())))
-        assert marks[i - 1] == (len(sources) > 2 * drops and len(believed) >= drops)
+        assert marks[i - 1] == (len(sources) > 2 * drops and len(believed) >= drops > 0)
         assert set(np.flatnonzero(trusts[i - 1])) == believed
-        others = sources - believed if drops and marks[i - 1] else set()
+        others = sources - believed if marks[i - 1] else set()
         assert set(np.flatnonzero(found.links[i - 1])) == others
         assert found.number[i - 1] == min(drops, len(others))
 
@@ -270,7 +270,7 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
     ],
 )
 def test_of_the_papers_graphs_only_the_ring_can_trim(weights, everybody):
-    marks = protected(weights, TrustedTrim().trusts(weights), np.ones(len(weights), dtype=int))
+    marks = TrustedTrim().protected(weights, TrustedTrim().trusts(weights))
     assert marks.tolist() == [everybody] * len(weights)
 
 

@@ -1,0 +1,30 @@
+"""Clipping what is received."""
+
+from typing import Any
+
+from pydantic import Field
+
+from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.fields import Positive
+
+
+class Clipping(Defence):
+    """Weigh a source by `min(1, radius / ‖y_j - y_i‖)`, so that none pulls farther than the radius.
+
+    Trusted sources keep their weight. Source: He, Karimireddy and Jaggi, Byzantine-robust decentralized
+    learning via ClippedGossip, 2022.
+    """
+
+    kind = "clipping"
+
+    radius: Positive = Field(default=20.0, description="[m]")
+
+    def decide(
+        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
+    ) -> tuple[Any, Any]:
+        """Weights, which are normalised afterwards."""
+        xp = own[0].__array_namespace__()
+        away = received[0] - own[0][:, None]
+        distance = xp.sqrt(away[0] ** 2 + away[1] ** 2)
+        share = self.radius / xp.maximum(distance, self.radius)
+        return around.weights * xp.where(around.trusted[:, :, None], 1.0, share), memory

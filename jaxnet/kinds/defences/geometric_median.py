@@ -1,0 +1,34 @@
+"""The geometric median of what is received."""
+
+from typing import Any
+
+from pydantic import Field
+
+from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.fields import Positive
+
+
+class GeometricMedian(Defence):
+    """Weigh sources so that their mean is the geometric median of their positions, nearly.
+
+    `w_j / max(smoothing, ‖z - y_j‖)` with z the mean by the weights before, `rounds` times from the graph's
+    weights on: Weiszfeld's iteration, smoothed. Source: Pillutla, Kakade and Harchaoui, Robust aggregation
+    for federated learning, 2022.
+    """
+
+    kind = "geometric_median"
+
+    smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")
+    rounds: int = Field(default=8, ge=1, le=1000)
+
+    def decide(
+        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
+    ) -> tuple[Any, Any]:
+        """Weights, which are normalised afterwards."""
+        xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
+        for _ in range(self.rounds):
+            middle = (weights * position).sum(axis=1) / weights.sum(axis=0)
+            away = position - middle[:, None]
+            distance = xp.sqrt(away[0] ** 2 + away[1] ** 2)
+            weights = around.weights / xp.maximum(distance, self.smoothing)
+        return weights, memory

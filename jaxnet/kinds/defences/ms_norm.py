@@ -1,0 +1,33 @@
+"""The mean-subsequence rule by distance in the plane."""
+
+from typing import Any
+
+from pydantic import Field
+
+from jaxnet.kinds.defences import Defence, Neighbourhood
+
+
+class MSNorm(Defence):
+    """Drop the F sources that are farthest from one's own position; trusted ones are never dropped.
+
+    Source: LeBlanc et al., 2013, for numbers; of vectors by their distance, Yan, Mo, Li and Wen, Resilient
+    consensus through event-based communication, 2020.
+    """
+
+    kind = "ms_norm"
+
+    F: int = Field(default=1, ge=0, description="most attacked sources that a vehicle reckons with")
+
+    def decide(
+        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
+    ) -> tuple[Any, Any]:
+        """By counting who is farther out; of equal distances the one in the lower slot is dropped first."""
+        xp = own[0].__array_namespace__()
+        candidate = (around.weights > 0) & ~around.trusted[:, :, None]
+        away = received[0] - own[0][:, None]
+        distance = away[0] ** 2 + away[1] ** 2
+        order = xp.arange(len(distance))
+        first = (order[:, None] < order[None])[:, :, None, None]  # the other slot before this one
+        other, this = distance[:, None], distance[None]
+        beyond = candidate[:, None] & ((other > this) | ((other == this) & first))
+        return ~(candidate & (beyond.sum(axis=0) < self.F)), memory

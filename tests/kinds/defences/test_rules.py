@@ -1,0 +1,145 @@
+"""Rules that weigh what is received, each against plain loops on random neighbourhoods with ties."""
+
+import math
+import statistics
+
+import numpy as np
+import pytest
+
+from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.defences.clipping import Clipping
+from jaxnet.kinds.defences.coordinate_median import CoordinateMedian
+from jaxnet.kinds.defences.geometric_median import GeometricMedian
+from jaxnet.kinds.defences.ms_norm import MSNorm
+from jaxnet.kinds.defences.trust import Trust
+from jaxnet.kinds.defences.trusted_only import TrustedOnly
+from jaxnet.model import retained
+
+SLOTS, VEHICLES, LANES = 6, 4, 2500
+TICKS = 3
+
+
+class Around:
+    """What one vehicle has before it: its own position, those received with weights, and whom it trusts."""
+
+    def __init__(self, own, received, weights, trusted):
+        self.own, self.weights, self.trusted = tuple(own), list(weights), list(trusted)
+        self.received = [tuple(each) for each in received]
+        self.heard = [k for k, weight in enumerate(weights) if weight > 0]
+
+    def apart(self, k, there):
+        """Distance of what is received in a slot from a point."""
+        return math.dist(self.received[k], there)
+
+
+def trusted_only(around):
+    """Weights."""
+    believed = [k for k in around.heard if around.trusted[k]] or around.heard
+    return [around.weights[k] if k in believed else 0.0 for k in range(SLOTS)]
+
+
+def ms_norm(around, f=2):
+    """Weights."""
+    candidates = [k for k in around.heard if not around.trusted[k]]
+    farthest = sorted(candidates, key=lambda k: (-around.apart(k, around.own), k))[:f]
+    return [0.0 if k in farthest else around.weights[k] for k in range(SLOTS)]
+
+
+def clipping(around, radius=2.5):
+    """Weights."""
+    weights = list(around.weights)
+    for k in around.heard:
+        if not around.trusted[k] and around.apart(k, around.own) > radius:
+            weights[k] *= radius / around.apart(k, around.own)
+    return weights
+
+
+def geometric_median(around, smoothing=0.5, rounds=4):
+    """Weights."""
+    weights = list(around.weights)
+    for _ in range(rounds):
+        total = sum(weights)
+        middle = [
+            sum(w * y[axis] for w, y in zip(weights, around.received, strict=True)) / total for axis in (0, 1)
+        ]
+        weights = [w / max(smoothing, around.apart(k, middle)) for k, w in enumerate(around.weights)]
+    return weights
+
+
+def coordinate_median(around):
+    """Weights on each axis: whoever is at the lower or upper median of a list with each value 4w times."""
+    by_axis = []
+    for axis in (0, 1):
+        value = [y[axis] for y in around.received]
+        copies = [value[k] for k in around.heard for _ in range(round(4 * around.weights[k]))]
+        medians = statistics.median_low(copies), statistics.median_high(copies)
+        by_axis.append([w if value[k] in medians else 0.0 for k, w in enumerate(around.weights)])
+    return by_axis
+
+
+RULES = [
+    (TrustedOnly.filled({"trusted": {}}), trusted_only),
+    (MSNorm.filled({"F": 2}), ms_norm),
+    (Clipping.filled({"radius": np.full(1, 2.5)}), clipping),
+    (GeometricMedian.filled({"smoothing": np.full(1, 0.5), "rounds": 4}), geometric_median),
+    (CoordinateMedian.filled({}), coordinate_median),
+]
+
+
+def neighbourhoods(seed):
+    """10,000 of them, on whole numbers, with weights that make exact halves now and then."""
+    rng = np.random.default_rng(seed)
+    shape = (SLOTS, VEHICLES, LANES)
+    own = rng.integers(-3, 4, (2, VEHICLES, LANES)).astype(float)
+    received = rng.integers(-3, 4, (2, *shape)).astype(float)
+    weights = rng.integers(1, 4, shape) * (rng.random(shape) < 0.8) / 4.0
+    weights[:3] = np.maximum(weights[:3], 0.25)
+    trusted = np.zeros((SLOTS, VEHICLES), bool)
+    trusted[0, 1:], trusted[3, 2] = True, True
+    return own, received, weights, trusted
+
+
+def plain(own, received, weights, trusted, vehicle, lane):
+    """One of them, for a reference."""
+    return Around(
+        own[:, vehicle, lane], received[:, :, vehicle, lane].T, weights[:, vehicle, lane], trusted[:, vehicle]
+    )
+
+
+@pytest.mark.parametrize(("rule", "reference"), RULES, ids=[rule.kind for rule, _ in RULES])
+def test_it_is_the_rule(rule, reference):
+    """Weights in force to 1e-12, and to the last slot who has none."""
+    own, received, weights, trusted = given = neighbourhoods(1)
+    around = Neighbourhood(None, weights, trusted, None, None, ())
+    last = np.ones(weights.shape, bool)
+    decision, _ = rule.decide((own,) * 3, (received,) * 3, last, (), around)
+    found = np.broadcast_to(retained.in_force(weights, decision), (2, *weights.shape))
+    for vehicle in range(VEHICLES):
+        for lane in range(LANES):
+            known = np.array(reference(plain(*given, vehicle, lane)))
+            known = np.broadcast_to(known / known.sum(axis=-1, keepdims=True), (2, SLOTS))
+            ours = found[:, :, vehicle, lane]
+            assert ((ours > 0) == (known > 0)).all()
+            np.testing.assert_allclose(ours, known, rtol=0, atol=1e-12)
+
+
+def test_trust_is_earned_tick_by_tick():
+    """Over three ticks, by plain sums; the first trusted source is who others are compared with."""
+    rule, ticks = Trust.filled({"radius": np.full(1, 2.0)}), [neighbourhoods(seed) for seed in range(TICKS)]
+    weights, trusted = ticks[0][2:]
+    around = Neighbourhood(None, weights, trusted, None, None, ())
+    memory, last = rule.start(around), np.ones(weights.shape, bool)
+    for own, received, *_ in ticks:
+        last, memory = rule.decide((own,) * 3, (received,) * 3, last, memory, around)
+    for vehicle in range(VEHICLES):
+        for lane in range(LANES):
+            told = [plain(own, received, weights, trusted, vehicle, lane) for own, received, *_ in ticks]
+            for k in told[0].heard:
+                believed = [j for j in told[0].heard if trusted[j, vehicle]]
+                earned = [
+                    2.0 / (2.0 + tick.apart(k, tick.received[believed[0]] if believed else tick.own)) - 0.5
+                    for tick in told
+                ]
+                known = k in believed or math.fsum(earned) >= 0
+                if abs(math.fsum(earned)) > 1e-12:
+                    assert last[k, vehicle, lane] == known
