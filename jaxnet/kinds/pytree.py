@@ -10,7 +10,6 @@ import jax
 import numpy as np
 
 from jaxnet.kinds.kind import Kind
-from jaxnet.model.signal import Falsified
 
 
 class Settings:
@@ -38,8 +37,8 @@ KNOWN: set[type] = set()
 
 def as_pytree(drawn: Any) -> Any:
     """A drawn kind with what lanes ask of it, its class known to JAX, in a tuple too; else as it is."""
-    if isinstance(drawn, Falsified):
-        return drawn._replace(signal=as_pytree(drawn.signal))
+    if isinstance(drawn, tuple):
+        return type(drawn)(*map(as_pytree, drawn))
     if not isinstance(drawn, Kind):
         return drawn
     cls = type(drawn)

@@ -33,15 +33,16 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     """The same of a draw's samples."""
     sources = hearing.slots(scenario.topology.links(scenario.vehicles))
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
-    signal, vectors, amplitude = attack_of(scenario, draw)
+    navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
+    signal, vectors, amplitude = attack_of(scenario, draw, navigator, start)
     weights: Any = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
     gain = draw.several(scenario.gain, "gain")
     lanes = Lane(
-        initial=lanes_first(start_of(scenario, vehicle, draw)),
+        initial=lanes_first(start),
         weights=weights,
         gain=gain,
         vehicle=tree(vehicle),
-        navigator=tree(scenario.navigator.drawn(draw, "navigator")),
+        navigator=tree(navigator),
         defence=tree(scenario.defence.drawn(draw, "defence")),
         signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
@@ -100,17 +101,22 @@ def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
     return np.asarray(vehicle.start(position.transpose(2, 1, 0), heading.T, speed.T))
 
 
-def attack_of(scenario: Scenario, draw: Draw) -> tuple[Any, np.ndarray, Any]:
-    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, and ā over its
-    size.
+def attack_of(
+    scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
+) -> tuple[Any, np.ndarray, Any]:
+    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, and ā over its size.
+
+    `navigator` is the one drawn, `start` the states at t = 0.
     """
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count, m = len(draw.samples), scenario.vehicles
-    signal, sizes = drawn.signal(), drawn.sizes(scenario.horizon)
-    given = None if drawn.strategic else np.asarray(drawn.vectors())
-    prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
+    signal, given = drawn.told(navigator, start[:2])
+    scale = np.ones(count)
+    if drawn.bounded:
+        sizes = drawn.sizes(scenario.horizon)
+        prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
+        scale = np.broadcast_to(scaled(drawn, sizes), count)
     unit = first_vectors(signal, count) if given is None else given
-    scale = np.broadcast_to(scaled(drawn, sizes), count)
     attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
     vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
     return received_of(signal, drawn, count), vectors, scale

@@ -28,7 +28,10 @@ from jaxnet.theory.bounds import Bound, Spread
 
 ROUNDING = 1e-9  # relative
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
-UNCHECKED = "their weights or gains are drawn, or nothing is known of whom the defence retains"
+UNCHECKED = (
+    "their weights or gains are drawn, ā does not bound the attack, or nothing is known of whom the defence"
+    " retains"
+)
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
@@ -59,10 +62,10 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
 
 def spread_of(scenario: Scenario) -> Spread | None:
     """How far the attack of a scenario spreads; None where that is not known, or differs from lane to
-    lane.
+    lane, or ā does not bound the attack.
     """
     known = situation_of(scenario)
-    if known.retained is None or differs_by_lane(scenario):
+    if known.retained is None or differs_by_lane(scenario) or not scenario.attack.bounded:
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
     attack = scenario.attack
@@ -175,9 +178,9 @@ def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndar
     """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may reckon by JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
-        own = np.stack(vehicle.output_jets(start_of(scenario, vehicle, draw)))
-        function, vectors, _ = attack_of(scenario, draw)
-        zero = np.zeros(len(draw.samples))
-        path = np.stack(scenario.navigator.drawn(draw, "navigator").jets(zero))
+        start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
+        own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))
+        function, vectors, _ = attack_of(scenario, draw, navigator, start)
+        path = np.stack(navigator.jets(zero))
         attack = np.stack(signal.jets(vectors, function.basis(zero))[:3])
     return own - path[:3, :, None], attack

@@ -29,6 +29,7 @@ class AnyAttack(Kind):
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
     derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
+    bounded: ClassVar[bool] = True  # whether no derivative of its signal is greater than ā
 
     def targets(self) -> list[int]:
         """Vehicles that are attacked, from 1."""
@@ -65,6 +66,13 @@ class AnyAttack(Kind):
     def vectors(self) -> np.ndarray:
         """Vectors of every vehicle's unit signal: (2, m, B, lanes), `m = 1` if all have the same."""
         return np.zeros((2, 1, 2, 1))
+
+    def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
+        """The signal and the unit vectors, which may depend on the navigator and on where vehicles start.
+
+        `start` are the positions at t = 0 (2, m, lanes) [m]. A strategic attack has no vectors yet.
+        """
+        return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Greatest norm of the functions together, and of each derivative of them, in [0, horizon]: (4,
@@ -160,7 +168,10 @@ class Attack(AnyAttack):
         raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """`max over t of ‖β^(k)(t)‖` for k = 0..3 within [0, horizon], or more: (4, lanes)."""
+        """`max over t of ‖β^(k)(t)‖` for k = 0..3 within [0, horizon], or more: (4, lanes).
+
+        Not asked of what is not bounded by ā.
+        """
         raise KindError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
     def begin(self, seen: Any) -> Any:

@@ -65,8 +65,8 @@ class Envelope(Attack):
         top = bounds(self.start)[1] + bounds(self.rise)[1]
         if self.stop is not None and bounds(self.stop)[0] < top * (1 - ROUNDING):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
-        if self.of.strategic:
-            yield Fault(("attack.of", "attack"), "a strategic attack has no signal of its own")
+        if self.of.strategic or not self.of.bounded:
+            yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
 
 
 def step(x: Any, rise: Any) -> Any:

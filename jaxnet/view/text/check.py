@@ -119,7 +119,9 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
 
 
 def orders_told(attack: AnyAttack) -> str:
-    """Where what is received of an attacked source is not a path with its derivatives."""
+    """Where what is received of an attacked source is not a path with its derivatives, or is not bounded."""
+    if not attack.bounded:
+        return "; not bounded by ā, so no bound says anything"
     if attack.consistent():
         return ""
     which = ", ".join(ORDER_NAMES[order] for order in attack.falsified())

@@ -1,0 +1,73 @@
+"""What replaces a word: a path of some time ago, a last word that is held; exact answers of both engines."""
+
+import numpy as np
+import pytest
+
+from jaxnet.statistics import limits
+from jaxnet.view.text import check
+from tests import reference, systems
+from tests.engine.marching import march
+from tests.engine.test_exactness import navigator_at
+
+ATTACKED = [2, 5, 8, 11]
+ENGINES = [("exact", 1e-8), ("nonlinear", 1e-5)]
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), ENGINES)
+@pytest.mark.parametrize("kind", ["replay", "freeze"])
+def test_a_lane_moves_as_the_plain_program(kind, engine, accuracy):
+    """`E = (I − A_H)⁻¹ W_r (r − y₀)` and what is free of it; r by its words."""
+    study = systems.study(engine=engine, attack=kind, defence="none", horizon=12.0, tail=1.0)
+    one = systems.lanes(study, 2)
+    outcome = systems.simulate(one)
+    assert (outcome.status == 0).all()
+    times = np.arange(121) * 0.1
+    for number in range(2):
+        lane, navigator = systems.lane(one, number), navigator_at(one, number)
+
+        def word(t, j, lane=lane, navigator=navigator):
+            if kind == "replay":
+                return navigator(t - 5.0)[:3]
+            return np.stack([lane.initial[:2, j - 1], np.zeros(2), np.zeros(2)])
+
+        def added(t, lane=lane, navigator=navigator, word=word):
+            found = np.zeros((3, 12, 13, 2))
+            for j in ATTACKED:
+                found[:, lane.weights[:, j] > 0, j] = (word(t, j) - navigator(t)[:3])[:, None]
+            return found
+
+        carried = np.ones((12, 13), bool)
+        carried[:, ATTACKED] = False
+        start = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
+        held = np.stack([lane.weights] * 2), added
+        known = march(lambda *_, held=held: held, carried, lane.gain, start, 0.1, 120)
+        path = np.stack([navigator(t)[0] for t in times])
+        ours = outcome.series["state"][number, :, :, :2] - path[:, None]
+        assert np.abs(ours - known[:, 0]).max() <= accuracy
+
+
+@pytest.mark.parametrize("kind", ["replay", "freeze"])
+def test_no_bound_is_told_of_what_the_magnitude_does_not_bound(kind):
+    study = systems.study(attack=kind, defence="none")
+    assert limits.slopes_table(study.cells)["slope"].isna().all()
+    assert limits.unchecked(study.cells) == [0]
+    assert "not bounded by ā" in check.text(study)
+
+
+def test_a_multisine_and_its_derivatives_come_near_their_bound_and_never_exceed_it():
+    """On a grid far finer than the one by which it is scaled, lane by lane and vehicle by vehicle."""
+    attack = {"kind": "multisine", "magnitude": 3.0, "frequency": {"uniform": [0.2, 0.6]}, "harmonics": 5}
+    one = systems.lanes(systems.study(attack=attack, engine="exact"), 3)
+    times = np.linspace(0.0, 40.0, 20_001)
+    for number in range(3):
+        lane = systems.lane(one, number)
+        basis = np.stack([np.asarray(lane.signal.basis(np.asarray(t))) for t in times], axis=-1)  # (4, B, t)
+        for j in ATTACKED:
+            jets = np.einsum("xb,kbt->kxt", lane.vectors[:, j - 1], basis)
+            greatest = np.linalg.norm(jets, axis=1).max()
+            assert 0.98 * 3.0 <= greatest <= 3.0
+            for k in range(3):  # and they are derivatives of each other
+                slope = np.gradient(jets[k], times, axis=1, edge_order=2)
+                assert np.abs(slope - jets[k + 1]).max() < 1e-3
+    directions = {tuple(np.round(lane.vectors[:, j - 1].ravel(), 6)) for j in ATTACKED}
+    assert len(directions) == len(ATTACKED)
