@@ -274,7 +274,7 @@ def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan) -> Observati
         speed,
         turn_rate,
         fleet.state,
-        signal.combined(ticks.vectors_of(lane, fleet.mind), fleet.signals.basis[0]),
+        signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], fleet.signals.basis[0]),
         weights,
         network.hearing,
     )

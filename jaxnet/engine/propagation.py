@@ -119,7 +119,7 @@ def start(lane: Lane, network: Network, plan: Plan, instant: Any, next_effect: A
     none = jnp.zeros_like(basis[:3])
     fleet = Fleet(
         free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
-        forced=jnp.zeros_like(lane.vectors),
+        forced=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
         followed=mind._replace(memory=(), plot=()),
         mind=mind,
         basis=basis,
@@ -171,7 +171,7 @@ def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Net
 
 def forced_response(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
     """Vectors `L⁻¹ d` of what the attacks do to the fleet, and how far `L⁻¹ a0` is from 1."""
-    axes, m, functions = len(weights), vectors.shape[1], vectors.shape[2]
+    axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
     added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
     attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
@@ -230,7 +230,7 @@ def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan, navigator: A
         errors[0],
         *plane.pace(jets),
         lane.vehicle.state_of(jets),
-        signal.combined(ticks.vectors_of(lane, fleet.mind), fleet.basis[0]),
+        signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], fleet.basis[0]),
         ticks.weights_of(lane, fleet.mind, plan),
         network.hearing,
     )

@@ -57,6 +57,18 @@ class Draw:
         return (np.random.default_rng([self.seed, word, sample]) for sample in self.samples)
 
 
+class EachLink(Draw):
+    """Draws for each slot of each listener what is else drawn for each vehicle."""
+
+    def __init__(self, draw: Draw, slots: int):
+        self.seed, self.samples, self.everyone, self.slots = draw.seed, draw.samples, draw.everyone, slots
+
+    def each(self, number: Any, name: str, components: int = 1) -> Any:
+        """A number of each link, those of a listener after each other: (samples, m · slots, components)."""
+        by_vehicle = super().each(number, name, self.slots * components)
+        return by_vehicle.reshape(len(by_vehicle), -1, components)
+
+
 def draw(
     number: Any,
     seed: int,

@@ -12,7 +12,7 @@ from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
-from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.draws import Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
@@ -31,11 +31,11 @@ def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, 
 
 def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     """The same of a draw's samples."""
-    sources = hearing.slots(scenario.topology.links(scenario.vehicles))
+    sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude = attack_of(scenario, draw, navigator, start)
-    weights: Any = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
+    weights = weights_of(scenario, draw, sources)
     gain = draw.several(scenario.gain, "gain")
     lanes = Lane(
         initial=lanes_first(start),
@@ -54,6 +54,21 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     )
 
 
+def sources_of(scenario: Scenario) -> np.ndarray:
+    """Who is heard slot by slot: attacked sources as often as they have identities."""
+    links = scenario.topology.links(scenario.vehicles)
+    attacked = scenario.attack.links(links.astype(float))
+    return hearing.slots(np.where(attacked, scenario.attack.identities(), links))
+
+
+def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
+    """Weights of each lane by slot: (samples, slots, m). Every identity of a source has its weight."""
+    weights = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
+    if scenario.attack.identities() == 1:
+        return weights
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
 def network_of(scenario: Scenario, sources: Any) -> Network:
     """What the lanes of a cell share, by slot."""
     links = scenario.topology.links(scenario.vehicles).astype(float)
@@ -61,8 +76,18 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     trusted = scenario.defence.trusts(links)
     speakers = np.where(attacked & scenario.attack.replaces(), 0, sources)
     shared = scenario.defence.shared(links, trusted, sources)
-    heard = Hearing(*map(as_array, (sources, speakers, attacked)))
-    return Network(heard, as_array(hearing.by_slot(trusted, sources)), shared)
+    signals = signals_of(scenario, sources)
+    shown = np.arange(scenario.vehicles)
+    if scenario.attack.by_link():
+        links, vehicles = np.nonzero(attacked), hearing.of_transmitters(sources)
+        shown[vehicles[links][::-1]] = signals[links][::-1]
+    heard = Hearing(*map(as_array, (sources, speakers, attacked, signals)))
+    return Network(heard, as_array(hearing.by_slot(trusted, sources)), as_array(shown), shared)
+
+
+def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
+    """The number of the signal of each link."""
+    return hearing.of_links(sources) if scenario.attack.by_link() else hearing.of_transmitters(sources)
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
@@ -106,10 +131,16 @@ def attack_of(
 ) -> tuple[Any, np.ndarray, Any]:
     """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, and ā over its size.
 
+    Where each listener is told something of its own, vectors are of links instead (`hearing.of_links`).
+
     `navigator` is the one drawn, `start` the states at t = 0.
     """
+    chosen, sources = scenario.attack.chosen(draw), sources_of(scenario)
+    if scenario.attack.by_link():
+        chosen = chosen[hearing.of_transmitters(sources).T.ravel()]
+        draw = EachLink(draw, len(sources))
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
-    count, m = len(draw.samples), scenario.vehicles
+    count = len(draw.samples)
     signal, given = drawn.told(navigator, start[:2])
     scale = np.ones(count)
     if drawn.bounded:
@@ -117,8 +148,7 @@ def attack_of(
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
         scale = np.broadcast_to(scaled(drawn, sizes), count)
     unit = first_vectors(signal, count) if given is None else given
-    attacked = np.isin(np.arange(1, m + 1), scenario.attack.targets())[None, :, None, None]
-    vectors = np.broadcast_to(unit * scale * attacked, (2, m, unit.shape[2], count))
+    vectors = unit * scale * chosen[None, :, None]
     return received_of(signal, drawn, count), vectors, scale
 
 

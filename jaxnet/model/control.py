@@ -36,7 +36,7 @@ def driven(gain: Gain, jets: Any) -> Any:
 def demand(
     own: Any,
     path: Float[Array, "2 *lanes"],
-    attack: Float[Array, "2 m *lanes"],
+    attack: Float[Array, "2 signals *lanes"],
     hearing: Hearing,
     weights: AxisWeights,
     gain: Gain,

@@ -25,23 +25,21 @@ class Hearing(NamedTuple):
     sources: Int[Any, "slots m"]
     speakers: Int[Any, "slots m"]
     attacked: Bool[Any, "slots m"]
+    signals: Int[Any, "slots m"]  # the number of the signal that a link carries if it is attacked
 
     def sent(self, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 slots m *lanes"]:
         """What each slot's source sends, of what the navigator and the vehicles send (n = m + 1)."""
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
-    def added(self, signal: Float[Any, "2 m *lanes"]) -> Float[Any, "2 slots m *lanes"]:
-        """What the attack adds on each link: a listener's own signal to the navigator, else the
-        transmitter's.
-        """
+    def added(self, signal: Float[Any, "2 signals *lanes"]) -> Float[Any, "2 slots m *lanes"]:
+        """What the attack adds on each link."""
         import jax.numpy as jnp
 
-        attacker = jnp.where(self.sources > 0, self.sources - 1, jnp.arange(self.sources.shape[1])[None])
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
-        return jnp.where(attacked, signal.at[:, attacker].get(mode="promise_in_bounds"), 0.0)
+        return jnp.where(attacked, signal.at[:, self.signals].get(mode="promise_in_bounds"), 0.0)
 
     def received(
-        self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 m *lanes"]
+        self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 slots m *lanes"]:
         """What is received in each slot, attacked or not."""
         return sources.at[:, self.speakers].get(mode="promise_in_bounds") + self.added(signal)
@@ -50,7 +48,7 @@ class Hearing(NamedTuple):
         self,
         weights: AxisWeights,
         sources: Float[Any, "2 n *lanes"],
-        signal: Float[Any, "2 m *lanes"],
+        signal: Float[Any, "2 signals *lanes"],
     ) -> Float[Any, "2 m *lanes"]:
         """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of what is received, slot by slot."""
         import jax
@@ -61,7 +59,8 @@ class Hearing(NamedTuple):
             weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
             return total + weight * one.received(sources, signal)[:, 0]
 
-        return jax.lax.fori_loop(0, len(self.sources), add, jnp.zeros_like(signal))
+        nothing = jnp.zeros((len(sources), *weights.shape[2:]))
+        return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """`[a0 | A]` of whose word is carried, from weights by slot."""
@@ -81,14 +80,25 @@ class Hearing(NamedTuple):
         return dense.at[listeners, sources].add(weights)
 
 
-def slots(heard: Bool[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
-    """Sources of a graph's listeners slot by slot."""
-    most, m = int(heard.sum(axis=1).max()), len(heard)
+def slots(identities: Int[np.ndarray, "m n"] | Bool[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
+    """Sources of a graph's listeners slot by slot, each as often as it has identities."""
+    most, m = int(identities.sum(axis=1).max()), len(identities)
     table = np.broadcast_to(np.arange(1, m + 1), (most, m)).copy()
-    for listener in range(m):
-        sources = np.flatnonzero(heard[listener])
+    for listener, row in enumerate(identities.astype(int)):
+        sources = np.repeat(np.arange(m + 1), row)
         table[: len(sources), listener] = sources
     return table
+
+
+def of_transmitters(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
+    """Each link's signal where a vehicle has one: the transmitter's, a listener's own for the navigator."""
+    return np.where(sources > 0, sources - 1, np.arange(sources.shape[1]))
+
+
+def of_links(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
+    """Each link's signal where every link has one, those of a listener after each other."""
+    most, m = sources.shape
+    return np.arange(m)[None] * most + np.arange(most)[:, None]
 
 
 def by_slot(matrix: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model.hearing import Hearing
 
@@ -20,7 +20,7 @@ class Lane(NamedTuple):
     navigator: Any
     defence: Any
     signal: Any
-    vectors: Float[Array, "2 m functions *lanes"]  # of the attacks [m]; of a strategic one those at first
+    vectors: Float[Array, "2 signals functions *lanes"]  # of the attacks [m]; strategic ones' at first
     amplitude: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
 
 
@@ -31,4 +31,5 @@ class Network(NamedTuple):
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
+    shown: Int[Array, "m"]  # the signal that stands for what a vehicle says, where its listeners' differ
     shared: Any  # of the defence

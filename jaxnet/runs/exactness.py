@@ -54,14 +54,13 @@ def greatest_distance(one: batch.Inputs, hearing: Hearing, interval: float, seri
     navigator = np.stack([np.asarray(lane.navigator.jets(np.asarray(t))) for t in times], axis=-1)
     own = lane.vehicle.output_jets(lane.initial)
     start = np.stack([(np.asarray(y) - y_0[:, :1]).T for y, y_0 in zip(own, navigator, strict=False)])
-    sources, attacked = np.asarray(hearing.sources), np.asarray(hearing.attacked)
-    listeners = np.arange(sources.shape[1])
+    slots = [np.asarray(each) for each in (hearing.sources, hearing.attacked, hearing.signals)]
+    listeners = np.arange(slots[0].shape[1])
 
     def corruption(t: float, weights: Any) -> np.ndarray:
-        mixing = np.zeros((len(listeners), len(listeners)))
-        for slot, added in zip(sources, attacked, strict=True):
-            attacker = np.where(slot > 0, slot - 1, listeners)
-            mixing[listeners[added], attacker[added]] += weights[listeners[added], slot[added]]
+        mixing = np.zeros((len(listeners), lane.vectors.shape[1]))
+        for slot, added, carries in zip(*slots, strict=True):
+            mixing[listeners[added], carries[added]] += weights[listeners[added], slot[added]]
         return np.stack([mixing @ jet.T for jet in signals[round(t / interval)]])
 
     known = exact.tracking_errors(start, corruption, series["kept"], np.asarray(lane.gain), interval)

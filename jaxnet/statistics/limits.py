@@ -19,8 +19,8 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of
 from jaxnet.lanes.draws import Draw
-from jaxnet.lanes.jobs import attack_of, start_of
-from jaxnet.model import graph, signal
+from jaxnet.lanes.jobs import attack_of, signals_of, sources_of, start_of
+from jaxnet.model import graph, hearing, signal
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
@@ -62,13 +62,15 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
 
 def spread_of(scenario: Scenario) -> Spread | None:
     """How far the attack of a scenario spreads; None where that is not known, or differs from lane to
-    lane, or ā does not bound the attack.
+    lane, or ā does not bound the attack. Where attacked vehicles are drawn, as if all were attacked.
     """
     known = situation_of(scenario)
-    if known.retained is None or differs_by_lane(scenario) or not scenario.attack.bounded:
+    if known.retained is None or differs_by_lane(scenario):
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
     attack = scenario.attack
+    if not attack.bounded or attack.identities() > 1:
+        return None
     smooth = attack.consistent() and not attack.strategic
     return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
 
@@ -147,17 +149,28 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
-def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m m"]]]:
+def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m signals"]]]:
     """Bounds that hold, each with the K of the G = K a its transient starts from: 0 for the peak gain."""
     reach, known = spread_of(scenario), situation_of(scenario)
     assert reach is not None
-    nothing = np.zeros((scenario.vehicles, scenario.vehicles))
+    nothing = np.zeros_like(of_signals(scenario, known.weights))
     found = {"peak_gain": (bounds.peak_gain(reach, np.array(scenario.gain)), nothing)}
     if reach.fixed is not None and np.isfinite(reach.norms):
         added = np.where(known.attacked, reach.fixed, 0.0)
         word = np.where(known.attacked & scenario.attack.replaces(), 0.0, reach.fixed)
-        mixing = np.linalg.solve(graph.laplacian(word), added[:, 1:] + np.diag(added[:, 0]))
+        mixing = np.linalg.solve(graph.laplacian(word), of_signals(scenario, added))
         found["static"] = bounds.static(reach), mixing
+    return found
+
+
+def of_signals(scenario: Scenario, added: Float[np.ndarray, "m n"]) -> Float[np.ndarray, "m signals"]:
+    """Weights on attacked links by the number of the signal that a link carries."""
+    sources = sources_of(scenario)
+    signals, listeners = signals_of(scenario, sources), np.arange(scenario.vehicles)
+    found = np.zeros(
+        (scenario.vehicles, signals.max() + 1 if scenario.attack.by_link() else scenario.vehicles)
+    )
+    np.add.at(found, (np.broadcast_to(listeners, signals.shape), signals), hearing.by_slot(added, sources))
     return found
 
 

@@ -29,7 +29,8 @@ COUNT = 3
 FULL = np.ones((5, 6)) - np.eye(5, 6, k=1)  # everybody hears everybody, but for one link
 FULL[2, 5] = 0.0
 SOURCES = hearing.slots(FULL > 0)
-HEARING = Hearing(*map(jnp.asarray, (SOURCES, SOURCES, np.zeros(SOURCES.shape, bool))))
+NONE = np.zeros(SOURCES.shape, bool)
+HEARING = Hearing(*map(jnp.asarray, (SOURCES, SOURCES, NONE, hearing.of_transmitters(SOURCES))))
 reaches_everybody = jax.jit(stacked.reaches_everybody)
 
 

@@ -24,7 +24,8 @@ def network(weights, attacked):
     """Who hears whom slot by slot, and the weights of it, from matrices over links."""
     sources = hearing.slots(weights > 0)
     by_slot = [jnp.asarray(hearing.by_slot(each, sources)) for each in (weights, attacked)]
-    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), by_slot[1]), by_slot[0]
+    signals = jnp.asarray(hearing.of_transmitters(sources))
+    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), by_slot[1], signals), by_slot[0]
 
 
 class Problem:

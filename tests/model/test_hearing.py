@@ -31,7 +31,9 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     slots = hearing.slots(weights > 0)
     by_slot = [hearing.by_slot(each, slots) for each in (weights, links)]
     speakers = np.where(by_slot[1] & replaces, 0, slots)
-    network = hearing.Hearing(*map(jnp.asarray, (slots, speakers, by_slot[1])))
+    network = hearing.Hearing(
+        *map(jnp.asarray, (slots, speakers, by_slot[1], hearing.of_transmitters(slots)))
+    )
     sent, signal = rng.normal(size=(2, FLEET + 1)), rng.normal(size=(2, FLEET))
     arrays = jnp.asarray(sent), jnp.asarray(signal)
     added = np.asarray(added_by_slot(network, arrays[1]))
@@ -57,7 +59,8 @@ def test_axes_may_have_weights_of_their_own():
     rng = np.random.default_rng(0)
     whole = rng.random((FLEET, FLEET + 1)) * (1 - np.eye(FLEET, FLEET + 1, 1))
     slots = hearing.slots(whole > 0)
-    network = hearing.Hearing(*map(jnp.asarray, (slots, slots, np.zeros(slots.shape, bool))))
+    none = np.zeros(slots.shape, bool)
+    network = hearing.Hearing(*map(jnp.asarray, (slots, slots, none, hearing.of_transmitters(slots))))
     sent, silence = jnp.asarray(rng.normal(size=(2, FLEET + 1))), jnp.zeros((2, FLEET))
     by_axis = jnp.asarray(rng.random((2, *slots.shape)))
     both = mean(network, by_axis, sent, silence)

@@ -323,7 +323,7 @@ def observe(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Cloc
         speed,
         turn_rate,
         fleet.state,
-        signal.combined(ticks.vectors_of(lane, fleet.mind), lane.signal.basis(now)[0]),
+        signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], lane.signal.basis(now)[0]),
         ticks.weights_of(lane, fleet.mind, plan),
         network.hearing,
     )

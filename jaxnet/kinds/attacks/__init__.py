@@ -10,9 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Len
-from pydantic import Field
+from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import Each, NotNegative, is_drawn
+from jaxnet.kinds.fields import MARK, Each, NotNegative, Record, Uniform, is_drawn, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
@@ -21,6 +21,17 @@ from jaxnet.model.signal import ORDERS, Harmonic
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 Order = Literal[0, 1, 2, 3]
+
+
+class DrawnVehicles(Record):
+    """So many vehicles, drawn for each lane."""
+
+    random: Annotated[int, Field(ge=1)]
+
+
+def named_or_drawn(value: Any) -> str:
+    """Whether attacked vehicles are listed or drawn."""
+    return MARK + ("drawn" if isinstance(value, dict | DrawnVehicles) else "listed")
 
 
 class AnyAttack(Kind):
@@ -40,8 +51,21 @@ class AnyAttack(Kind):
         return 0.0
 
     def links(self, weights: Weights) -> Links:
-        """Links that carry the attack, of those of a graph."""
+        """Links that carry the attack, of those of a graph; where vehicles are drawn, that may carry it."""
         return np.zeros(weights.shape, bool)
+
+    def chosen(self, draw: Any) -> np.ndarray:
+        """Which vehicles are attacked in each lane: (m, lanes)."""
+        attacked = np.isin(draw.everyone, self.targets())
+        return np.broadcast_to(attacked[:, None], (len(attacked), len(draw.samples)))
+
+    def by_link(self) -> bool:
+        """Whether every listener is told something of its own."""
+        return False
+
+    def identities(self) -> int:
+        """Sources that each attacked one appears as."""
+        return 1
 
     def replaces(self) -> bool:
         """Whether an attacked link carries the navigator's path plus the signal, in place of its source's
@@ -94,13 +118,19 @@ class Attack(AnyAttack):
 
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label", "magnitude", "vehicles", "channel", "threat", "orders"}
+        {"label", "magnitude", "vehicles", "channel", "threat", "orders", "listeners", "sybils"}
     )
 
     magnitude: NotNegative = Field(
         default=5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
     )
-    vehicles: list[int] = Field(default=[2, 5, 8, 11], description="attacked vehicles, from 1")
+    vehicles: Annotated[
+        Annotated[list[int], member("listed")] | Annotated[DrawnVehicles, member("drawn")],
+        Discriminator(named_or_drawn),
+    ] = Field(
+        default=[2, 5, 8, 11],
+        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
+    )
     channel: Channel = Field(
         default="auto",
         description="neighbour: what they transmit; navigator: what they hear from 0; "
@@ -116,6 +146,12 @@ class Attack(AnyAttack):
         description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
         " 2 acceleration, 3 jerk; the others are true",
     )
+    listeners: Literal["same", "each"] = Field(
+        default="same", description="same: an attacked vehicle tells all the same; each: each its own"
+    )
+    sybils: int = Field(
+        default=0, ge=0, le=100, description="further sources as which each attacked one appears"
+    )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
@@ -125,8 +161,23 @@ class Attack(AnyAttack):
         cls.untraced = cls.untraced | each
 
     def targets(self) -> list[int]:
-        """The vehicles named."""
-        return self.vehicles
+        """The vehicles named; none where they are drawn."""
+        return self.vehicles if isinstance(self.vehicles, list) else []
+
+    def chosen(self, draw: Any) -> np.ndarray:
+        """Those named, or those with the least of a number each."""
+        if isinstance(self.vehicles, list):
+            return super().chosen(draw)
+        lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
+        return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
+
+    def by_link(self) -> bool:
+        """As `listeners` says."""
+        return self.listeners == "each"
+
+    def identities(self) -> int:
+        """Itself and its sybils."""
+        return 1 + self.sybils
 
     def amplitude(self) -> Any:
         """The magnitude given."""
@@ -137,7 +188,8 @@ class Attack(AnyAttack):
         channel = self.channel
         if channel == "auto":
             channel = "neighbour" if graph.hears_vehicles(weights) else "navigator"
-        listed = np.array(sorted(self.vehicles), dtype=int)
+        everyone = range(1, len(weights) + 1)
+        listed = np.array(sorted(self.targets()) if isinstance(self.vehicles, list) else everyone, dtype=int)
         links = np.zeros(weights.shape, dtype=bool)
         if channel == "neighbour":
             links[:, listed] = True
@@ -181,6 +233,17 @@ class Attack(AnyAttack):
         """
         return ()
 
+    def drawn_faults(self, number: int, scenario: Any) -> Iterator[Fault]:
+        """What vehicles drawn for each lane cannot be."""
+        keys = ("attack.vehicles", "vehicles")
+        if number > scenario.vehicles:
+            yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
+        if self.replaces() or self.sybils or self.strategic:
+            yield Fault(
+                ("attack.vehicles", "attack"),
+                "drawn vehicles are neither replaced, nor sybils, nor strategic",
+            )
+
     def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
         """At a tick, vectors (2, m, B, lanes) until the next and the memory; asked of strategic attacks.
 
@@ -191,9 +254,14 @@ class Attack(AnyAttack):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Whoever is named must exist, and be named once."""
-        yield from unknown_vehicles("attack.vehicles", self.vehicles, scenario.vehicles, first=1)
-        if len(set(self.vehicles)) < len(self.vehicles):
-            yield Fault(("attack.vehicles",), f"named twice (got {self.vehicles})")
+        targets = self.targets()
+        yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
+        if len(set(targets)) < len(targets):
+            yield Fault(("attack.vehicles",), f"named twice (got {targets})")
+        if isinstance(self.vehicles, DrawnVehicles):
+            yield from self.drawn_faults(self.vehicles.random, scenario)
+        if self.by_link() and (self.strategic or not self.bounded):
+            yield Fault(("attack.listeners",), f"{self.kind} tells all listeners the same")
         if self.strategic and scenario.tick == 0:
             yield Fault(("attack", "tick"), f"{self.kind} decides at ticks: give a tick")
         if self.replaces() and self.falsified() != ORDERS:
