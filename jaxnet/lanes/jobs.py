@@ -79,8 +79,8 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     signals = signals_of(scenario, sources)
     shown = np.arange(scenario.vehicles)
     if scenario.attack.by_link():
-        links, vehicles = np.nonzero(attacked), hearing.of_transmitters(sources)
-        shown[vehicles[links][::-1]] = signals[links][::-1]
+        first = np.nonzero(attacked.T)[::-1]  # slots and listeners, in the order of the latter
+        shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
     heard = Hearing(*map(as_array, (sources, speakers, attacked, signals)))
     return Network(heard, as_array(hearing.by_slot(trusted, sources)), as_array(shown), shared)
 

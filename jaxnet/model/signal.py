@@ -15,7 +15,7 @@ from jaxnet.model.circle import circle
 
 ORDERS = (0, 1, 2, 3)  # of a path and its derivatives, as they are received
 
-Vectors = Float[Any, "2 m functions *lanes"]
+Vectors = Float[Any, "2 _ functions *lanes"]  # of vehicles, or of links
 Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
 
 

@@ -1,0 +1,106 @@
+"""Lies that differ by listener, attackers drawn for each lane, and sybils: exact answers."""
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.config.document import ConfigError
+from jaxnet.model import hearing
+from jaxnet.statistics import limits
+from tests import reference, systems
+from tests.engine.marching import march
+from tests.engine.test_exactness import navigator_at
+from tests.kinds.attacks.test_threat import rows_of
+
+ATTACKED = [2, 5, 8, 11]
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-8), ("nonlinear", 1e-5)])
+def test_each_listener_is_told_its_own(engine, accuracy):
+    """As the plain program that adds to every link what that link carries; no two are told the same."""
+    attack = {"kind": "rotating", "magnitude": 3.0, "listeners": "each"}
+    study = systems.study(engine=engine, attack=attack, defence="none", horizon=12.0, tail=1.0)
+    one = systems.lanes(study, 2)
+    outcome = systems.simulate(one)
+    times = np.arange(121) * 0.1
+    for number in range(2):
+        lane, navigator = systems.lane(one, number), navigator_at(one, number)
+        links = [(i, j) for i, j in np.argwhere(lane.weights > 0) if j in ATTACKED]
+        slots = hearing.slots(lane.weights > 0)
+        told = {
+            (i, j): lane.vectors[:, i * len(slots) + int(np.flatnonzero(slots[:, i] == j)[0])]
+            for i, j in links
+        }
+        assert len({tuple(np.round(each.ravel(), 9)) for each in told.values()}) == len(links) == 8
+
+        def added(t, lane=lane, told=told):
+            found, basis = np.zeros((3, 12, 13, 2)), np.asarray(lane.signal.basis(np.asarray(t)))[:3]
+            for (i, j), vectors in told.items():
+                found[:, i, j] = basis @ vectors.T
+            return found
+
+        start = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
+        held = np.stack([lane.weights] * 2), added
+        known = march(lambda *_, held=held: held, np.ones((12, 13), bool), lane.gain, start, 0.1, 120)
+        path = np.stack([navigator(t)[0] for t in times])
+        ours = outcome.series["state"][number, :, :, :2] - path[:, None]
+        assert np.abs(ours - known[:, 0]).max() <= accuracy
+        first = {j: min(i for i, k in links if k == j) for j in ATTACKED}  # whose lie is shown
+        for j in ATTACKED:
+            shown = outcome.series["attack"][number, 30, j - 1]
+            np.testing.assert_allclose(shown, added(3.0)[0, first[j], j], rtol=0, atol=1e-9)
+    assert limits.violations(systems.results_of(study, rows_of(study, outcome, 2))).empty
+
+
+def test_attackers_are_drawn_for_each_lane_and_for_all_cells_alike():
+    """Four of twelve in each of 200 lanes, everybody about as often; the same in cells that differ in ā."""
+    attack = {"kind": "bias", "vehicles": {"random": 4}, "magnitude": 5.0}
+    keys = {"defence": "none", "engine": "exact", "horizon": 2.0, "tail": 1.0}
+    study = systems.study(attack=attack, sweep={"attack.magnitude": [5.0, 2.0]}, **keys)
+    one = systems.lanes(study, 200)
+    sets = [np.abs(job.inputs.lane.vectors).max(axis=(1, 3)) > 0 for job in one.jobs]
+    assert (sets[0].sum(axis=1) == 4).all()
+    np.testing.assert_array_equal(*sets)
+    share = sets[0].mean(axis=0)
+    assert np.abs(share - 1 / 3).max() < 4 * np.sqrt(2 / 9 / 200)
+    outcome = systems.simulate(one)
+    assert (outcome.status == 0).all()
+    attacked = np.abs(outcome.series["attack"][:200, 5]).max(axis=2) > 0
+    np.testing.assert_array_equal(attacked, sets[0])
+
+
+@pytest.mark.parametrize(("defence", "trims"), [("none", False), ("trusted_trim", True)])
+def test_sybils_outvote_the_trimming(defence, trims):
+    """Two of one mind with ϑ = 1: one of them stays, and the ring ends where a plain solve says."""
+    attack = {"kind": "bias", "magnitude": 2.0, "sybils": 1}
+    keys = {"horizon": 60.0, "tail": 0.0, "tick": 0.1, "engine": "exact"}
+    study = systems.study(attack=attack, defence=defence, **keys)
+    outcome = systems.simulate(systems.lanes(study, 2, ()))
+    weights, added = np.zeros((12, 13)), np.zeros(12)
+    for i in range(1, 13):
+        for j in ((i - 2) % 12 + 1, i % 12 + 1):
+            liars = j in ATTACKED
+            copies = 1 + liars - (trims and liars)
+            weights[i - 1, j] = 0.45 * copies
+            added[i - 1] += weights[i - 1, j] * liars
+        if trims and not {(i - 2) % 12 + 1, i % 12 + 1} & set(ATTACKED):
+            weights[i - 1, (i - 2) % 12 + 1] = 0.0  # of honest ones, all on the navigator, either is dropped
+        weights[i - 1, 0] = 0.1
+    total = weights.sum(axis=1, keepdims=True)
+    known = 2.0 * np.linalg.solve(np.eye(12) - (weights / total)[:, 1:], added / total[:, 0])
+    np.testing.assert_allclose(outcome.metrics["tail_max"], known.max(), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("attack", "words"),
+    [
+        ({"vehicles": {"random": 13}}, "there are 12 vehicles"),
+        ({"vehicles": {"random": 2}, "threat": "replaces"}, "neither replaced"),
+        ({"vehicles": {"random": 0}}, "must be at least 1"),
+        ({"kind": "freeze", "listeners": "each"}, "tells all listeners the same"),
+        ({"threat": "replaces", "orders": [0]}, "carries no true derivative"),
+    ],
+)
+def test_what_cannot_be_is_refused(attack, words):
+    with pytest.raises(ConfigError, match=words):
+        jaxnet.load({"name": "test", "attack": {"kind": "rotating", **attack}})
