@@ -41,6 +41,8 @@ class Seen(NamedTuple):
     attacked: Bool[Array, "slots m"]
     basis: Float[Array, "4 functions lanes"]
     time: Float[Array, "lanes"]
+    amplitude: Float[Array, "lanes"]  # ā, by which unit vectors are multiplied [m]
+    in_force: Any  # what weights (axes, slots, m, lanes) vectors like those of `aim` would lead to now
 
 
 def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
@@ -57,17 +59,23 @@ def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
         decision = first_decision(shape[0], lane)
     if not plan.strategic:
         return Mind(decision, memory, (), ())
-    nothing = sight(lane, network, decision, errors, lane.signal.basis(time), time)
-    return Mind(decision, memory, lane.vectors, lane.signal.begin(nothing))
+    mind = Mind(decision, memory, lane.vectors, ())
+    nothing = sight(lane, network, plan, mind, errors, lane.signal.basis(time), time)
+    return mind._replace(plot=lane.signal.begin(nothing))
 
 
-def sight(lane: Lane, network: Network, decision: Any, errors: Any, basis: Any, time: Any) -> Seen:
+def sight(lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Any) -> Seen:
     """What a strategic attacker sees."""
+
+    def in_force(vectors: Any) -> AxisWeights:
+        chosen = mind._replace(vectors=bounded(vectors, lane))
+        return weights_of(lane, believe(lane, network, plan, chosen, errors, basis, time), plan)
+
+    heard, decision = network.hearing, mind.decision
     if isinstance(decision, tuple):  # nobody decides
         decision = jnp.ones(lane.weights.shape, bool)
-    return Seen(
-        errors, decision, lane.weights, network.hearing.sources, network.hearing.attacked, basis, time
-    )
+    rest = basis, time, lane.amplitude, in_force
+    return Seen(errors, decision, lane.weights, heard.sources, heard.attacked, *rest)
 
 
 def first_decision(decided: Any, lane: Lane) -> Any:
@@ -109,8 +117,15 @@ def decide(
 ) -> Mind:
     """Have attackers choose, and vehicles receive and decide."""
     if plan.strategic:
-        vectors, plot = lane.signal.aim(sight(lane, network, mind.decision, errors, basis, time), mind.plot)
+        vectors, plot = lane.signal.aim(sight(lane, network, plan, mind, errors, basis, time), mind.plot)
         mind = mind._replace(vectors=bounded(vectors, lane), plot=plot)
+    return believe(lane, network, plan, mind, errors, basis, time)
+
+
+def believe(
+    lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Float[Array, "lanes"]
+) -> Mind:
+    """Have vehicles receive and decide."""
     if not plan.decides:
         return mind
     attack = signal.jets(vectors_of(lane, mind), basis)

@@ -155,10 +155,10 @@ class Attack(AnyAttack):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Numbers that every vehicle has make its vectors, and are not asked for while lanes run."""
+        """Numbers that every vehicle has make its vectors, and are asked for by strategic attacks alone."""
         fields = cls.model_fields.items()
         each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
-        cls.untraced = cls.untraced | each
+        cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
 
     def targets(self) -> list[int]:
         """The vehicles named; none where they are drawn."""
@@ -278,9 +278,16 @@ def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
 
 
-def along(direction: np.ndarray) -> np.ndarray:
+def along(direction: Any) -> Any:
     """Unit vectors (2, m, lanes) of directions [rad]."""
-    return np.stack([np.cos(direction), np.sin(direction)])
+    xp = direction.__array_namespace__()
+    return xp.stack([xp.cos(direction), xp.sin(direction)])
+
+
+def held(time: Any) -> Any:
+    """The one function of what is constant from tick to tick: (4, 1, lanes)."""
+    xp = time.__array_namespace__()
+    return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
 
 
 def powers(frequency: np.ndarray) -> np.ndarray:

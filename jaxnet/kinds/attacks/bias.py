@@ -22,7 +22,7 @@ class Bias(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction, times cos 0."""
-        unit = along(self.direction)  # pyright: ignore[reportArgumentType]
+        unit = along(self.direction)
         return np.stack([unit, np.zeros_like(unit)], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.attacks import Attack, held
 from jaxnet.kinds.fields import NotNegative
 
 
@@ -34,5 +34,4 @@ class Fixed(NamedTuple):
     def basis(self, time: Any) -> Any:
         """Three functions."""
         xp = time.__array_namespace__()
-        one = xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
-        return xp.concatenate([one, self.navigator.jets(time)], axis=1)
+        return xp.concatenate([held(time), self.navigator.jets(time)], axis=1)

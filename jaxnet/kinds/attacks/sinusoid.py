@@ -25,7 +25,7 @@ class Sinusoid(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction times sin φ and cos φ."""
-        unit, phase = along(self.direction), np.asarray(self.phase)  # pyright: ignore[reportArgumentType]
+        unit, phase = along(self.direction), np.asarray(self.phase)
         return np.stack([np.sin(phase) * unit, np.cos(phase) * unit], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:

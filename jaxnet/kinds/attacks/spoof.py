@@ -28,7 +28,7 @@ class Spoof(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction."""
-        return along(self.direction)[:, :, None]  # pyright: ignore[reportArgumentType]
+        return along(self.direction)[:, :, None]
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1 in every order."""

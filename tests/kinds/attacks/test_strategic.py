@@ -1,0 +1,71 @@
+"""Attackers that choose at every tick: what they come to where nobody trims, and what trimming sees."""
+
+import numpy as np
+import pytest
+
+from tests import systems
+
+CLOCK = {"tick": 0.1, "horizon": 30.0, "tail": 0.0}
+
+
+@pytest.mark.parametrize(("kind", "gain"), [("greedy", {"cyclic": 3.1034482758620690, "path": 4.0})])
+def test_a_greedy_attacker_finds_the_worst_constant(kind, gain):
+    """Where nobody trims that is all in one direction, which attains the static gain."""
+    keys = {**CLOCK, "horizon": 60.0, "engine": "exact", "defence": "none"}
+    study = systems.study(attack={"kind": kind, "magnitude": 2.0}, sweep={"topology": list(gain)}, **keys)
+    outcome = systems.simulate(systems.lanes(study, 2, ()))
+    known = 2.0 * np.repeat(list(gain.values()), 2)
+    np.testing.assert_allclose(outcome.metrics["tail_max"], known, rtol=0, atol=1e-5)
+
+
+def test_a_mimic_whom_nobody_drops_is_a_bias():
+    """At all times, whatever its directions."""
+    direction = {"uniform": [0.0, 6.28]}
+    ended = {}
+    for kind in ("mimic", "bias"):
+        attack = {"kind": kind, "magnitude": 3.0, "direction": direction}
+        study = systems.study(attack=attack, engine="exact", defence="none", **CLOCK)
+        ended[kind] = systems.simulate(systems.lanes(study, 3)).series["state"]
+    assert np.abs(ended["mimic"] - ended["bias"]).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["mimic", "greedy"])
+def test_both_engines_choose_alike(kind):
+    """On the trimmed ring, for as long as no choice is nearly tied: positions to 1e-5 m over 6 s."""
+    keys = {**CLOCK, "horizon": 6.0, "output_step": 0.1}
+    ended = []
+    for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12}):
+        study = systems.study(attack={"kind": kind, "magnitude": 8.0}, engine=engine, **keys)
+        outcome = systems.simulate(systems.lanes(study, 3))
+        assert (outcome.status == 0).all()
+        ended.append(outcome)
+    exact, nonlinear = ended
+    assert np.abs(exact.series["state"][..., :2] - nonlinear.series["state"][..., :2]).max() < 1e-5
+    np.testing.assert_allclose(exact.series["attack"], nonlinear.series["attack"], rtol=0, atol=1e-9)
+
+
+def test_one_mimic_alone_is_believed_whenever_it_lies_and_could_not_lie_more():
+    """What it says passes; a part more of ā, in its place at that tick, would be dropped by a listener."""
+    attack = {"kind": "mimic", "magnitude": 8.0, "vehicles": [5], "direction": 0.5}
+    study = systems.study(attack=attack, engine="exact", **{**CLOCK, "output_step": 0.1})
+    outcome = systems.simulate(systems.lanes(study, 3))
+    unit = np.array([np.cos(0.5), np.sin(0.5)])
+    lied = 0
+    for states, said, kept in zip(
+        *(outcome.series[each] for each in ("state", "attack", "kept")), strict=True
+    ):
+        lane = systems.lane(systems.lanes(study, 1), 0)
+        for n in range(len(states)):
+            path = np.asarray(lane.navigator.jets(np.asarray(n * 0.1)))[0]
+            error = states[n, :, :2] - path
+            part = said[n, 4] @ unit / 8.0
+            assert abs(16 * part - round(16 * part)) < 1e-9
+            others = {3: np.linalg.norm(error[2]), 5: np.linalg.norm(error[6])}  # of listeners 4 and 6
+            if part > 0:
+                lied += 1
+                assert (kept[n, [3, 5], 5] > 0).all()
+            farther = [
+                np.linalg.norm(error[4] + 8.0 * p * unit) for p in np.arange(round(16 * part) + 1, 17) / 16
+            ]
+            assert all(any(score > other - 1e-6 for other in others.values()) for score in farther)
+    assert lied > 20
