@@ -52,7 +52,7 @@ def known_metric(name: str) -> str:
 class Scenario(Record):
     """What one cell is: everything that a lane depends on but its random draw."""
 
-    vehicles: int = Field(default=12, ge=1, le=10_000, description="besides the navigator")
+    vehicles: int = Field(default=12, ge=1, le=10_000, description="how many, besides the navigator")
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
         default=0.05,
@@ -204,7 +204,9 @@ Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cell
 class Config(Scenario):
     """A whole study."""
 
-    name: Annotated[str, AfterValidator(plain_file_name), Field(description="also of the results folder")]
+    name: Annotated[
+        str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")
+    ]
     seed: int = Field(default=0, ge=0, lt=2**63, description="of all draws but those of a random graph")
     samples: Annotated[
         Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],

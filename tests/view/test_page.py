@@ -23,7 +23,6 @@ from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 @pytest.fixture(scope="module")
@@ -328,21 +327,6 @@ def test_missing_files_leave_their_sections_out(folder, tmp_path):
     command = unescape(section(text, "violations"))
     assert f"jaxnet fit '{bare}'" in command
     assert "jaxnet replay" in section(text, "lanes")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A Chromium that is told to ask nobody for anything."""
-    if BROWSER is None:
-        pytest.skip("no Chromium is installed")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        chromium = driver.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
-        )
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

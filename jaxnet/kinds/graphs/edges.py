@@ -24,7 +24,9 @@ class Edges(Graph):
 
     kind = "edges"
 
-    edges: Annotated[list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")]
+    edges: Annotated[
+        list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
+    ]
 
     def weights(self, vehicles: int) -> Weights:
         """The edges with their weights' medians."""

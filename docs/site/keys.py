@@ -1,4 +1,4 @@
-"""Write the tables of config.md, from the schema and the kinds: `python docs/keys.py`."""
+"""Write the tables of config.md, from the schema and the kinds: `python docs/site/keys.py`."""
 
 import inspect
 from collections.abc import Iterable, Iterator
@@ -10,9 +10,9 @@ from jaxnet.config.schema import schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
 
-PAGE = Path(__file__).with_name("config.md")
-MARK = "<!-- From here on written by docs/keys.py -->\n"
-HEAD = "| key | takes | default | unit | what it is |\n|---|---|---|---|---|\n"
+PAGE = Path(__file__).parents[1] / "config.md"
+MARK = "<!-- From here on written by docs/site/keys.py -->\n"
+HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
 LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
 DRAWN = ("Uniform", "Normal", "Choice")
@@ -28,8 +28,9 @@ def current(page: str) -> str:
     """The page with its tables as they should be now."""
     prose, mark, _ = page.partition(MARK)
     whole = schema()
+    inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
     parts = [section("Keys of a study", whole, Config.model_fields)]
-    parts += [section(key, whole["$defs"][name]) for key, name in PARTS.items()]
+    parts += [section(key, each, each["properties"]) for key, each in inner.items()]
     parts += [part for family in KINDS for part in of_family(family, whole["$defs"])]
     metrics = (registry.find("metrics", name) for name in registry.names("metrics"))
     parts += ["## metrics\n", *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics)]
@@ -54,11 +55,8 @@ def own(kind: Any) -> list[str]:
     return [] if kind is Kind else [key for key in kind.model_fields if key not in kind.__base__.model_fields]
 
 
-def section(
-    title: str, model: Any, keys: Iterable[str] | None = None, level: int = 2, words: str = ""
-) -> str:
+def section(title: str, model: Any, keys: Iterable[str], level: int = 2, words: str = "") -> str:
     """A heading, words, and the table of a model's keys, those that must be given first."""
-    keys = model["properties"] if keys is None else keys
     required = model.get("required", [])
     rows = [row(key, model["properties"][key], key in required) for key in keys]
     rows.sort(key=lambda cells: cells[2] != "required")
@@ -67,11 +65,10 @@ def section(
 
 
 def row(key: str, node: Any, required: bool) -> list[str]:
-    """Cells of a key: what it takes, its default, unit and meaning."""
-    unit, bracket, words = node.get("description", "").removeprefix("[").partition("], ")
-    unit, words = (unit, words) if bracket else ("", unit)
-    default = "required" if required else f"`{plain(node.get('default'))}`"
-    return [f"`{key}`", takes(node), default, unit, words.replace("|", "\\|")]
+    """Cells of a key: what it takes, its default, its meaning with its unit in brackets."""
+    given = node.get("default")
+    default = "its own" if "$ref" in node and isinstance(given, dict) else f"`{plain(given)}`"
+    return [f"`{key}`", takes(node), "required" if required else default, node.get("description", "")]
 
 
 def takes(node: Any) -> str:
@@ -87,8 +84,8 @@ def allowed(node: Any) -> str:
         return REFERENCES.get(name, f"[{name.lower()}](#{name.lower()})")
     if choices := node.get("anyOf", node.get("oneOf")):
         return " or ".join(dict.fromkeys(takes(each) for each in choices if "pattern" not in each))
-    if "enum" in node:
-        return " or ".join(f"`{each}`" for each in node["enum"])
+    if words := node.get("enum", [node["const"]] if "const" in node else []):
+        return " or ".join(f"`{each}`" for each in words)
     if "prefixItems" in node:
         return f"[{', '.join(takes(each) for each in node['prefixItems'])}]"
     if node.get("type") == "array":
@@ -96,9 +93,8 @@ def allowed(node: Any) -> str:
         return f"list of {many}: {takes(node['items'])}"
     if node.get("type") == "object":
         return f"mapping to {takes(node['additionalProperties'])}"
-    return (
-        f"`{node['const']}`" if "const" in node else WORDS.get(node.get("type"), node.get("type", "anything"))
-    )
+    kind = node.get("type", "anything")
+    return WORDS.get(kind, kind)
 
 
 # What a reference says where it is not the name of a heading.
