@@ -26,7 +26,7 @@ config_arguments = [
     click.argument("config", type=click.Path(path_type=Path)),
     click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
 ]
-results_argument = click.argument("results")
+results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
 
 
 def takes_config(command):
@@ -107,7 +107,10 @@ def main() -> None:
 @main.command()
 @takes_config
 @click.option(
-    "--out", metavar="DIR", help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]"
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]",
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
@@ -224,7 +227,7 @@ def show(results: str, form: str) -> None:
 
 
 @main.command("list")
-@click.argument("folder", default="results")
+@click.argument("folder", default="results", type=click.Path())
 def list_results(folder: str) -> None:
     """List the results folders at or below FOLDER (default: results).
 

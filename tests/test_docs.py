@@ -1,4 +1,4 @@
-"""What README.md and docs/tutorial.md show is run, with fewer lanes; of other pages code runs, commands parse.
+"""What README.md and docs/tutorial.md show is run, with fewer lanes; of others code runs, commands parse.
 
 The pages of keys and commands name all that there are, links lead somewhere, and the site is built.
 """
@@ -127,8 +127,10 @@ def reader(tmp_path, monkeypatch):
     monkeypatch.setattr(fits, "estimates", ones)
     monkeypatch.setattr(fits, "RESAMPLES", 2)
     monkeypatch.setattr(every, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(sys, "path", [*sys.path])  # where modules beside the config are found
     monkeypatch.chdir(tmp_path)
-    return Reader(tmp_path)
+    yield Reader(tmp_path)
+    sys.modules.pop("my_kinds", None)
 
 
 def test_what_the_readme_shows_works(reader):
@@ -194,6 +196,27 @@ def test_the_page_of_commands_names_each_with_all_it_takes():
         option for command in main.commands.values() for param in command.params for option in param.opts
     }
     assert set(re.findall(r"--\w+", text)) <= {*known, "--help", "--version"}
+
+
+def test_shells_complete_what_the_page_says():
+    """Each prints its script; commands, options, choices and paths are offered."""
+    text = (ROOT / "docs" / "commands.md").read_text()
+    shells = re.findall(r"_JAXNET_COMPLETE=(\w+)_source jaxnet", text)
+    assert shells == ["bash", "zsh", "fish"]
+    for shell in shells:
+        script = CliRunner().invoke(
+            main, prog_name="jaxnet", env={"_JAXNET_COMPLETE": f"{shell}_source"}, catch_exceptions=False
+        )
+        assert f"_JAXNET_COMPLETE={shell}_complete" in script.output
+    for words, offered in {
+        "jaxnet rep": "plain,replay\nplain,report\n",
+        "jaxnet run --sh": "plain,--shard\n",
+        "jaxnet show --format l": "plain,latex\n",
+        "jaxnet report res": "file,res\n",
+    }.items():
+        asked = {"_JAXNET_COMPLETE": "bash_complete", "COMP_WORDS": words}
+        asked["COMP_CWORD"] = str(words.count(" "))
+        assert CliRunner().invoke(main, prog_name="jaxnet", env=asked).output == offered
 
 
 def test_the_tables_of_keys_are_current():

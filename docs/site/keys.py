@@ -93,7 +93,7 @@ def allowed(node: Any) -> str:
         return f"list of {many}: {takes(node['items'])}"
     if node.get("type") == "object":
         return f"mapping to {takes(node['additionalProperties'])}"
-    kind = node.get("type", "anything")
+    kind: str = node.get("type", "anything")
     return WORDS.get(kind, kind)
 
 
