@@ -207,7 +207,9 @@ class Config(Scenario):
     name: Annotated[
         str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")
     ]
-    seed: int = Field(default=0, ge=0, lt=2**63, description="of all draws but those of a random graph")
+    seed: int = Field(
+        default=0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
+    )
     samples: Annotated[
         Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
         Discriminator(samples_given),
