@@ -1,0 +1,104 @@
+"""The lanes that the report shows: which they are, and where their trajectories are stored."""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from upath import UPath
+
+from jaxnet.runs.replay import path_of, replay, worst_of
+from jaxnet.store import rows
+from jaxnet.store.arrays import open_store
+from jaxnet.store.results import Results
+
+MOST_CELLS = 12  # whose median and worst lanes are simulated again
+
+
+class Shown(NamedTuple):
+    """A lane with its trajectory: why it is shown, the engine if it is not the study's, the store it is in."""
+
+    cell: int
+    sample: int
+    why: str
+    engine: str | None
+    path: UPath
+
+    def arrays(self) -> xr.Dataset:
+        """Its states, the navigator's path, the attack and whom vehicles retained, over time."""
+        data = open_store(self.path)
+        if "lane" not in data.dims:
+            return data.isel(cell=self.cell, sample=self.sample)
+        mine = (data["cell"].values == self.cell) & (data["sample"].values == self.sample)
+        return data.isel(lane=int(np.flatnonzero(mine)[0]))
+
+
+def exemplary(results: Results) -> dict[tuple[int, int], str]:
+    """The median and the worst ok lane of MOST_CELLS cells at most, spread evenly over the study."""
+    ended = np.flatnonzero(results.cells["ok"])
+    chosen = (
+        ended[np.unique(np.linspace(0, len(ended) - 1, MOST_CELLS).round().astype(int))]
+        if len(ended)
+        else ended
+    )
+    found: dict[tuple[int, int], str] = {}
+    for cell, lanes in results.by_cell("sample", "tail_mean", where=rows.OK, cells=chosen.tolist()):
+        samples = lanes.sort_values("tail_mean", kind="stable")["sample"].tolist()
+        found[cell, samples[-1]] = "worst of its cell"
+        found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
+    return found
+
+
+def replay_shown(results: Results) -> Iterator[UPath]:
+    """Simulate again what the report shows and no store holds; the stores, as they are made.
+
+    The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
+    """
+    there = {each[:2] for each in stored(results)}
+    wanted = [(place, "nonlinear") for place in worst_of(results)]
+    wanted += [
+        (place, None) for place in exemplary(results) if place not in there | {one for one, _ in wanted}
+    ]
+    for (cell, sample), engine in wanted:
+        path = path_of(results, cell, sample, engine)
+        if not (path / "zarr.json").exists():
+            replay(results, cell, sample, engine)
+        yield path
+
+
+def shown(results: Results) -> list[Shown]:
+    """All lanes that have a trajectory.
+
+    First the worst of the study, then replayed, exemplary and other ones.
+    """
+    worst, known = set(worst_of(results)), exemplary(results)
+    order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
+    found: dict[tuple[int, int, str | None], Shown] = {}
+    for each in [*replayed(results), *stored(results)]:
+        place = each[:2]
+        why = "worst of the study" if place in worst else known.get(place, each.why)
+        found.setdefault((*place, each.engine), each._replace(why=why))
+    return sorted(found.values(), key=lambda each: order.index(each.why))
+
+
+def replayed(results: Results) -> Iterator[Shown]:
+    """Those in `replays/`."""
+    for path in sorted(file.parent for file in results.path.glob("replays/cell-*.zarr/zarr.json")):
+        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
+        if named:
+            yield Shown(int(named[1]), int(named[2]), "replayed", named[3], path)
+
+
+def stored(results: Results) -> Iterator[Shown]:
+    """Those in `trajectories.zarr`."""
+    path = results.path / "trajectories.zarr"
+    if not path.exists():
+        return
+    data = open_store(path)
+    cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
+    places = (
+        zip(cells, samples, strict=True) if "lane" in data.dims else ((c, s) for c in cells for s in samples)
+    )
+    for cell, sample in places:
+        yield Shown(cell, sample, "stored", None, path)
