@@ -17,7 +17,7 @@ MOST_CELLS = 12  # whose median and worst lanes are simulated again
 
 
 class Shown(NamedTuple):
-    """A lane with its trajectory: why it is shown, the engine if it is not the study's, the store it is in."""
+    """A lane with its trajectory: why it is shown, its engine if that is not the study's, and its store."""
 
     cell: int
     sample: int
@@ -37,13 +37,9 @@ class Shown(NamedTuple):
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
     """The median and the worst ok lane of MOST_CELLS cells at most, spread evenly over the study."""
     ended = np.flatnonzero(results.cells["ok"])
-    chosen = (
-        ended[np.unique(np.linspace(0, len(ended) - 1, MOST_CELLS).round().astype(int))]
-        if len(ended)
-        else ended
-    )
+    spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_CELLS)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
-    for cell, lanes in results.by_cell("sample", "tail_mean", where=rows.OK, cells=chosen.tolist()):
+    for cell, lanes in results.by_cell("sample", "tail_mean", where=rows.OK, cells=ended[spread].tolist()):
         samples = lanes.sort_values("tail_mean", kind="stable")["sample"].tolist()
         found[cell, samples[-1]] = "worst of its cell"
         found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
@@ -55,12 +51,10 @@ def replay_shown(results: Results) -> Iterator[UPath]:
 
     The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
     """
-    there = {each[:2] for each in stored(results)}
-    wanted = [(place, "nonlinear") for place in worst_of(results)]
-    wanted += [
-        (place, None) for place in exemplary(results) if place not in there | {one for one, _ in wanted}
-    ]
-    for (cell, sample), engine in wanted:
+    wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")
+    there = {each[:2] for each in stored(results)} | set(wanted)
+    wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
+    for (cell, sample), engine in wanted.items():
         path = path_of(results, cell, sample, engine)
         if not (path / "zarr.json").exists():
             replay(results, cell, sample, engine)

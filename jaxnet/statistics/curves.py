@@ -202,17 +202,15 @@ def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | N
 
 def all_bands(results: Results) -> dict[int, Band]:
     """Bands of the cells of the first MOST_PANELS scenes, by number of the cell."""
-    return bands_of(
-        results, [cell for group in scenes(results.study.cells)[:MOST_PANELS] for cell in group.cells]
-    )
+    groups = scenes(results.study.cells)[:MOST_PANELS]
+    return bands_of(results, [cell for group in groups for cell in group.cells])
 
 
 def bands_of(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
     """Bands of these cells, by number; of many cells at fewer instants, FEWEST_TIMES at least."""
-    tracking, most = results.errors["tracking"], MOST_NUMBERS // (4 * len(cells))
-    found = {
-        cell.number: band(tracking, cell, int(np.clip(most, FEWEST_TIMES, MOST_TIMES))) for cell in cells
-    }
+    tracking = results.errors["tracking"]
+    most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
+    found = {cell.number: band(tracking, cell, most) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
 
 

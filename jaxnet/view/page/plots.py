@@ -58,17 +58,22 @@ def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
     panels = [
         panel(curve.group.cells, curve.group.labels)
         | {"size": curve.sizes.tolist()}
-        | {metric: dict(zip(SPREAD, map(numbers, curve.spread(metric, *SPREAD)))) for metric in METRICS}
+        | {metric: spread_of(curve, metric) for metric in METRICS}
         | {"lines": {metric: slopes_of(curve, metric) for metric in METRICS}}
         for curve in found
     ]
-    present = {name for each in panels for metric in METRICS for name in each["lines"][metric]}
+    present = {name for curve in found for metric in METRICS for name in slopes_of(curve, metric)}
     return {
         "metrics": METRICS,
         "ends": {metric: axis_ends(found, metric) for metric in METRICS},
         "looks": {name: look for name, look in lines.items() if name in present},
         "panels": panels,
     }
+
+
+def spread_of(curve: Curve, metric: str) -> dict[str, list[float | None]]:
+    """Statistics over lanes, by ascending ā [m]."""
+    return {name: numbers(values) for name, values in zip(SPREAD, curve.spread(metric, *SPREAD), strict=True)}
 
 
 def slopes_of(curve: Curve, metric: str) -> dict[str, float]:

@@ -195,8 +195,8 @@ def lanes_section(results: Results) -> Section:
 
 
 CHOSEN = (
-    f"The report simulates again the median and the worst lane of {MOST_CELLS} cells at most, spread evenly over"
-    " the study, and the worst lanes of the study if it asks for recovery."
+    f"The report simulates again the median and the worst lane of {MOST_CELLS} cells at most, spread evenly"
+    " over the study, and the worst lanes of the study if it asks for recovery."
 )
 
 

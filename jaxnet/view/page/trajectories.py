@@ -25,20 +25,17 @@ LETTERS = 4 / 3  # per byte
 def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
     """As many lanes as the page has room for, and how many have a trajectory in all."""
     found = shown(results)
-    scenario = results.study.cells[0].scenario
-    links = max(
-        (int(situation_of(cell.scenario).weights.astype(bool).sum()) for cell in few(results, found)),
-        default=0,
-    )
-    bytes_a_frame = LETTERS * (4 * (4 * scenario.vehicles + 2 * scenario.vehicles) + links / 8)
-    count = int(np.clip(BUDGET / bytes_a_frame / FEWEST_FRAMES, 1, MOST_LANES))
-    frames = int(np.clip(BUDGET / bytes_a_frame / max(1, min(count, len(found))), FEWEST_FRAMES, MOST_FRAMES))
+    most = max((frame_bytes(results.study.cells[each.cell]) for each in found[:MOST_LANES]), default=1.0)
+    room = BUDGET / most
+    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
+    frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
     return [lane(results, each, frames) for each in found[:count]], len(found)
 
 
-def few(results: Results, found: list[Shown]) -> list[Cell]:
-    """The cells of the first lanes."""
-    return [results.study.cells[each.cell] for each in found[:MOST_LANES]]
+def frame_bytes(cell: Cell) -> float:
+    """What one instant of a lane takes on the page: four numbers a vehicle, two an attacked, a bit a link."""
+    links = np.count_nonzero(situation_of(cell.scenario).weights)
+    return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * len(attacked_vehicles(cell))) + links / 8)
 
 
 def lane(results: Results, one: Shown, most: int) -> dict[str, Any]:
@@ -95,11 +92,8 @@ def label(results: Results, one: Shown, cell: Cell) -> str:
     error = float("nan") if row is None else float(row["tail_mean"])
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
-    told = (
-        "none, it failed"
-        if np.isnan(error)
-        else f"{measured(error, float(findings.scales(results)[one.cell]))} m"
-    )
+    size = float(findings.scales(results)[one.cell])
+    told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
     return f"{where}sample {one.sample} ({one.why}{by}): tail mean {told}"
 
 
