@@ -47,16 +47,16 @@ def numbers(values: Iterable[float]) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def panel(cells: Sequence[Cell], labels: Mapping[str, Any]) -> dict[str, Any]:
-    """What every panel has."""
-    return {"cells": [cell.number for cell in cells], "title": title(dict(labels))}
+def panel(cells: Iterable[int], labels: dict[str, Any]) -> dict[str, Any]:
+    """What every panel has: the numbers of its cells, and what it is about."""
+    return {"cells": list(cells), "title": title(labels)}
 
 
 def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
     """δ̂(ā) of each curve: both metrics, and the lines through the origin by their slopes."""
     lines = {BOUND_NAMES.get(name, name): look for name, look in LOOKS.items()}
     panels = [
-        panel(curve.group.cells, curve.group.labels)
+        panel(curve.group.attacked, curve.group.labels)
         | {"size": curve.sizes.tolist()}
         | {metric: spread_of(curve, metric) for metric in METRICS}
         | {"lines": {metric: slopes_of(curve, metric) for metric in METRICS}}
@@ -87,7 +87,7 @@ def unrecovered(found: Sequence[Curve]) -> dict[str, Any]:
     """The share against ā."""
     return {
         "panels": [
-            panel(curve.group.cells, curve.group.labels)
+            panel(curve.group.attacked, curve.group.labels)
             | {"size": curve.sizes.tolist()}
             | {name: numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE}
             for curve in found
@@ -102,7 +102,7 @@ def unrecovered_rows(results: Results) -> dict[str, Any]:
     return {
         "rows": True,
         "panels": [
-            panel([cells[number]], cells[number].labels) | {name: columns[name][place] for name in SHARE}
+            panel([number], cells[number].labels) | {name: columns[name][place] for name in SHARE}
             for place, number in enumerate(map(int, rows.index))
         ],
     }
@@ -114,7 +114,7 @@ def bands(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, Any]:
         "ends": bands_span(found),
         "time": packed(next(iter(found.values())).time),
         "panels": [
-            panel([cells[number]], cells[number].labels)
+            panel([number], cells[number].labels)
             | {name: packed(getattr(each, name)) for name in ("low", "median", "high", "greatest")}
             for number, each in found.items()
         ],

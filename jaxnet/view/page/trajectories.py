@@ -94,7 +94,7 @@ def label(results: Results, one: Shown, cell: Cell) -> str:
     by = f", {one.engine} engine" if one.engine else ""
     size = float(findings.scales(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
-    return f"{where}sample {one.sample} ({one.why}{by}): tail mean {told}"
+    return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
 
 
 def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:
