@@ -228,7 +228,7 @@ def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
 def write_report(results: stored.Results) -> Iterator[UPath]:
     """Fit, simulate lanes again that the page shows, draw, and write it; the files, one after the other."""
     enable()
-    from jaxnet.runs.shown import replay_shown
+    from jaxnet.runs.watched import replay_watched
     from jaxnet.statistics import ultimate
     from jaxnet.view import page
     from jaxnet.view.figures import every as figures
@@ -237,7 +237,7 @@ def write_report(results: stored.Results) -> Iterator[UPath]:
         _ = results.cells  # refuses an unfinished run
         if ultimate.asked(results) and not (results.path / "fit.csv").exists():
             yield from ultimate.analyse(results)
-        yield from replay_shown(results)
+        yield from replay_watched(results)
         yield from figures.draw(results)
         yield page.write_page(results)
 

@@ -527,35 +527,35 @@ def test_headings_are_the_states_or_the_paths():
 
 def test_lanes_say_why_they_are_shown(folder, monkeypatch):
     """The median or the worst of its cell, else stored or replayed; a study's own worst are first."""
-    from jaxnet.runs import shown
+    from jaxnet.runs import watched
 
     results = jaxnet.open(folder)
-    each = shown.shown(results)
+    each = watched.watched(results)
     assert len(each) == 18  # the one that is replayed besides being stored counts once
     for cell, mine in results.lanes.sort_values("tail_mean").groupby("cell"):
         why = {one.sample: one.why for one in each if one.cell == cell}
         least, median, worst = mine["sample"]
         assert (why[median], why[worst]) == ("median of its cell", "worst of its cell")
         assert why[least] in ("stored", "replayed")
-    monkeypatch.setattr(shown, "worst_of", lambda results: [(5, 2)])
-    first = shown.shown(results)[0]
+    monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
+    first = watched.watched(results)[0]
     assert first[:3] == (5, 2, "worst of the study")
 
 
 def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     """The median and the worst lane, of the ends if two of three cells are looked at; no lane twice."""
-    from jaxnet.runs import shown
+    from jaxnet.runs import watched
 
-    monkeypatch.setattr(shown, "MOST_CELLS", 2)
+    monkeypatch.setattr(watched, "MOST_REPLAYED", 2)
     sweep = {"attack.magnitude": [1, 2, 3]}
     study = systems.study(engine="exact", samples=3, horizon=0.5, tail=0.1, sweep=sweep)
     results = jaxnet.run(study, tmp_path / "out")
-    paths = list(shown.replay_shown(results))
+    paths = list(watched.replay_watched(results))
     ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
     wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
     assert {path.stem for path in paths} == {f"cell-{cell}-sample-{sample}" for cell, sample in wanted}
     before = [(path / "zarr.json").stat().st_mtime_ns for path in paths]
-    assert [(path / "zarr.json").stat().st_mtime_ns for path in shown.replay_shown(results)] == before
+    assert [(path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)] == before
 
 
 def test_cells_are_named_by_how_many_they_are(html):

@@ -7,7 +7,7 @@ const LANE_KEY = [
   { name: "attacked vehicle", look: { line: { color: "--red", dash: "6 2" }, marker: { symbol: "diamond", color: "--red" } } },
   { name: "place that is told", look: { line: { color: "--purple", width: 2 }, marker: { symbol: "diamond-open", color: "--purple" } } },
   { name: "retained link", look: { line: { color: "--muted" } } },
-  { name: "dropped link", look: { line: { color: "--line", dash: "2 3" } } },
+  { name: "dropped link", look: { line: { color: "--muted", dash: "1 4" } } },
 ];
 const FATES = [["dropped", "--line"], ["dropped, attacked", "--green"], ["retained", "--sky"], ["retained, attacked", "--red"]];
 
@@ -68,7 +68,7 @@ function linksNow(lane, frame) {
       .map(([listener, source]) => [lane.place(frame, source), lane.place(frame, listener)])),
   });
   return [
-    lines("dropped link", false, { color: "--line", width: 1, dash: "2px,3px" }),
+    lines("dropped link", false, { color: "--muted", width: 1, dash: "1px,4px" }),
     lines("retained link", true, { color: "--muted", width: 0.8 }),
   ];
 }
@@ -134,7 +134,7 @@ function errors(lane, frame) {
   const all = lane.all.flatMap((vehicle) => Array.from(lane.time, (_, n) => lane.error(n, vehicle))).filter((value) => value > ROUNDING);
   const [least, most] = all.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, ROUNDING]);
   const ends = [10 ** Math.floor(Math.log10(Math.min(least, most))), 10 ** Math.ceil(Math.log10(most) + 0.01)];
-  return { data: lane.all.map(one), layout: { xaxis: timeAxis(lane), yaxis: decades(ends, "‖y_i − y_0‖ [m]"), shapes: cursor(lane.time[frame]) } };
+  return { data: lane.all.map(one), layout: { xaxis: timeAxis(lane), yaxis: decades(ends, "‖y<sub>i</sub> − y<sub>0</sub>‖ [m]"), shapes: cursor(lane.time[frame]) } };
 }
 
 function raster(lane, frame) {
@@ -199,7 +199,8 @@ function showLanes(section, lanes) {
     slider.max = lane.time.length - 1;
     command.textContent = lane.command;
     said.textContent = wordsOf(lane);
-    overTime[1].hidden = !lane.kept;
+    overTime[1].hidden = keys.children[5].hidden = !lane.kept;
+    keys.children[2].hidden = keys.children[3].hidden = !lane.attacked.length;
     cursors.forEach((each) => { each.stale = true; });
     go(slider.max);
   };
@@ -242,7 +243,7 @@ function showLanes(section, lanes) {
 function wordsOf(lane) {
   const step = short(lane.time[1] - lane.time[0]), kept = lane.kept ? "" : " Nobody trims here: every source is retained at all times.";
   const thinned = lane.time.length < lane.outputs ? `, some of ${lane.outputs} output times` : "";
-  return `Shown every ${step} s${thinned}; a path between its places is drawn straight, which need not be how a vehicle moves.` +
+  return `${lane.label}. Shown every ${step} s${thinned}; a path between its places is drawn straight, which need not be how a vehicle moves.` +
     ` A triangle points where a vehicle heads.${kept}`;
 }
 if (data.sections.lanes) showLanes(document.getElementById("lanes"), data.sections.lanes);

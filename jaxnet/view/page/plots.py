@@ -58,7 +58,7 @@ def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
     panels = [
         panel(curve.group.attacked, curve.group.labels)
         | {"size": curve.sizes.tolist()}
-        | {metric: spread_of(curve, metric) for metric in METRICS}
+        | {metric: statistics_of(curve, metric) for metric in METRICS}
         | {"lines": {metric: slopes_of(curve, metric) for metric in METRICS}}
         for curve in found
     ]
@@ -71,7 +71,7 @@ def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
     }
 
 
-def spread_of(curve: Curve, metric: str) -> dict[str, list[float | None]]:
+def statistics_of(curve: Curve, metric: str) -> dict[str, list[float | None]]:
     """Statistics over lanes, by ascending ā [m]."""
     return {name: numbers(values) for name, values in zip(SPREAD, curve.spread(metric, *SPREAD), strict=True)}
 

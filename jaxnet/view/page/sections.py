@@ -10,7 +10,7 @@ import pandas as pd
 
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
-from jaxnet.runs.shown import MOST_CELLS
+from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, FLOOR, Curve, bands_of, curves, magnitude_is_swept, shares
 from jaxnet.statistics.limits import UNCHECKED, unchecked
@@ -195,8 +195,8 @@ def lanes_section(results: Results) -> Section:
 
 
 CHOSEN = (
-    f"The report simulates again the median and the worst lane of {MOST_CELLS} cells at most, spread evenly"
-    " over the study, and the worst lanes of the study if it asks for recovery."
+    f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most, spread"
+    " evenly over the study, and the worst lanes of the study if it asks for recovery."
 )
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import situation_of
-from jaxnet.runs.shown import Shown, shown
+from jaxnet.runs.watched import Watched, watched
 from jaxnet.store.results import Results
 from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -24,7 +24,7 @@ LETTERS = 4 / 3  # per byte
 
 def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
     """As many lanes as the page has room for, and how many have a trajectory in all."""
-    found = shown(results)
+    found = watched(results)
     most = max((frame_bytes(results.study.cells[each.cell]) for each in found[:MOST_LANES]), default=1.0)
     room = BUDGET / most
     count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
@@ -38,7 +38,7 @@ def frame_bytes(cell: Cell) -> float:
     return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * len(attacked_vehicles(cell))) + links / 8)
 
 
-def lane(results: Results, one: Shown, most: int) -> dict[str, Any]:
+def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
     """One lane at so many instants at most, and at the last."""
     cell, data = results.study.cells[one.cell], one.arrays()
     outputs = np.arange(data.sizes["time"])
@@ -72,7 +72,7 @@ def lane(results: Results, one: Shown, most: int) -> dict[str, Any]:
     return given
 
 
-def links_of(results: Results, one: Shown, cell: Cell) -> Bool[np.ndarray, "m n"]:
+def links_of(results: Results, one: Watched, cell: Cell) -> Bool[np.ndarray, "m n"]:
     """Who hears whom in a lane, whose graph may be its own."""
     if not cell.scenario.topology.differs():
         return situation_of(cell.scenario).weights > 0
@@ -86,7 +86,7 @@ def links_of(results: Results, one: Shown, cell: Cell) -> Bool[np.ndarray, "m n"
     return links
 
 
-def label(results: Results, one: Shown, cell: Cell) -> str:
+def label(results: Results, one: Watched, cell: Cell) -> str:
     """How the choice of lanes names one."""
     row = results.row(one.cell, one.sample)
     error = float("nan") if row is None else float(row["tail_mean"])

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,10 @@ from jaxnet.store import rows
 from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 
-MOST_CELLS = 12  # whose median and worst lanes are simulated again
+MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
 
 
-class Shown(NamedTuple):
+class Watched(NamedTuple):
     """A lane with its trajectory: why it is shown, its engine if that is not the study's, and its store."""
 
     cell: int
@@ -35,9 +36,9 @@ class Shown(NamedTuple):
 
 
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
-    """The median and the worst ok lane of MOST_CELLS cells at most, spread evenly over the study."""
+    """The median and the worst ok lane of MOST_REPLAYED cells at most, spread evenly over the study."""
     ended = np.flatnonzero(results.cells["ok"])
-    spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_CELLS)).round().astype(int)
+    spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
     for cell, lanes in results.by_cell("sample", "tail_mean", where=rows.OK, cells=ended[spread].tolist()):
         samples = lanes.sort_values("tail_mean", kind="stable")["sample"].tolist()
@@ -46,7 +47,7 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     return found
 
 
-def replay_shown(results: Results) -> Iterator[UPath]:
+def replay_watched(results: Results) -> Iterator[UPath]:
     """Simulate again what the report shows and no store holds; the stores, as they are made.
 
     The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
@@ -61,14 +62,14 @@ def replay_shown(results: Results) -> Iterator[UPath]:
         yield path
 
 
-def shown(results: Results) -> list[Shown]:
+def watched(results: Results) -> list[Watched]:
     """All lanes that have a trajectory.
 
     First the worst of the study, then replayed, exemplary and other ones.
     """
     worst, known = set(worst_of(results)), exemplary(results)
     order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
-    found: dict[tuple[int, int, str | None], Shown] = {}
+    found: dict[tuple[int, int, str | None], Watched] = {}
     for each in [*replayed(results), *stored(results)]:
         place = each[:2]
         why = "worst of the study" if place in worst else known.get(place, each.why)
@@ -76,23 +77,23 @@ def shown(results: Results) -> list[Shown]:
     return sorted(found.values(), key=lambda each: order.index(each.why))
 
 
-def replayed(results: Results) -> Iterator[Shown]:
-    """Those in `replays/`."""
+def replayed(results: Results) -> Iterator[Watched]:
+    """Those in `replays/` that the study has."""
     for path in sorted(file.parent for file in results.path.glob("replays/cell-*.zarr/zarr.json")):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        if named:
-            yield Shown(int(named[1]), int(named[2]), "replayed", named[3], path)
+        if named is None or int(named[1]) >= len(results.study.cells):
+            continue
+        if int(named[2]) < results.manifest["samples"]:
+            yield Watched(int(named[1]), int(named[2]), "replayed", named[3], path)
 
 
-def stored(results: Results) -> Iterator[Shown]:
+def stored(results: Results) -> Iterator[Watched]:
     """Those in `trajectories.zarr`."""
     path = results.path / "trajectories.zarr"
     if not path.exists():
         return
     data = open_store(path)
     cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
-    places = (
-        zip(cells, samples, strict=True) if "lane" in data.dims else ((c, s) for c in cells for s in samples)
-    )
-    for cell, sample in places:
-        yield Shown(cell, sample, "stored", None, path)
+    chosen = "lane" in data.dims
+    for cell, sample in zip(cells, samples, strict=True) if chosen else product(cells, samples):
+        yield Watched(cell, sample, "stored", None, path)
