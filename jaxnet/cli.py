@@ -266,7 +266,8 @@ def fit(results: str) -> None:
 def report(results: str, shown: bool) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
-    Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.
+    Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
+    dozen cells at most, and the worst of the study if it has `recovery`.
     """
     with user_errors():
         opened = jaxnet.open(results)

@@ -67,19 +67,6 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True) if found else nothing
 
 
-def replay_worst(results: Results) -> list[UPath]:
-    """Simulate the worst lanes again by the nonlinear engine; the stores of all of them, made now or
-    before.
-    """
-    paths = []
-    for cell, sample in worst_of(results):
-        path = path_of(results, cell, sample, "nonlinear")
-        if not (path / "zarr.json").exists():
-            replay(results, cell, sample, "nonlinear")
-        paths.append(path)
-    return paths
-
-
 def with_engine(cell: Cell, engine: str | None) -> Cell:
     """The cell under this engine with its defaults; itself if that is its own."""
     if engine in (None, cell.scenario.engine.reference()):
