@@ -19,8 +19,10 @@ SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
 CROWD = 16  # more vehicles than this are too many for one circle
 INNER = 0.8  # radius of a crowd's second circle
 EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
+SMALLEST = 6.0  # [pt] type that can be read in print
 NODE = 11.0  # [pt] diameter of a node where there is room for it
-LEGIBLE = 8.0  # [pt] diameter of a node whose number can be read
+KEY_HEIGHT = 0.55  # [in]
+LEGIBLE = 9.5  # [pt] diameter of a node whose number can be read
 APART = 18.0  # [pt] from one node to the next that panels grow for
 MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
 
@@ -30,8 +32,8 @@ ATTACKED = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
 LINKS = {"trusted link": TRUSTED, "attacked link": ATTACKED, "other link": PLAIN}
 
 
-def figure(cells: Sequence[Cell]) -> Figure:
-    """One panel per graph, each with the most attacked links that the study has on it.
+def figure(cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
+    """One panel per graph, as a page has room for, each with the most attacked links that the study has.
 
     Weights that are drawn lane by lane are those of the graph of their medians.
     """
@@ -40,26 +42,29 @@ def figure(cells: Sequence[Cell]) -> Figure:
         known = graphs.get(name(cell))
         if known is None or attacked_links(cell) > attacked_links(known):
             graphs[name(cell)] = cell
-    shown = [(cell, situation_of(cell.scenario)) for cell in graphs.values()]
+    there = [(cell, situation_of(cell.scenario)) for cell in graphs.values()]
+    across = side_by_side([network.weights for _, network in there], width)
+    columns = min(across, len(there))
+    size = width / max(columns, min(3, across))
+    shown = there[: columns * max(1, int((style.TALLEST - KEY_HEIGHT) / size))]
     weights = [network.weights for _, network in shown]
-    across = panels_across(weights)
-    columns = min(across, len(shown))
     rows = -(-len(shown) // columns)
-    size = style.WIDTH / max(columns, min(3, across))
-    drawn = Figure(figsize=(size * columns if columns >= 3 else style.WIDTH, size * rows + 0.55))
+    drawn = Figure(figsize=(width, size * rows + KEY_HEIGHT))
     for number, (cell, network) in enumerate(shown):
         draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
-    drawn.legend(handles=legend(shown), loc="outside lower center", ncols=5, handlelength=2.4)
+    handles, ncols = legend(shown), multiples.legend_columns(width, 5)
+    drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.4)
     words = left_out(weights, 72 * size)
     if words:
         multiples.note(drawn, f"There is no room for {' and '.join(words)}")
+    multiples.note_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
     return drawn
 
 
-def panels_across(graphs: Sequence[np.ndarray]) -> int:
+def side_by_side(graphs: Sequence[np.ndarray], width: float) -> int:
     """How many graphs stand in a row: as many as leave APART between the nodes of each."""
     wanted = max(APART / spacing(weights, 1.0) for weights in graphs)
-    return max(1, min(MOST_IN_ROW, int(72 * style.WIDTH / wanted)))
+    return max(1, min(MOST_IN_ROW, int(72 * width / wanted)))
 
 
 def spacing(weights: np.ndarray, size: float) -> float:
@@ -201,7 +206,16 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
         zorder=2.5 if lies else 2,
     )
     if across >= LEGIBLE:
-        panel.text(x, y, str(source), fontsize=0.6 * across, ha="center", va="center", color=text, zorder=3)
+        panel.text(
+            x,
+            y,
+            str(source),
+            fontsize=max(SMALLEST, 0.6 * across),
+            ha="center",
+            va="center",
+            color=text,
+            zorder=3,
+        )
 
 
 def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D]:
