@@ -121,7 +121,7 @@ def test_the_page_begins_with_what_was_found(html):
     assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     assert "No lane failed, of 18." in text
-    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude =\xa01\xa0m (cell 1)" in text
+    assert "least, 25 % (95 % interval 15 to 25 %) in star, ā\xa0=\xa01\xa0m (cell 1)" in text
     assert "greatest, 100 %" in text
     assert "1 lane above a bound that claims to hold" in text
 
@@ -130,7 +130,7 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
-    assert "least, <b>0.5 ā</b>, in attack.magnitude =\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert "least, <b>0.5 ā</b>, in ā\xa0=\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
         "3 samples of each cell: the worst cell's mean is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
@@ -303,7 +303,7 @@ def test_shares_of_cells_where_no_size_is_swept(folder):
     np.testing.assert_allclose(trace["error_x"]["arrayminus"], 10)
     names = grid["layouts"][0]["yaxis"]["ticktext"]
     joined = unescape(names[2].replace("<br>", "")).replace(" ", "").replace("\N{NO-BREAK SPACE}", "")
-    assert joined == f"{HOSTILE}, attack.magnitude = 1 m".replace(" ", "")
+    assert joined == f"{HOSTILE}, ā = 1 m".replace(" ", "")
     assert "<script" not in names[2]
 
 

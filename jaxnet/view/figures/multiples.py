@@ -14,13 +14,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.statistics.curves import MOST_PANELS
+from jaxnet.statistics.groups import MAGNITUDE
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
 PANEL_HEIGHT = 1.45  # [in]
 ACROSS = 4  # panels in a row across two columns
+ROW_HEIGHT, LINE = 0.28, 0.13  # [in] of a named row at least, and of each line of its name
 HEADING = 0.7  # [in] for axis and legend
 LETTERS = 17  # of a title, an inch
+Y_LETTERS = 18  # of a line along a panel's height
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
@@ -59,11 +62,12 @@ def as_text(words: str) -> str:
 def called(key: str, value: Any) -> str:
     """One swept value, with its unit if it has one; the two are never on different lines."""
     if value == "none":
-        return f"no {key}"
+        return f"no{NO_BREAK}{key}"
     if key in KINDS:
         return str(value)
     amount = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return NO_BREAK.join(filter(None, [f"{key} =", amount, unit(key)]))
+    name = f"ā{NO_BREAK}=" if key == MAGNITUDE else f"{key} ="
+    return NO_BREAK.join(filter(None, [name, amount, unit(key)]))
 
 
 @functools.cache
@@ -96,7 +100,7 @@ def note_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> No
 def note(drawn: Figure, words: str) -> None:
     """Write a small line above all panels, after what stands there already."""
     told = "; ".join(filter(None, [drawn.get_suptitle().replace("\n", " "), words]))
-    wrapped = textwrap.fill(told, int(1.25 * LETTERS * drawn.get_figwidth()))
+    wrapped = textwrap.fill(told, int(1.1 * LETTERS * drawn.get_figwidth()))
     drawn.suptitle(wrapped, x=0.01, ha="left", fontsize=7)
 
 
@@ -153,20 +157,36 @@ def panels(
         panel.axis("off")
         grid[number - across].tick_params(labelbottom=True)
     for panel in grid[::across]:
-        panel.set_ylabel(y)
+        panel.set_ylabel(textwrap.fill(y, Y_LETTERS))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
         panel.set_xlabel(x)
     return drawn, grid[: len(labels)]
 
 
+def row_heights(labels: Sequence[dict[str, Any]], width: float) -> tuple[list[str], np.ndarray]:
+    """Names of rows, wrapped to a third of the width, and how high each row must be [in]."""
+    names = [textwrap.fill(as_text(name), int(LETTERS * width / 2.8)) for name in told_apart(labels)]
+    return names, np.array([max(ROW_HEIGHT, LINE * (1 + name.count("\n"))) for name in names])
+
+
+def rows_room(labels: Sequence[dict[str, Any]], width: float, most: int) -> int:
+    """How many of these rows a page has room for, of the first `most`."""
+    heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])  # all are as high as the highest
+    return int(np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.TALLEST - 1.0))
+
+
 def named_rows(labels: Sequence[dict[str, Any]], width: float) -> tuple[Figure, Axes]:
     """A figure with one panel that has a named row for each of these labels, from the top down."""
-    names = [textwrap.fill(as_text(name), int(LETTERS * width / 2.8)) for name in told_apart(labels)]
-    lines = max(name.count("\n") for name in names)
-    drawn = Figure(figsize=(width, min(style.TALLEST, (0.28 + 0.11 * lines) * len(labels) + 1.0)))
+    names, heights = row_heights(labels, width)
+    drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))
     note_shared(drawn, labels)
     panel = drawn.add_subplot()
-    panel.set_yticks(range(len(names)), names)
+    panel.set_yticks(range(len(names)) if any(names) else [], names if any(names) else [])
     panel.set_ylim(len(names) - 0.4, -0.6)
     panel.grid(True, axis="x", color="0.9", linewidth=0.5)
     return drawn, panel
+
+
+def axis_name(words: str, width: float) -> str:
+    """The name of an axis that takes most of the width, in as many lines as that needs."""
+    return textwrap.fill(words, int(0.6 * LETTERS * width))

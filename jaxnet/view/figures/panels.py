@@ -19,7 +19,7 @@ from jaxnet.view.figures.style import Figure
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 KEY_HEIGHT = 0.35  # [in]
-ROW_LETTERS = 30  # that a line along a row's height takes
+ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 110  # that a line across the page takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
 
@@ -31,9 +31,9 @@ def figure(
 
     A row of a narrow figure takes several lines, the last for its errors.
     """
-    whole = layout(cells)
+    whole, narrow = layout(cells), width < style.WIDTH
     most = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
-    places, widths = places_of_row(most, errors, narrow=width < style.WIDTH)
+    places, widths = places_of_row(most, errors, narrow)
     lines = 1 + places[-1][0]
     fitting = int((style.TALLEST - KEY_HEIGHT) / (ROW_HEIGHT * lines))
     rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
@@ -50,10 +50,11 @@ def figure(
         for number, row in enumerate(rows):
             words = "errors" if trajectories else textwrap.fill(setting(row[0]), TITLE_LETTERS)
             title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
-            draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0)
+            draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow)
     if trajectories:
         ncols = multiples.legend_columns(width, 6)
-        drawn.legend(handles=legend(rows), loc="outside lower center", ncols=ncols, handlelength=2.2)
+        handles = legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
+        drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.2)
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
     multiples.note_left_out(
         drawn,
@@ -68,12 +69,14 @@ def places_of_row(
     planes: int, errors: bool, narrow: bool
 ) -> tuple[list[tuple[int, int | slice]], list[float]]:
     """Line and column of each plane of a row and, last, of its errors; and how wide the columns are."""
+    places: list[tuple[int, int | slice]]
     if not narrow:
         places = [(0, column) for column in range(planes + errors)]
-        return [*places], [1.0] * planes + [1.35] * errors
-    across = min(2, max(1, planes))
-    last = (-(-planes // across), slice(None))
-    return [*(divmod(plane, across) for plane in range(planes)), *([last] * errors)], [1.0] * across
+        return places, [1.0] * planes + [1.35] * errors
+    places = [divmod(place, 2) for place in range(planes + errors)]
+    if errors and planes % 2 == 0:
+        places[-1] = places[-1][0], slice(None)
+    return places, [1.0, 1.0]
 
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
@@ -114,7 +117,7 @@ def name(cell: Cell) -> str:
 def setting(cell: Cell) -> str:
     """What a row is about, in a few words."""
     attack = cell.scenario.attack
-    words = [magnitude_words(cell).replace(" m", f"{multiples.NO_BREAK}m")]
+    words = [magnitude_words(cell).replace(" ", multiples.NO_BREAK)]
     if attack.amplitude() != 0:
         words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
     told = ("topology", "attack", "attack.magnitude")
@@ -189,6 +192,12 @@ def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
     return handles
 
 
+def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
+    """Whose errors are whose, where the panels have no room to say so."""
+    pairs = zip(cells, style.SERIES, strict=False)
+    return [Line2D([], [], **look, label=f"error, {name(cell)}") for cell, look in pairs]
+
+
 def draw_errors(
     drawn: Figure, place: Any, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
 ) -> None:
@@ -210,7 +219,7 @@ def draw_errors(
             panel.tick_params(labelbottom=False)
             panel.set_title(title, pad=3)
             if key:
-                panel.legend(loc="lower left", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
+                panel.legend(loc="upper right", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
         else:
             panel.set_xlabel("t [s]")
             panel.locator_params(axis="x", nbins=4)

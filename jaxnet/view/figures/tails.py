@@ -18,8 +18,10 @@ DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and
 
 def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
     """`tail_mean` of the ok lanes of the first MOST of these cells."""
-    shown = {cell.number: place for place, cell in enumerate(cells[:MOST_SHOWN])}
-    drawn, panel = multiples.named_rows([cell.labels for cell in cells[:MOST_SHOWN]], width)
+    labels = [cell.labels for cell in cells]
+    most = multiples.rows_room(labels, width, MOST_SHOWN)
+    shown = {cell.number: place for place, cell in enumerate(cells[:most])}
+    drawn, panel = multiples.named_rows(labels[:most], width)
     for cell, lanes in results.by_cell("tail_mean", where=rows.OK, cells=shown):
         number = shown[cell]
         values = np.maximum(FLOOR, lanes["tail_mean"].to_numpy())
@@ -33,7 +35,7 @@ def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) 
     panel.autoscale_view()
     multiples.log_ticks(panel.xaxis)
     dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
-    panel.set_xlabel("mean error over the tail and the vehicles [m]")
+    panel.set_xlabel(multiples.axis_name("mean error over the tail and the vehicles [m]", width))
     multiples.note(drawn, f"{dot}; median and 5 to 95 %")
     multiples.note_left_out(drawn, (len(shown), len(cells), "cells"), where="lanes/")
     return drawn

@@ -116,10 +116,11 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINKS[called])
-    label_weights(panel, network.weights, places)
+    if len(network.weights) <= CROWD or not weight_classes(network.weights):
+        label_weights(panel, network.weights, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
-    panel.set_title(name(cell), pad=2)
+    panel.set_title(heading(cell, network.weights), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")
     panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
@@ -162,15 +163,29 @@ def draw_link(
     panel.add_patch(arrow)
 
 
+def weight_classes(weights: np.ndarray) -> dict[tuple[bool, float], tuple[int, int]]:
+    """Weights of navigator and vehicles where there are few of them, with one link of each; else nothing."""
+    classes: dict[tuple[bool, float], tuple[int, int]] = {}
+    links = np.argwhere(weights > 0)
+    for i, j in links:
+        classes.setdefault((bool(j == 0), round(float(weights[i, j]), 6)), (int(i), int(j)))
+    return classes if len(links) > 8 and len(classes) <= 3 else {}
+
+
 def labelled_links(weights: np.ndarray) -> list[tuple[int, int]]:
     """All links, or where few values recur, one of each from navigator and vehicles; none of too many."""
     links = [(int(i), int(j)) for i, j in np.argwhere(weights > 0)]
-    classes: dict[tuple[bool, float], tuple[int, int]] = {}
-    for i, j in links:
-        classes.setdefault((j == 0, round(float(weights[i, j]), 6)), (i, j))
-    if len(links) > 8 and len(classes) <= 3:
-        return list(classes.values())
-    return links if len(links) <= MOST_WEIGHTS else []
+    return list(weight_classes(weights).values()) or (links if len(links) <= MOST_WEIGHTS else [])
+
+
+def heading(cell: Cell, weights: np.ndarray) -> str:
+    """A graph's name; in a crowd, where no label is clear of the nodes, with the weights that recur."""
+    words = [
+        f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
+        for navigator, weight in weight_classes(weights)
+    ]
+    crowded = len(weights) > CROWD and words
+    return f"{name(cell)}\nweights: {', '.join(words)}" if crowded else name(cell)
 
 
 def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
@@ -180,7 +195,7 @@ def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
-        x, y = middle + (0.22 if mutual and len(weights) <= CROWD else 0.12) * aside
+        x, y = middle + (0.22 if mutual else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 

@@ -39,7 +39,7 @@ def figure(found: Sequence[Curve], metric: str = "tail_max", width: float = styl
     multiples.log_ticks(panels[0].xaxis)
     multiples.log_ticks(panels[0].yaxis)
     drawn.legend(
-        handles=legend(shown, metric),
+        handles=legend(shown, metric, low),
         loc="outside lower center",
         ncols=multiples.legend_columns(width, 4),
         handlelength=2.6,
@@ -71,15 +71,16 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     panel.plot(sizes, greatest, "_", **LONG)
 
 
-def legend(shown: Sequence[Curve], metric: str) -> list[Line2D]:
+def legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
     """What is what, of what is there."""
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
         Line2D([], [], marker="o", label="median of lanes", **POINT),
         Line2D([], [], marker="|", label="5 to 95 %", **LONG),
         Line2D([], [], marker="_", label="maximum", **LONG),
-        Line2D([], [], marker="v", label="median below the axis", **POINT),
     ]
+    if any((curve.spread(metric, "median")[0] <= floor).any() for curve in shown):
+        handles.append(Line2D([], [], marker="v", label="median below the axis", **POINT))
     if any(curve.fit(metric) for curve in shown):
         handles.append(Line2D([], [], label="least squares s·ā", **FITTED))
     return handles + [

@@ -37,7 +37,7 @@ def figure(
     panels[0].set_xscale("log")
     panels[0].autoscale_view()
     multiples.log_ticks(panels[0].xaxis)
-    panels[0].set_ylim(-4, 104)
+    panels[0].set_ylim(-5, 108)
     multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
@@ -53,10 +53,11 @@ def rows(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) ->
     """A row per cell."""
     asked = {cell.number: cell for cell in cells}
     there = shares(results, cells)
-    found = there.head(MOST_PANELS)
+    labels = [asked[int(number)].labels for number in there.index]
+    found = there.head(multiples.rows_room(labels, width, MOST_PANELS))
     share, low, high = (100 * found[name].to_numpy() for name in found)
     places = np.arange(len(found))
-    drawn, panel = multiples.named_rows([asked[int(number)].labels for number in found.index], width)
+    drawn, panel = multiples.named_rows(labels[: len(found)], width)
     panel.errorbar(share, places, xerr=np.stack([share - low, high - share]), **LOOK)
     panel.set_xlim(-2, 102)
     panel.set_xlabel("lanes unrecovered, with interval [%]")
