@@ -17,13 +17,15 @@ import yaml
 from click.testing import CliRunner
 
 import jaxnet
-from jaxnet import cli
-from jaxnet.cli import main
+from jaxnet.cli import errors, main
 from jaxnet.store.folder import Folder
 from jaxnet.view import figures
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report", "figure"]
+COMMANDS = [
+    *("init", "check", "run", "schema", "list", "show", "fit", "report", "figure"),
+    *("replay", "animate", "compare", "export"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -213,10 +215,10 @@ def test_an_interrupt_that_is_ignored_comes_again(monkeypatch):
     """As one is that falls into a callback of the garbage collector; the handlers are put back."""
     statuses, before = [], signal.getsignal(signal.SIGINT)
     monkeypatch.setattr(os, "_exit", statuses.append)
-    with cli.user_errors():
+    with errors.user_errors():
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        time.sleep(20 * cli.AGAIN)
-    assert statuses == [cli.INTERRUPTED]
+        time.sleep(20 * errors.AGAIN)
+    assert statuses == [errors.INTERRUPTED]
     assert signal.getsignal(signal.SIGINT) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -13,6 +14,7 @@ from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
+from jaxnet.store.arrays import open_store
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -42,6 +44,21 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     types = rows.column_types(study.config, study.cells)
     row = rows.table_of(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return path, row.to_pandas().iloc[0]
+
+
+def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, np.ndarray]:
+    """One lane's trajectory, simulated again if it is stored nowhere, and the weights of its graph."""
+    path = path_of(results, cell, sample)
+    if not (path / "zarr.json").exists():
+        path, _ = replay(results, cell, sample)
+    scenario, seed = results.study.cells[cell].scenario, results.study.config.seed
+    one = job(scenario, seed, [sample])
+    weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
+    for sources, mine in zip(
+        np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True
+    ):
+        weights[np.arange(len(weights)), sources] += mine
+    return open_store(path).isel(lane=0), weights
 
 
 def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:

@@ -39,7 +39,7 @@ class Comparison(NamedTuple):
     failed: pd.DataFrame  # lanes that failed in either, which count in no difference
 
 
-def compare(first: Results, second: Results) -> Comparison:
+def held_against(first: Results, second: Results) -> Comparison:
     """Hold one study's lanes against another's; raises FolderError if none can be paired."""
     _ = first.cells, second.cells  # refuses an unfinished run
     pairs = paired_cells(first, second)
@@ -177,7 +177,8 @@ def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[pd.DataFrame], columns: 
     for pair, mine in zip(pairs, lanes, strict=True):
         told = numbers(pair) | pair[0].labels
         found.append(pd.DataFrame({**{key: [value] * len(mine) for key, value in told.items()}}))
-        found[-1][columns] = mine[columns].to_numpy()
+        for name in columns:
+            found[-1][name] = mine[name].to_numpy()
     return pd.concat(found, ignore_index=True)
 
 

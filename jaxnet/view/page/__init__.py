@@ -5,6 +5,7 @@ plots, `page.js` draws them with plotly.js, which is inlined; `page.css` has the
 """
 
 import json
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from string import Template
@@ -32,20 +33,25 @@ COLOURS = {
 
 def write_page(results: Results) -> UPath:
     """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
-    shown = sections.every(results)
+    name, lead = escape(results.study.config.name), sections.lead(results)
+    text = whole(name, lead, sections.every(results))
+    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
+
+
+def whole(name: str, lead: str, shown: Sequence[sections.Section]) -> str:
+    """A page of these sections, in one file."""
     data = {each.id: each.plots for each in shown if each.plots}
-    text = Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
-        name=escape(results.study.config.name),
-        lead=sections.lead(results),
+    return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
+        name=name,
+        lead=lead,
         contents=" ".join(f'<a href="#{each.id}">{each.title}</a>' for each in shown),
         sections="\n".join(map(str, shown)),
         palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in COLOURS.items())} }}",
         css=(HERE / "page.css").read_text(encoding="utf-8"),
         data=encode(data),
-        plotly=get_plotlyjs(),
+        plotly=get_plotlyjs() if data else "",
         script=(HERE / "page.js").read_text(encoding="utf-8"),
     )
-    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
 
 
 def encode(data: object) -> str:
