@@ -251,7 +251,11 @@ def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:
 
 
 def write_film(
-    results: stored.Results, cell: int, sample: int, out: Place | None = None, report: Report | None = None
+    results: stored.Results,
+    cell: int,
+    sample: int,
+    out: Place | None = None,
+    report: Callable[[int, int], object] = lambda done, total: None,
 ) -> UPath:
     """Write a film of one lane; see `Results.animate`."""
     enable()
@@ -265,8 +269,7 @@ def write_film(
         lane, weights = trajectory_of(results, cell, sample)
     chosen = results.study.cells[cell]
     film = animation.film_of(lane, chosen, weights, headings(lane["states"]))
-    with reporting_to(report) as told:
-        return animation.write(Folder(place.parent), place.name, film, chosen, sample, told)
+    return animation.write(Folder(place.parent), place.name, film, chosen, sample, report)
 
 
 def write_fits(results: stored.Results) -> Iterator[UPath]:

@@ -20,7 +20,7 @@ class Sections(click.Group):
         """A section each."""
         for title, commands in SECTIONS.items():
             with formatter.section(title):
-                formatter.write_dl([(str(each.name), each.get_short_help_str(60)) for each in commands])
+                formatter.write_dl([(str(each.name), each.get_short_help_str(200)) for each in commands])
 
 
 @click.group(cls=Sections, context_settings={"help_option_names": ["-h", "--help"]})

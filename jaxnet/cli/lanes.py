@@ -1,5 +1,7 @@
 """Commands on one lane: simulate it again, see it move."""
 
+import sys
+
 import click
 
 import jaxnet
@@ -43,8 +45,12 @@ def animate(results: str, cell: int, sample: int, out: str | None) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_film
-        from jaxnet.view.text import progress
 
-        with progress.reporting() as report:
+        with click.progressbar(length=0, label="frames", file=sys.stderr) as bar:
+
+            def report(done: int, total: int) -> None:
+                bar.length = total
+                bar.update(done - bar.pos)
+
             path = write_film(opened, cell, sample, out, report)
         click.echo(f"wrote {path}", err=True)

@@ -1,4 +1,4 @@
-"""Commands on a results folder: tables, fits, the report, its figures, two studies held against each other."""
+"""Commands on results: tables, fits, the report, its figures, two studies held against each other."""
 
 from pathlib import Path
 from typing import Any

@@ -4,14 +4,15 @@ import inspect
 import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
-from jaxnet.config.cells import tidy
-from jaxnet.config.document import ConfigError, Problem
+from jaxnet.config.cells import read_document, tidy
+from jaxnet.config.document import ConfigError, Document, Problem
 from jaxnet.config.keys import Config, Scenario
-from jaxnet.config.study import load, yaml_of
+from jaxnet.config.study import yaml_of
 from jaxnet.kinds import registry
-from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.kind import Kind, KindError
 
 ASKED = ("topology", "attack", "defence")  # families
 DEFAULTS: dict[str, Any] = {
@@ -35,15 +36,24 @@ def needs(kind: type[Kind]) -> list[str]:
 
 
 def text(file: str, answers: Mapping[str, Any]) -> str:
-    """The config of these answers, the defaults elsewhere; raises ConfigError or KindError."""
+    """The config of these answers, the defaults elsewhere; raises ConfigError."""
     given = DEFAULTS | answers
-    found = "\n".join(lines(file, given)) + "\n"
     for family in ASKED:
-        if lacking := needs(registry.find(family, given[family])):
-            told = f"{given[family]} needs {' and '.join(lacking)} (can be had here: {', '.join(offered(family))})"
-            raise ConfigError([Problem(file, family, told)])
-    load(answers_alone(given, Path(file).stem))
+        refuse(file, family, given[family])
+    found = "\n".join(lines(file, given)) + "\n"
+    read_document(Document(found, file))
     return found
+
+
+def refuse(file: str, family: str, name: str) -> None:
+    """Raise ConfigError for a kind that there is none of, or that needs more than its name."""
+    try:
+        lacking = needs(registry.find(family, name))
+    except KindError as error:
+        raise ConfigError([Problem(file, family, str(error))]) from error
+    if lacking:
+        told = f"{name} needs {' and '.join(lacking)} (those that need nothing: {', '.join(offered(family))})"
+        raise ConfigError([Problem(file, family, told)])
 
 
 def answers_alone(given: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -88,7 +98,9 @@ def with_comment(indent: str, key: str, value: Any, comment: str | None) -> Iter
     """A key with its value, and what the models say of it: behind it, or above it where it is long."""
     line = f"{indent}{yaml_of({key: value}, inline=True).removeprefix('{').removesuffix('}')}"
     words = f"# {comment}" if comment else ""
-    if len(f"{line:<{COLUMN}}{words}") > WIDTH:
-        yield f"{indent}{words}"
-        words = ""
-    yield f"{line:<{COLUMN}}{words}".rstrip()
+    beside = f"{line:<{COLUMN - 2}}  {words}".rstrip()
+    if len(beside) <= WIDTH:
+        yield beside
+        return
+    yield from wrap(words, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}#   ")
+    yield line

@@ -48,9 +48,10 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
 
 def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, np.ndarray]:
     """One lane's trajectory, simulated again if it is stored nowhere, and the weights of its graph."""
-    path = path_of(results, cell, sample)
-    if not (path / "zarr.json").exists():
+    lane = stored_trajectory(results, cell, sample)
+    if lane is None:
         path, _ = replay(results, cell, sample)
+        lane = open_store(path).isel(lane=0)
     scenario, seed = results.study.cells[cell].scenario, results.study.config.seed
     one = job(scenario, seed, [sample])
     weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
@@ -58,7 +59,21 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
         np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True
     ):
         weights[np.arange(len(weights)), sources] += mine
-    return open_store(path).isel(lane=0), weights
+    return lane, weights
+
+
+def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:
+    """One lane's trajectory by the study's own engine, if it was replayed or is stored with the others."""
+    path = path_of(results, cell, sample)
+    if (path / "zarr.json").exists():
+        return open_store(path).isel(lane=0)
+    if not (results.path / "trajectories.zarr").exists():
+        return None
+    data = results.trajectories
+    if "lane" not in data.dims:
+        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
+    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
+    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
 
 
 def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:

@@ -1,8 +1,9 @@
 """One lane as a film: who hears whom, where they drive, what is transmitted falsely, and the errors below."""
 
 import shutil
+import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,14 +11,17 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
-from matplotlib import animation
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
+from PIL import Image
 from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import FLOOR, magnitude_words
+from jaxnet.statistics.groups import MAGNITUDE
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -25,6 +29,7 @@ from jaxnet.view.figures.style import Figure
 
 SIZE = (5.6, 7.2)  # [in]
 DPI = 110
+Report = Callable[[int, int], object]
 MOST_FRAMES = 150
 RATE = 10  # frames a second
 ARROW = 0.07  # of the frame, that a heading is long
@@ -89,8 +94,8 @@ def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
     return [np.stack([places[each[:, 1]], places[each[:, 0] + 1]], axis=1) for each in found]
 
 
-def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[int], None]]:
-    """The figure at its first frame, and what takes it to another."""
+def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
+    """The figure, what moves in it, and what takes that to a frame."""
     drawn = Figure(figsize=SIZE, dpi=DPI)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
     cursor = draw_errors_below(below, film, cell)
@@ -121,8 +126,9 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[int],
         zorder=3.5,
     )
     clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
-    named = ", ".join(filter(None, [multiples.title(cell.labels), f"sample {sample}"]))
-    plane.set_title(multiples.as_text(f"{named} ({magnitude_words(cell)})"), loc="left")
+    size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
+    named = ", ".join(filter(None, [multiples.title(cell.labels), *size, f"sample {sample}"]))
+    plane.set_title(multiples.as_text(named), loc="left")
     drawn.legend(handles=legend(film), loc="outside lower center", ncols=3, handlelength=2.2)
 
     def show(frame: int) -> None:
@@ -137,8 +143,7 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, Callable[[int],
         clock.set_text(f"t = {film.time[frame]:.1f} s")
         cursor.set_xdata([film.time[frame]] * 2)
 
-    show(0)
-    return drawn, show
+    return drawn, [*links, false_links, vehicles, arrows, false, navigator, clock, cursor], show
 
 
 def direction(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
@@ -213,19 +218,62 @@ def file_kind(out: str | None) -> str:
     return kind
 
 
-def write(folder: Folder, name: str, film: Film, cell: Cell, sample: int, report: Any) -> UPath:
-    """Draw a film into a file, which has its name once it is whole; `report` is told frames done, all, 0."""
-    kind, frames = Path(name).suffix.lower(), len(film.time)
-    look = style.RC | {"animation.ffmpeg_path": encoder() or "ffmpeg"}
-    with mpl.rc_context(look), tempfile.TemporaryDirectory() as scratch:
-        drawn, show = figure(film, cell, sample)
-        drawn.canvas.draw()  # lays it out once, not for every frame
-        drawn.set_layout_engine("none")
-        writer: Any = animation.PillowWriter(RATE) if kind == ".gif" else animation.FFMpegWriter(RATE)
-        made = Path(scratch) / f"film{kind}"
-        with writer.saving(drawn, str(made), DPI):
-            for frame in range(frames):
-                show(frame)
-                writer.grab_frame()
-                report(frame + 1, frames, 0)
+def pictures(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
+    """The frames, one after the other: what stands still is drawn once."""
+    drawn, moving, show = figure(film, cell, sample)
+    canvas = FigureCanvasAgg(drawn)
+    for each in moving:
+        each.set_animated(True)
+    canvas.draw()
+    still = canvas.copy_from_bbox(drawn.bbox)
+    for frame in range(len(film.time)):
+        show(frame)
+        canvas.restore_region(still)
+        for each in moving:
+            drawn.draw_artist(each)
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+
+def write_gif(file: Path, frames: Iterator[Image.Image]) -> None:
+    """Write frames as a GIF that begins anew."""
+    reduced = [frame.quantize(128, dither=Image.Dither.NONE) for frame in frames]
+    reduced[0].save(file, save_all=True, append_images=reduced[1:], duration=1000 // RATE, loop=0)
+
+
+def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
+    """Write frames as an MP4 that browsers and slides play."""
+    width, height = (int(inches * DPI) for inches in SIZE)
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {RATE} -i -".split()
+    words = [
+        str(encoder()),
+        "-loglevel",
+        "error",
+        "-y",
+        *raw,
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        str(file),
+    ]
+    with subprocess.Popen(words, stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        for frame in frames:
+            process.stdin.write(frame.tobytes())
+        process.stdin.close()
+    if process.returncode:
+        raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
+
+
+def write(folder: Folder, name: str, film: Film, cell: Cell, sample: int, report: Report) -> UPath:
+    """Draw a film into a file, which has its name once it is whole; `report` is told frames done and all."""
+
+    def counted() -> Iterator[Image.Image]:
+        for number, frame in enumerate(pictures(film, cell, sample), 1):
+            yield frame
+            report(number, len(film.time))
+
+    with mpl.rc_context(style.RC), tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch) / name
+        (write_gif if made.suffix.lower() == ".gif" else write_mp4)(made, counted())
         return folder.put(name, lambda file: file.write(made.read_bytes()))

@@ -22,7 +22,10 @@ SHOWN = {
     "unrecovered_high": "share high",
     "p": "p",
 }
-FIRST_TO_GO = (("failed",), ("max low", "max high"), ("share low", "share high"), ("tail max [m]",), ("p",))
+FIRST_TO_GO = (
+    *(("failed",), ("max low", "max high"), ("share low", "share high"), ("tail max [m]",)),
+    *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
+)
 LEGEND = (
     "All differences are B - A, of the same draws. low, high: 95 % intervals, of the mean of paired"
     " differences by Student's t, of the share unrecovered by Bonett and Price. saved, lost: lanes"
