@@ -259,8 +259,8 @@ def write_film(
 ) -> UPath:
     """Write a film of one lane; see `Results.animate`."""
     enable()
+    from jaxnet import film as animation
     from jaxnet.runs.replay import trajectory_of
-    from jaxnet.view.figures import animation
     from jaxnet.view.page.trajectories import headings
 
     kind = animation.file_kind(None if out is None else str(out))

@@ -16,9 +16,9 @@ def test_what_is_written_loads(tmp_path, family, name):
     file = tmp_path / "my study.yaml"
     answers = {family: name, "samples": 7, "vehicles": 5}
     with pytest.raises(ConfigError, match="must be a plain file name"):
-        starter.text(str(file), answers)
+        starter.written_out(str(file), answers)
     file = tmp_path / "mine.yaml"
-    file.write_text(starter.text(str(file), answers))
+    file.write_text(starter.written_out(str(file), answers))
     study = jaxnet.load(file)
     assert file.read_text().splitlines()[0] == f"# jaxnet run {file}"
     assert study.config.name == "mine"
@@ -43,12 +43,12 @@ def test_kinds_are_offered_by_the_registry(monkeypatch):
 
 def test_comments_are_those_of_the_models():
     """Units and meanings; lines that are too long have them above."""
-    text = starter.text("s.yaml", {})
+    text = starter.written_out("s.yaml", {})
     assert "  frequency: 0.7                # [rad/s]\n" in text
     assert (
         "  # ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives\n  magnitude" in text
     )
-    assert max(map(len, text.splitlines())) <= starter.WIDTH
+    assert max(map(len, text.splitlines())) <= starter.LINE_LENGTH
 
 
 @pytest.mark.parametrize(
@@ -63,4 +63,4 @@ def test_comments_are_those_of_the_models():
 def test_answers_that_cannot_be_are_refused(answers, words):
     """With the key, what was given and what is allowed."""
     with pytest.raises(ConfigError, match=words):
-        starter.text("s.yaml", answers)
+        starter.written_out("s.yaml", answers)

@@ -158,7 +158,7 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
         from jaxnet.api import write_comparison
         from jaxnet.view.text import comparison, formats
 
-        for path in write_comparison(found, out or beside(b, f"{Path(a).name}-{Path(b).name}")):
+        for path in write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
             click.echo(f"wrote {path}", err=True)
         if form == "text":
             click.echo(comparison.text(found))
@@ -166,7 +166,7 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
             click.echo(formats.in_format(comparison.rows(found), form))
 
 
-def beside(folder: str, name: str) -> Any:
+def neighbour_of(folder: str, name: str) -> Any:
     """A folder of this name where another one is."""
     from jaxnet.store.folder import place
 

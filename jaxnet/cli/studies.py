@@ -60,14 +60,19 @@ def init(file: str, yes: bool, **given: Any) -> None:
         if Path(file).exists():
             raise FolderError(f"{file} is there already: give another FILE")
         answers = {key: value for key, value in given.items() if value is not None}
-        if not yes and sys.stdin.isatty():
+        if not yes and on_terminal():
             answers |= {key: asked(key) for key in starter.DEFAULTS if key not in answers}
         if isinstance(answers.get("magnitudes"), str):
             answers["magnitudes"] = numbers_in(answers["magnitudes"])
-        content = starter.text(file, answers)
+        content = starter.written_out(file, answers)
         with Path(file).open("x", encoding="utf-8") as opened:
             opened.write(content)
         click.echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
+
+
+def on_terminal() -> bool:
+    """Whether somebody can answer."""
+    return sys.stdin.isatty()
 
 
 def asked(key: str) -> Any:

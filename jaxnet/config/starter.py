@@ -21,7 +21,7 @@ DEFAULTS: dict[str, Any] = {
     "magnitudes": [0.1, 1.0, 10.0],
     "samples": 100,
 }
-WIDTH = 100  # of a line with its comment
+LINE_LENGTH = 100  # of a line with its comment
 COLUMN = 32  # in which comments begin, if they can
 
 
@@ -35,9 +35,9 @@ def needs(kind: type[Kind]) -> list[str]:
     return [key for key, field in kind.model_fields.items() if field.is_required()]
 
 
-def text(file: str, answers: Mapping[str, Any]) -> str:
+def written_out(file: str, answers: Mapping[str, Any]) -> str:
     """The config of these answers, the defaults elsewhere; raises ConfigError."""
-    given = DEFAULTS | answers
+    given = {**DEFAULTS, **answers}
     for family in ASKED:
         refuse(file, family, given[family])
     found = "\n".join(lines(file, given)) + "\n"
@@ -99,8 +99,8 @@ def with_comment(indent: str, key: str, value: Any, comment: str | None) -> Iter
     line = f"{indent}{yaml_of({key: value}, inline=True).removeprefix('{').removesuffix('}')}"
     words = f"# {comment}" if comment else ""
     beside = f"{line:<{COLUMN - 2}}  {words}".rstrip()
-    if len(beside) <= WIDTH:
+    if len(beside) <= LINE_LENGTH:
         yield beside
         return
-    yield from wrap(words, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}#   ")
+    yield from wrap(words, LINE_LENGTH, initial_indent=indent, subsequent_indent=f"{indent}#   ")
     yield line

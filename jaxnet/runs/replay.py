@@ -26,12 +26,8 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     `engine` names one to use instead of the study's own.
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
-    study, samples = results.study, results.manifest["samples"]
-    if cell >= len(study.cells) or sample >= samples:
-        raise FolderError(
-            f"{results.path} has cells 0 to {len(study.cells) - 1} and samples 0 to"
-            f" {samples - 1} (got cell {cell}, sample {sample})"
-        )
+    refuse_unknown(results, cell, sample)
+    study = results.study
     chosen = with_engine(study.cells[cell], engine)
     variables = layout.ERRORS | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
@@ -46,8 +42,19 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     return path, row.to_pandas().iloc[0]
 
 
+def refuse_unknown(results: Results, cell: int, sample: int) -> None:
+    """Raise FolderError if a study has no such lane."""
+    cells, samples = len(results.study.cells), results.manifest["samples"]
+    if cell >= cells or sample >= samples:
+        raise FolderError(
+            f"{results.path} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"
+            f" sample {sample})"
+        )
+
+
 def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, np.ndarray]:
     """One lane's trajectory, simulated again if it is stored nowhere, and the weights of its graph."""
+    refuse_unknown(results, cell, sample)
     lane = stored_trajectory(results, cell, sample)
     if lane is None:
         path, _ = replay(results, cell, sample)

@@ -171,7 +171,7 @@ def numbers(pair: Pair) -> dict[str, int]:
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
 
-def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
+def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
     """These lanes of each pair, with the numbers of the cells and what is swept."""
     found = []
     for pair, mine in zip(pairs, lanes, strict=True):
@@ -184,7 +184,7 @@ def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[pd.DataFrame], columns: 
 
 def settings(first: Results, second: Results) -> pd.DataFrame:
     """The keys in which two studies differ, but those that both sweep: cells say these."""
-    a, b = (flat(plain(results.study.config)) for results in (first, second))
+    a, b = (by_dotted_key(plain(results.study.config)) for results in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     rows = [
         {"key": key, "A": a.get(key, "-"), "B": b.get(key, "-")}
@@ -196,12 +196,12 @@ def settings(first: Results, second: Results) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["key", "A", "B"])
 
 
-def flat(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
+def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
     """Values by dotted key, as text."""
     found: dict[str, str] = {}
     for key, value in data.items():
         nested = isinstance(value, Mapping) and value
-        found |= flat(value, f"{before}{key}.") if nested else {f"{before}{key}": str(value)}
+        found |= by_dotted_key(value, f"{before}{key}.") if nested else {f"{before}{key}": str(value)}
     return found
 
 

@@ -38,12 +38,24 @@ def write(results: Results, out: str | Path | UPath | None = None) -> UPath:
 
 def variables(results: Results) -> Iterator[tuple[str, dict[str, Any]]]:
     """A structure each: rows (`lanes`), `cells`, what is swept, and the stores that there are."""
+    for name in STORES:
+        if (results.path / f"{name}.zarr").exists():
+            data = getattr(results, name)
+            refuse_large(f"{name}.zarr", data.nbytes)
+            yield name, arrays_of(data)
+    refuse_large("lanes/", int(results.lanes.memory_usage(deep=True).sum()))
     yield "lanes", columns(results.lanes)
     yield "cells", columns(results.cells)
     yield "swept", columns(pd.DataFrame([cell.labels for cell in results.study.cells]))
-    for name in STORES:
-        if (results.path / f"{name}.zarr").exists():
-            yield name, arrays_of(f"{name}.zarr", getattr(results, name))
+
+
+def refuse_large(name: str, size: int) -> None:
+    """Raise FolderError for what a variable of the file has no room for; a structure is one variable."""
+    if size > MOST_BYTES:
+        raise FolderError(
+            f"mat: {name} has {size / 1e9:.3g} GB, and a variable of a file for MATLAB has 2 GB at"
+            " most: take fewer samples, or save fewer trajectories, as with save.trajectories={worst: 10}"
+        )
 
 
 def columns(table: pd.DataFrame) -> dict[str, np.ndarray]:
@@ -51,15 +63,9 @@ def columns(table: pd.DataFrame) -> dict[str, np.ndarray]:
     return named({str(name): plain_array(table[name].to_numpy()) for name in table})
 
 
-def arrays_of(store: str, data: xr.Dataset) -> dict[str, Any]:
+def arrays_of(data: xr.Dataset) -> dict[str, Any]:
     """A store as a structure: arrays, coordinates, and `dims` with the names of each array's dimensions."""
     every = {str(name): each for name, each in {**data.data_vars, **data.coords}.items() if name != "lane"}
-    for name, each in every.items():
-        if each.nbytes > MOST_BYTES:
-            raise FolderError(
-                f"{store}: {name} has {each.nbytes / 1e9:.1f} GB, and a variable of a file for MATLAB has"
-                " 2 GB at most: save fewer trajectories, as with save.trajectories={worst: 10}"
-            )
     dims = named({name: np.array(each.dims, dtype=object) for name, each in every.items()})
     return named({name: plain_array(each.values) for name, each in every.items()}) | {"dims": dims}
 

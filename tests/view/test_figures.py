@@ -250,3 +250,47 @@ def test_legend_of_graphs_has_what_is_drawn():
         "attacked link",
         "other link",
     ]
+
+
+@pytest.mark.parametrize("column", ["one", "two"])
+@pytest.mark.parametrize("name", ["topologies", "tails", "panels", "bands"])
+def test_figures_are_as_wide_as_columns_and_no_taller_than_a_page(results, name, column):
+    """With type of 6 points at least, and nothing that is written over the edge."""
+    figure = getattr(results.plot, name)(column=column)
+    width, height = figure.get_size_inches()
+    assert width == {"one": 3.5, "two": 7.16}[column]
+    assert height <= style.TALLEST
+    with mpl.rc_context(style.RC):
+        figure.draw_without_rendering()
+    for text in figure.findobj(mpl.text.Text):
+        if text.get_text() and text.get_visible():
+            assert text.get_fontsize() >= 6
+    box = figure.get_tightbbox()
+    assert box.x0 >= -0.02
+    assert box.y0 >= -0.02
+    assert box.x1 <= width + 0.02
+    assert box.y1 <= height + 0.02
+
+
+def test_chosen_cells_are_what_is_drawn(results):
+    """What all rows share stands above them; a choice is told by the file's name, and no other's."""
+    figure = results.plot.tails(where={"topology": "cyclic"})
+    named = [
+        label.get_text().replace("\N{NO-BREAK SPACE}", " ") for label in figure.axes[0].get_yticklabels()
+    ]
+    assert named == ["ā = 0 m", "ā = 5 m"]
+    assert figure.get_suptitle() == "all with cyclic; one dot per lane; median and 5 to 95 %"
+    dots = np.concatenate([line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "."])
+    kept = results.lanes[results.lanes["topology"] == "cyclic"]
+    np.testing.assert_allclose(np.sort(dots), np.sort(kept["tail_mean"]))
+    names = [
+        every.file_name("tails", {}, "two"),
+        every.file_name("tails", {}, "one"),
+        every.file_name("tails", {"topology": ["star"]}, "two"),
+        every.file_name("tails", {"topology": ["st/ar"]}, "two"),
+        every.file_name("tails", {"topology": ["st:ar"]}, "two"),
+        every.file_name("tails", {"topology": ["x" * 300]}, "two"),
+    ]
+    assert names[:3] == ["tails", "tails-one-column", "tails-topology=star"]
+    assert len(set(names)) == len(names)
+    assert all("/" not in name and len(name) < 120 for name in names)

@@ -187,9 +187,8 @@ def legend(film: Film) -> list[Line2D]:
             Line2D([], [], marker="x", color=style.RED, label="place that is told falsely", **node)
         )
     shown = np.array([[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))])
-    looks = [
-        (called, look) for (called, look), ever in zip(LINKS.items(), shown.any(axis=0), strict=True) if ever
-    ]
+    ever_shown: Any = shown.any(axis=0)
+    looks = [(called, look) for (called, look), ever in zip(LINKS.items(), ever_shown, strict=True) if ever]
     return handles + [Line2D([], [], **look, label=called) for called, look in looks]
 
 
