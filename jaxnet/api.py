@@ -102,7 +102,7 @@ class Results(stored.Results):
         """Write a file for MATLAB, by default into the folder; its path. Raises FolderError if too large."""
         from jaxnet.store import matlab
 
-        return matlab.write(self, out)
+        return matlab.write_mat(self, out)
 
     @property
     def plot(self) -> "Plots":
@@ -259,17 +259,17 @@ def write_film(
 ) -> UPath:
     """Write a film of one lane; see `Results.animate`."""
     enable()
-    from jaxnet import film as animation
+    from jaxnet import film
     from jaxnet.runs.replay import trajectory_of
     from jaxnet.view.page.trajectories import headings
 
-    kind = animation.file_kind(None if out is None else str(out))
+    kind = film.file_kind(None if out is None else str(out))
     place = UPath(out) if out else results.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
     with Folder(results.path).writing():
         lane, weights = trajectory_of(results, cell, sample)
     chosen = results.study.cells[cell]
-    film = animation.film_of(lane, chosen, weights, headings(lane["states"]))
-    return animation.write(Folder(place.parent), place.name, film, chosen, sample, report)
+    shown = film.film_of(lane, chosen, weights, headings(lane["states"]))
+    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, report)
 
 
 def write_fits(results: stored.Results) -> Iterator[UPath]:

@@ -30,7 +30,7 @@ from jaxnet.view.figures.style import Figure
 SIZE = (5.6, 7.2)  # [in]
 DPI = 110
 Report = Callable[[int, int], object]
-MOST_FRAMES = 150
+FRAMES_AT_MOST = 150
 RATE = 10  # frames a second
 ARROW = 0.07  # of the frame, that a heading is long
 KINDS_OF_FILE = (".mp4", ".gif")
@@ -57,9 +57,9 @@ class Film(NamedTuple):
 def film_of(
     lane: xr.Dataset, cell: Cell, weights: Float[np.ndarray, "m sources"], ahead: Float[np.ndarray, "times m"]
 ) -> Film:
-    """A lane's trajectory with its graph and headings [°], at MOST_FRAMES instants at most."""
+    """A lane's trajectory with its graph and headings [°], at FRAMES_AT_MOST instants at most."""
     times = lane.sizes["time"]
-    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
+    frames = np.unique(np.linspace(0, times - 1, min(times, FRAMES_AT_MOST)).round().astype(int))
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, links = cell.scenario.attack, cell.scenario.attack.links(weights)
     liars = np.array(attacked_vehicles(cell), int) - 1
@@ -264,7 +264,7 @@ def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
         raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
 
 
-def write(folder: Folder, name: str, film: Film, cell: Cell, sample: int, report: Report) -> UPath:
+def write_to(folder: Folder, name: str, film: Film, cell: Cell, sample: int, report: Report) -> UPath:
     """Draw a film into a file, which has its name once it is whole; `report` is told frames done and all."""
 
     def counted() -> Iterator[Image.Image]:

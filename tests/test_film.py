@@ -103,7 +103,7 @@ def test_an_interrupt_leaves_no_torn_film(results, tmp_path):
 
     (tmp_path / "film.gif").write_text("before")
     with pytest.raises(KeyboardInterrupt):
-        animation.write(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
+        animation.write_to(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
     assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("film.gif", "before")]
 
 

@@ -161,7 +161,7 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
         for path in write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
             click.echo(f"wrote {path}", err=True)
         if form == "text":
-            click.echo(comparison.text(found))
+            click.echo(comparison.told(found))
         else:
             click.echo(formats.in_format(comparison.rows(found), form))
 

@@ -24,7 +24,7 @@ RESERVED = {"case", "catch", "end", "function", "otherwise", "parfor", "persiste
 STORES = ("errors", "trajectories")
 
 
-def write(results: Results, out: str | Path | UPath | None = None) -> UPath:
+def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:
     """Write `results.mat` into the folder, or another file; raises FolderError if a variable is too large."""
     place = results.path / "results.mat" if out is None else UPath(out)
     if place.suffix != ".mat":

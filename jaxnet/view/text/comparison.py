@@ -39,7 +39,7 @@ def rows(found: Comparison) -> pd.DataFrame:
     return table.dropna(axis="columns", how="all")
 
 
-def text(found: Comparison) -> str:
+def told(found: Comparison) -> str:
     """All of it for a terminal."""
     table = rows(found)
     errors = [name for name in table if "mean" in str(name) or "max" in str(name)]
