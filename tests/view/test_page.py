@@ -279,7 +279,7 @@ def test_figures_for_paper_show_the_same(folder):
     assert (star.get_xscale(), star.get_yscale(), star.get_ylabel()) == (
         "log",
         "log",
-        "greatest tail error [m]",
+        "greatest tail\nerror [m]",
     )
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
@@ -310,7 +310,9 @@ def test_shares_of_cells_where_no_size_is_swept(folder):
 def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
     with mpl.rc_context(style.RC):
-        paths = list(figures.save(jaxnet.open(folder), "shares", unrecovered.rows(jaxnet.open(folder))))
+        results = jaxnet.open(folder)
+        drawn = unrecovered.rows(results, results.study.cells)
+        paths = list(figures.save(results, "shares", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 

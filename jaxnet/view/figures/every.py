@@ -34,21 +34,15 @@ class Plots:
     def __init__(self, results: Results):
         self.results = results
 
-    def asked(self, where: Where | None, column: str) -> tuple[list[Cell], float]:
-        """The cells that are wanted, and the figure's width [in]."""
-        if column not in COLUMNS:
-            raise FolderError(f"column: {' or '.join(COLUMNS)} (got {column})")
-        return chosen(self.results.study.cells, where or {}), COLUMNS[column]
-
     @in_style
     def topologies(self, where: Where | None = None, column: str = "two") -> Figure:
         """Each graph, with its weights and its attacked links."""
-        return topology.figure(*self.asked(where, column))
+        return topology.figure(*selection(self.results, where, column))
 
     @in_style
     def tails(self, where: Where | None = None, column: str = "two") -> Figure:
         """The mean error over the tail, a dot per lane and a row per cell."""
-        return tails.figure(self.results, *self.asked(where, column))
+        return tails.figure(self.results, *selection(self.results, where, column))
 
     @in_style
     def panels(self, where: Where | None = None, column: str = "two") -> Figure:
@@ -58,20 +52,20 @@ class Plots:
             raise lacking(
                 self.results, "errors.zarr or trajectories.zarr", "save.errors=true or save.trajectories=all"
             )
-        return panels.figure(self.results, *self.asked(where, column), **there)
+        return panels.figure(self.results, *selection(self.results, where, column), **there)
 
     @in_style
     def bands(self, where: Where | None = None, column: str = "two") -> Figure:
         """The tracking error over time: median, 5 to 95 % and maximum over the lanes."""
         if not has(self.results, "errors"):
             raise lacking(self.results, "errors.zarr", "save.errors=true")
-        cells, width = self.asked(where, column)
+        cells, width = selection(self.results, where, column)
         return bands.figure(cells, all_bands(self.results, cells), width)
 
     @in_style
     def unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
         """The share of lanes that do not recover, with its interval."""
-        cells, width = self.asked(where, column)
+        cells, width = selection(self.results, where, column)
         if not len(shares(self.results, cells)):
             raise lacking(self.results, "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'")
         return unrecovered.figure(self.results, cells, curves(self.results, cells), width)
@@ -79,12 +73,19 @@ class Plots:
     @in_style
     def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
         """The greatest tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_max", *self.asked(where, column))
+        return against_magnitude(self.results, "tail_max", *selection(self.results, where, column))
 
     @in_style
     def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
         """The mean tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_mean", *self.asked(where, column))
+        return against_magnitude(self.results, "tail_mean", *selection(self.results, where, column))
+
+
+def selection(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
+    """The cells that a figure is to show, and its width [in]; raises FolderError."""
+    if column not in COLUMNS:
+        raise FolderError(f"column: {' or '.join(COLUMNS)} (got {column})")
+    return chosen(results.study.cells, where or {}), COLUMNS[column]
 
 
 def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
