@@ -284,7 +284,8 @@ def test_figures_for_paper_show_the_same(folder):
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    shares = [panel.lines[0].get_ydata().tolist() for panel in unrecovered.figure(results, found).axes]
+    drawn = unrecovered.figure(results, results.study.cells, found)
+    shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
     over_time = bands.figure(results.study.cells, curves.all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]

@@ -11,10 +11,10 @@ from jaxnet.view.text import tables
 MOST_NAMED = 20  # lanes of a kind
 ROUNDING = 1e-9  # [m] what two errors may differ by in arithmetic alone
 SHOWN = {
-    "tail_mean_difference": "tail mean [m]",
+    "tail_mean_difference": "mean [m]",
     "tail_mean_low": "mean low",
     "tail_mean_high": "mean high",
-    "tail_max_difference": "tail max [m]",
+    "tail_max_difference": "max [m]",
     "tail_max_low": "max low",
     "tail_max_high": "max high",
     "unrecovered": "unrecovered",
@@ -23,11 +23,12 @@ SHOWN = {
     "p": "p",
 }
 FIRST_TO_GO = (
-    *(("failed",), ("max low", "max high"), ("share low", "share high"), ("tail max [m]",)),
+    *(("failed",), ("max low", "max high"), ("share low", "share high"), ("max [m]",)),
     *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
 )
 LEGEND = (
-    "All differences are B - A, of the same draws. low, high: 95 % intervals, of the mean of paired"
+    "All differences are B - A, of the same draws. mean, max: tail_mean and tail_max;"
+    " low, high: 95 % intervals, of the mean of paired"
     " differences by Student's t, of the share unrecovered by Bonett and Price. saved, lost: lanes"
     " unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
 )
