@@ -3,7 +3,7 @@
 import dataclasses
 import uuid
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, SupportsInt
 
@@ -21,9 +21,22 @@ from jaxnet.view.text.progress import Report, reporting_to
 if TYPE_CHECKING:
     from jax import Array
 
+    from jaxnet.statistics.pairs import Comparison
     from jaxnet.view.figures.every import Plots
 
-__all__ = ["Part", "Replay", "Results", "Study", "field", "load", "open", "run", "run_part", "simulate"]
+__all__ = [
+    "Part",
+    "Replay",
+    "Results",
+    "Study",
+    "compare",
+    "field",
+    "load",
+    "open",
+    "run",
+    "run_part",
+    "simulate",
+]
 
 Place = str | Path | UPath
 Progress = Report | Literal[False] | None
@@ -77,6 +90,20 @@ class Results(stored.Results):
         """
         *_, page = write_report(self)
         return page
+
+    def animate(self, cell: SupportsInt, sample: SupportsInt, out: Place | None = None) -> UPath:
+        """Write a film of one lane, by default into figures/; its path.
+
+        The lane is simulated again if its trajectory is not stored. Raises FolderError if the study has no
+        such lane, or for an .mp4 where there is no ffmpeg.
+        """
+        return write_film(self, whole("cell", cell), whole("sample", sample), out)
+
+    def export(self, out: Place | None = None) -> UPath:
+        """Write a file for MATLAB, by default into the folder; its path. Raises FolderError if too large."""
+        from jaxnet.store import matlab
+
+        return matlab.write_mat(self, out)
 
     @property
     def plot(self) -> "Plots":
@@ -202,6 +229,50 @@ def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tupl
     return field(load(study), whole("cell", cell), whole("sample", sample))
 
 
+def compare(first: stored.Results | Place, second: stored.Results | Place) -> "Comparison":
+    """Hold the lanes of one study against those of another, paired by draws; differences are second − first.
+
+    Raises FolderError if none can be paired.
+    """
+    from jaxnet.statistics.pairs import held_against
+
+    a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
+    return held_against(a, b)
+
+
+def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:
+    """Write tables and page of a comparison into a folder; the files, one after the other."""
+    from jaxnet.view.page import comparison
+
+    folder = Folder(out)
+    pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
+    for name, table in pages.items():
+        yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
+    yield folder.put("compare.html", lambda file: file.write(comparison.html(found).encode()))
+
+
+def write_film(
+    results: stored.Results,
+    cell: int,
+    sample: int,
+    out: Place | None = None,
+    report: Callable[[int, int], object] = lambda done, total: None,
+) -> UPath:
+    """Write a film of one lane; see `Results.animate`."""
+    enable()
+    from jaxnet import film
+    from jaxnet.runs.replay import trajectory_of
+    from jaxnet.view.page.trajectories import headings
+
+    kind = film.file_kind(None if out is None else str(out))
+    place = UPath(out) if out else results.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
+    with Folder(results.path).writing():
+        lane, weights = trajectory_of(results, cell, sample)
+    chosen = results.study.cells[cell]
+    shown = film.film_of(lane, chosen, weights, headings(lane["states"]))
+    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, report)
+
+
 def write_fits(results: stored.Results) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
@@ -214,15 +285,20 @@ def write_fits(results: stored.Results) -> Iterator[UPath]:
         yield from figures.draw(results, ULTIMATE)
 
 
-def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
-    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it."""
+def write_figure(
+    results: stored.Results, name: str, where: Mapping[str, Any] | None = None, column: str = "two"
+) -> Iterator[UPath]:
+    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it.
+
+    `where` and `column` choose cells and width, as in `Results.plot`.
+    """
     enable()
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
         _ = results.cells  # refuses an unfinished run
-        drawn = getattr(figures.Plots(results), name)()
-        yield from figures.save(results, name, drawn)
+        drawn = getattr(figures.Plots(results), name)(where, column)
+        yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
 
 
 def write_report(results: stored.Results) -> Iterator[UPath]:

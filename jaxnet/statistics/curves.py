@@ -85,11 +85,14 @@ class Curve(NamedTuple):
         return self.fits.get((metric, quantile))
 
 
-def curves(results: Results) -> list[Curve]:
-    """A curve per group of attacked cells whose ā is not drawn; raises FolderError for an unfinished run."""
+def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
+    """A curve per group of attacked cells, all or these, whose ā is not drawn.
+
+    Raises FolderError for an unfinished run.
+    """
     cells, bounds, fits = results.cells, stored_table(results, "bounds"), stored_table(results, "fit")
     found = []
-    for group in attacked_groups(results.study.cells):
+    for group in attacked_groups(results.study.cells if of is None else of):
         if not group.attacked:
             continue
         rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
@@ -173,10 +176,13 @@ def magnitude_is_swept(found: Sequence[Curve]) -> bool:
     return any(len(curve.cells) > 1 for curve in found)
 
 
-def shares(results: Results) -> pd.DataFrame:
-    """Share unrecovered and its interval's ends, of the cells that have one, by number."""
+def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
+    """Share unrecovered and its interval's ends, of the cells, all or these, that have one, by number."""
     cells: Any = results.cells
-    return cells[SHARE].dropna() if set(SHARE) <= set(cells) else pd.DataFrame(columns=SHARE)
+    if not set(SHARE) <= set(cells):
+        return pd.DataFrame(columns=SHARE)
+    wanted = slice(None) if of is None else [cell.number for cell in of]
+    return cells[SHARE].iloc[wanted].dropna()
 
 
 class Band(NamedTuple):
@@ -200,9 +206,9 @@ def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | N
     return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
 
 
-def all_bands(results: Results) -> dict[int, Band]:
-    """Bands of the cells of the first MOST_PANELS scenes, by number of the cell."""
-    groups = scenes(results.study.cells)[:MOST_PANELS]
+def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
+    """Bands of the cells, all or these, of the first MOST_PANELS scenes, by number of the cell."""
+    groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
     return bands_of(results, [cell for group in groups for cell in group.cells])
 
 

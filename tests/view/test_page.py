@@ -120,7 +120,7 @@ def test_the_page_begins_with_what_was_found(html):
     assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     assert "No lane failed, of 18." in text
-    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude =\xa01\xa0m (cell 1)" in text
+    assert "least, 25 % (95 % interval 15 to 25 %) in star, ā\xa0=\xa01\xa0m (cell 1)" in text
     assert "greatest, 100 %" in text
     assert "1 lane above a bound that claims to hold" in text
 
@@ -129,7 +129,7 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
-    assert "least, <b>0.5 ā</b>, in attack.magnitude =\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert "least, <b>0.5 ā</b>, in ā\xa0=\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
         "3 samples of each cell: the worst cell's mean is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
@@ -278,12 +278,13 @@ def test_figures_for_paper_show_the_same(folder):
     assert (star.get_xscale(), star.get_yscale(), star.get_ylabel()) == (
         "log",
         "log",
-        "greatest tail error [m]",
+        "greatest tail\nerror [m]",
     )
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    shares = [panel.lines[0].get_ydata().tolist() for panel in unrecovered.figure(results, found).axes]
+    drawn = unrecovered.figure(results, results.study.cells, found)
+    shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
     over_time = bands.figure(results.study.cells, curves.all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
@@ -299,13 +300,15 @@ def test_shares_of_cells_where_no_size_is_swept(folder):
     drawn = plots.unrecovered_rows(jaxnet.open(folder))
     assert [row["unrecovered"] for row in drawn["panels"]] == [0.25, 0.5, 0.75, 1.0]
     assert [row["cells"] for row in drawn["panels"]] == [[1], [2], [4], [5]]
-    assert drawn["panels"][2]["title"] == f"{HOSTILE}, attack.magnitude =\xa01\xa0m"
+    assert drawn["panels"][2]["title"] == f"{HOSTILE}, ā\xa0=\xa01\xa0m"
 
 
 def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
     with mpl.rc_context(style.RC):
-        paths = list(figures.save(jaxnet.open(folder), "shares", unrecovered.rows(jaxnet.open(folder))))
+        results = jaxnet.open(folder)
+        drawn = unrecovered.rows(results, results.study.cells)
+        paths = list(figures.save(results, "shares", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 

@@ -6,6 +6,7 @@ dark look. Each script is about one thing, and uses those before it.
 """
 
 import json
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from string import Template
@@ -22,7 +23,7 @@ from jaxnet.view.figures.multiples import called
 from jaxnet.view.page import sections
 
 HERE = Path(__file__).parent
-SCRIPTS = ("base", "filter", "plot", "multiples", "lanes", "tables", "paper")
+SCRIPTS = ("base", "sort", "filter", "plot", "multiples", "lanes", "tables", "paper")
 COLOURS = {
     "blue": style.BLUE,
     "orange": style.ORANGE,
@@ -37,21 +38,35 @@ COLOURS = {
 
 def write_page(results: Results) -> UPath:
     """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
-    shown = sections.every(results)
     data = {"name": results.study.config.name, **choices(results.study.cells)}
+    shown = sections.every(results)
     data |= {"sections": {each.id: each.plots for each in shown if each.plots}}
-    text = Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
-        name=escape(results.study.config.name),
-        lead=sections.lead(results),
+    text = whole(
+        escape(results.study.config.name), sections.lead(results), shown, data, get_plotlyjs(), SCRIPTS
+    )
+    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
+
+
+def whole(
+    name: str,
+    lead: str,
+    shown: Sequence[sections.Section],
+    data: object = None,
+    plotly: str = "",
+    scripts: Sequence[str] = ("base", "sort"),
+) -> str:
+    """A page of these sections, in one file, with what its scripts draw."""
+    return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
+        name=name,
+        lead=lead,
         contents=" ".join(f'<a href="#{each.id}">{each.title}</a>' for each in shown),
         sections="\n".join(map(str, shown)),
         palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in COLOURS.items())} }}",
         css=(HERE / "page.css").read_text(encoding="utf-8"),
         data=encode(data),
-        plotly=get_plotlyjs(),
-        script="\n".join((HERE / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS),
+        plotly=plotly,
+        script="\n".join((HERE / f"{each}.js").read_text(encoding="utf-8") for each in scripts),
     )
-    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
 
 
 def choices(cells: tuple[Cell, ...]) -> dict[str, Any]:

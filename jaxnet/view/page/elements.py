@@ -19,11 +19,13 @@ def folded(name: str, text: str) -> str:
 
 
 def sortable(
-    rows: pd.DataFrame, cells: Iterable[Sequence[int]], scales: Mapping[str, np.ndarray] | None = None
+    rows: pd.DataFrame,
+    cells: Iterable[Sequence[int]] | None = None,
+    scales: Mapping[str, np.ndarray] | None = None,
 ) -> str:
     """Rows as a table that sorts; numbers to four digits, and in full for the sorting.
 
-    Each row is about some cells, by which the reader chooses. Columns with scales, one of each row, hold
+    Each row may be about some cells, by which the reader chooses. Columns with scales, one of each row, hold
     errors: what is rounding to its scale is shown as such.
     """
     scales = scales or {}
@@ -44,7 +46,7 @@ def sortable(
     ]
     lines = "\n".join(
         f'<tr data-cells="{" ".join(map(str, about))}">{"".join(line)}</tr>'
-        for about, *line in zip(cells, *by_column, strict=True)
+        for about, *line in zip([()] * len(rows) if cells is None else cells, *by_column, strict=True)
     )
     return (
         f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'

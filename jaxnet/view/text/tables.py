@@ -1,6 +1,7 @@
 """Results as text for a terminal."""
 
 import shlex
+from collections.abc import Sequence
 from html import escape
 from textwrap import fill
 from typing import Any
@@ -58,10 +59,12 @@ def summary(results: Results) -> str:
     return "\n".join([lines, *notes])
 
 
-def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
+def narrow(
+    table: pd.DataFrame, least_wanted: Sequence[tuple[str, ...]] = LEAST_WANTED
+) -> tuple[str, list[str]]:
     """A table without what 80 columns have no room for, the least wanted first; the names of that."""
     shown = table
-    for names in LEAST_WANTED:
+    for names in least_wanted:
         if width(shown) <= WIDTH:
             break
         shown = shown.drop(columns=list(names), errors="ignore")
