@@ -146,16 +146,14 @@ def run(
         raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view.text import progress, tables
+        from jaxnet.view.text import tables
 
         if shard is not None:
-            with progress.reporting() as report:
-                part = jaxnet.run_part(study, *shard, out, report, devices, chunk)
+            part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
             click.echo(tables.part(part), err=True)
         else:
-            with progress.reporting() as report:
-                results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
+            results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
             click.echo(tables.summary(results))
             done = tables.nothing_to_do if results.found_all else tables.what_was_written
@@ -250,10 +248,11 @@ def fit(results: str) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_fits
-        from jaxnet.view.text import slopes
+        from jaxnet.view.text import progress, slopes
 
-        for path in write_fits(opened):
-            click.echo(f"wrote {path}", err=True)
+        with progress.stepping() as told:
+            for path in write_fits(opened, told):
+                click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 
 
@@ -268,9 +267,11 @@ def report(results: str, shown: bool) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_report
+        from jaxnet.view.text import progress
 
-        for path in write_report(opened):
-            click.echo(f"wrote {path}", err=True)
+        with progress.stepping() as told:
+            for path in write_report(opened, told):
+                click.echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.path / "report.html")
 

@@ -12,6 +12,7 @@ from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
@@ -67,12 +68,13 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True) if found else nothing
 
 
-def replay_worst(results: Results) -> list[UPath]:
+def replay_worst(results: Results, told: Steps = untold) -> list[UPath]:
     """Simulate the worst lanes again by the nonlinear engine; the stores of all of them, made now or
     before.
     """
-    paths = []
-    for cell, sample in worst_of(results):
+    paths, asked = [], worst_of(results)
+    for done, (cell, sample) in enumerate(asked):
+        told("worst lanes simulated again", done, len(asked))
         path = path_of(results, cell, sample, "nonlinear")
         if not (path / "zarr.json").exists():
             replay(results, cell, sample, "nonlinear")

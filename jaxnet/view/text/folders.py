@@ -6,12 +6,18 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.store import search
+from jaxnet.view.text.width import as_lines, narrow
+
+LEAST_WANTED = (("cells",), ("written",), ("ok",), ("failed",), ("lanes",))
 
 
 def listing(root: str) -> str:
     """All of them; empty if there is none."""
     rows = [row(path, manifest) for path, manifest in search.below(root)]
-    return pd.DataFrame(rows).to_string(index=False) if rows else ""
+    if not rows:
+        return ""
+    shown, left_out, _ = narrow(pd.DataFrame(rows), [], LEAST_WANTED)
+    return "\n".join([as_lines(shown), *([f"left out: {', '.join(left_out)}"] if left_out else [])])
 
 
 def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from jaxnet.store.results import Results
 from jaxnet.view.text import tables
+from jaxnet.view.text.width import number
 
 LATEX = str.maketrans(
     {
@@ -56,7 +57,7 @@ def entry(value: Any) -> str:
     """A number to four digits, a dash for none, a label as it is."""
     if not isinstance(value, float):
         return str(value)
-    return "-" if pd.isna(value) else tables.number(value)
+    return "-" if pd.isna(value) else number(value)
 
 
 WRITERS: dict[str, Callable[[Results], str]] = {
