@@ -1,10 +1,11 @@
 """Is an interval still honest when one stops as soon as it is narrow enough?
 
-Runs of `samples: {until: …}` are imitated with lanes that fail with a known probability: at each look, which
-lie ever further apart, the exact binomial interval is told, and the run stops when it is narrow enough. Counted is how often
-the interval of that last look holds the truth, and how often every interval looked at on the way does (who
-may stop whenever she likes, can stop at one that does not), with jaxnet's looks, which share the error among
-them, and with plain 95 % intervals, as if each look were the only one. Beside it the lanes that it takes.
+Runs of `samples: {until: …}` are imitated with lanes that fail with a known probability: at each look,
+which lie ever further apart, the exact binomial interval is told, and the run stops when it is narrow
+enough. Counted is how often the interval of that last look holds the truth, and how often every interval
+looked at on the way does (who may stop whenever she likes, can stop at one that does not), with jaxnet's
+looks, which share the error among them, and with plain 95 % intervals, as if each look were the only one.
+Beside it the lanes that it takes.
 
 Run it with `python experiments/stopping.py`.
 """

@@ -174,8 +174,8 @@ class Run:
         """Remove what was made of the rows that were there, which is told before."""
         if taken := [name for name in DERIVED if (self.folder.path / name).exists()]:
             warnings.warn(
-                f"{self.folder.path}: {', '.join(taken)} were made of what was there before, and are removed;"
-                " jaxnet report makes them again",
+                f"{self.folder.path}: removing what was made of the rows before: {', '.join(taken)}"
+                " (jaxnet report makes it again)",
                 stacklevel=2,
             )
         self.folder.clear((*taken, "cells.csv"))
@@ -211,6 +211,10 @@ class Run:
         """Simulate the chosen lanes again with their trajectories, into a new store."""
         path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
         lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
+        if arrays.opened(path) is not None:
+            warnings.warn(
+                f"{path} holds all lanes, and is replaced by one of those that are chosen", stacklevel=2
+            )
         self.folder.remove(CHOSEN)
         store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
