@@ -72,8 +72,9 @@ class Results(stored.Results):
     def report(self) -> UPath:
         """Write figures and `report.html`, a page that works offline; the page's path.
 
-        Fits what is not fitted yet, and replays the worst lanes if the study has `recovery`. Raises
-        FolderError for an unfinished run, and while another process writes there.
+        Fits what is not fitted yet, and replays what the page shows: the median and worst lanes of a dozen
+        cells at most, and the worst of the study if it has `recovery`. Raises FolderError for an unfinished
+        run, and while another process writes there.
         """
         *_, page = write_report(self)
         return page
@@ -227,9 +228,9 @@ def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
 
 
 def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
-    """Fit, simulate the worst lanes again, draw, and write the page; the files, one after the other."""
+    """Fit, simulate lanes again that the page shows, draw, and write it; the files, one after the other."""
     enable()
-    from jaxnet.runs.replay import replay_worst
+    from jaxnet.runs.watched import replay_watched
     from jaxnet.statistics import ultimate
     from jaxnet.view import page
     from jaxnet.view.figures import every as figures
@@ -238,7 +239,7 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
         _ = results.cells  # refuses an unfinished run
         if ultimate.asked(results) and not (results.path / "fit.csv").exists():
             yield from ultimate.analyse(results, told)
-        yield from replay_worst(results, told)
+        yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
         yield page.write_page(results)
 

@@ -26,7 +26,7 @@ config_arguments = [
     click.argument("config", type=click.Path(path_type=Path)),
     click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
 ]
-results_argument = click.argument("results")
+results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
 
 
 def takes_config(command):
@@ -107,7 +107,10 @@ def main() -> None:
 @main.command()
 @takes_config
 @click.option(
-    "--out", metavar="DIR", help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]"
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]",
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
@@ -222,7 +225,7 @@ def show(results: str, form: str) -> None:
 
 
 @main.command("list")
-@click.argument("folder", default="results")
+@click.argument("folder", default="results", type=click.Path())
 def list_results(folder: str) -> None:
     """List the results folders at or below FOLDER (default: results).
 
@@ -262,7 +265,8 @@ def fit(results: str) -> None:
 def report(results: str, shown: bool) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
-    Fits what is not fitted yet, and simulates the worst lanes again if the study has `recovery`.
+    Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
+    dozen cells at most, and the worst of the study if it has `recovery`.
     """
     with user_errors():
         opened = jaxnet.open(results)

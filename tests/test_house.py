@@ -109,7 +109,7 @@ def test_an_editor_shows_what_each_key_means():
     """A kind's description and its keys with theirs, units and defaults, as the class says them."""
     given = json.loads(schema_text())["$defs"]
     assert given["Chirp"]["description"].startswith("`[cos, sin](ψ(t) + phase)`")
-    assert given["Chirp"]["properties"]["rate"]["description"] == "[rad/s²]"
+    assert given["Chirp"]["properties"]["rate"]["description"].startswith("[rad/s²], ")
     assert given["Chirp"]["properties"]["rate"]["default"] == 0.05
     assert {"enum": registry.names("attack")} in given["attack"]["anyOf"]
 

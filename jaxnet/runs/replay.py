@@ -12,7 +12,6 @@ from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
-from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
@@ -66,20 +65,6 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     found = [each.nlargest(number, "tail_mean") for _, each in lanes]
     nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
     return pd.concat(found, ignore_index=True) if found else nothing
-
-
-def replay_worst(results: Results, told: Steps = untold) -> list[UPath]:
-    """Simulate the worst lanes again by the nonlinear engine; the stores of all of them, made now or
-    before.
-    """
-    paths, asked = [], worst_of(results)
-    for done, (cell, sample) in enumerate(asked):
-        told("worst lanes simulated again", done, len(asked))
-        path = path_of(results, cell, sample, "nonlinear")
-        if not (path / "zarr.json").exists():
-            replay(results, cell, sample, "nonlinear")
-        paths.append(path)
-    return paths
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:

@@ -18,6 +18,8 @@ from jaxnet.store.results import Results
 
 MOST_PANELS = 24  # panels that one figure takes
 MOST_TIMES = 300  # of a band
+FEWEST_TIMES = 60  # of a band where there are many
+MOST_NUMBERS = 180_000  # of all bands together, so that a page of hundreds of cells stays small
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
 SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
@@ -187,10 +189,10 @@ class Band(NamedTuple):
     greatest: Float[np.ndarray, " times"]
 
 
-def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
-    """5 %, median, 95 % and maximum over samples at MOST_TIMES instants at most; None if no lane is ok."""
+def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
+    """5 %, median, 95 % and maximum over samples at so many instants at most; None if no lane is ok."""
     times = tracking.sizes["time"]
-    chosen = np.unique(np.linspace(0, times - 1, min(times, MOST_TIMES)).round().astype(int))
+    chosen = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
     values = tracking.isel(cell=cell.number).values[:, chosen]
     values = values[~np.isnan(values).any(axis=1)]
     if not len(values):
@@ -200,9 +202,15 @@ def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
 
 def all_bands(results: Results) -> dict[int, Band]:
     """Bands of the cells of the first MOST_PANELS scenes, by number of the cell."""
-    cells = [cell for group in scenes(results.study.cells)[:MOST_PANELS] for cell in group.cells]
+    groups = scenes(results.study.cells)[:MOST_PANELS]
+    return bands_of(results, [cell for group in groups for cell in group.cells])
+
+
+def bands_of(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
+    """Bands of these cells, by number; of many cells at fewer instants, FEWEST_TIMES at least."""
     tracking = results.errors["tracking"]
-    found = {cell.number: band(tracking, cell) for cell in cells}
+    most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
+    found = {cell.number: band(tracking, cell, most) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
 
 

@@ -77,7 +77,7 @@ class Attack(AnyAttack):
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "magnitude", "vehicles", "channel", "threat"})
 
     magnitude: NotNegative = Field(
-        default=5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
+        default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
     )
     vehicles: list[int] = Field(default=[2, 5, 8, 11], description="attacked vehicles, from 1")
     channel: Channel = Field(

@@ -50,7 +50,9 @@ class TrustedTrim(Defence):
     trusted: dict[int, list[int]] = Field(
         default={}, description="{vehicle: [sources]} trusted besides the navigator"
     )
-    tolerance: NotNegative = Field(default=1e-9, description="[m], SCIENCE O8")
+    tolerance: NotNegative = Field(
+        default=1e-9, description="[m], by which who was dropped last counts as farther (SCIENCE O8)"
+    )
 
     def trusts(self, weights: Weights) -> Links:
         """The navigator wherever it is heard, and those listed."""

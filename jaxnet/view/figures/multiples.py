@@ -72,7 +72,7 @@ def unit(key: str) -> str:
         base = registry.base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
     models = [model for model in family(base) if name in model.model_fields]
     described = (model.model_fields[name].description or "" for model in models)
-    found = (re.match(r"(?:ā )?\[([^],]+)", words) for words in described)
+    found = (re.match(r"\[([^],]+)", words) for words in described)
     return next((match[1] for match in found if match), "")
 
 

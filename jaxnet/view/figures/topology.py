@@ -35,12 +35,7 @@ def figure(cells: Sequence[Cell]) -> Figure:
 
     Weights that are drawn lane by lane are those of the graph of their medians.
     """
-    graphs: dict[str, Cell] = {}
-    for cell in cells:
-        known = graphs.get(name(cell))
-        if known is None or attacked_links(cell) > attacked_links(known):
-            graphs[name(cell)] = cell
-    shown = [(cell, situation_of(cell.scenario)) for cell in graphs.values()]
+    shown = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
     weights = [network.weights for _, network in shown]
     across = panels_across(weights)
     columns = min(across, len(shown))
@@ -54,6 +49,16 @@ def figure(cells: Sequence[Cell]) -> Figure:
     if words:
         multiples.note(drawn, f"There is no room for {' and '.join(words)}")
     return drawn
+
+
+def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
+    """Of each graph the cell with the most attacked links."""
+    graphs: dict[str, Cell] = {}
+    for cell in cells:
+        known = graphs.get(name(cell))
+        if known is None or attacked_links(cell) > attacked_links(known):
+            graphs[name(cell)] = cell
+    return list(graphs.values())
 
 
 def panels_across(graphs: Sequence[np.ndarray]) -> int:
