@@ -92,12 +92,14 @@ def next_command(results: Results) -> str:
 
 
 def part(run: Part) -> str:
-    """What a part of a run wrote where."""
-    return (
-        f"{run.simulated} shards simulated, {run.shards - run.simulated} were there; {run.failed} lanes"
-        f" failed; wrote {run.path}: lanes/\n"
-        "when all parts are done, the same command without --shard makes the tables"
-    )
+    """What a part of a run wrote where, or that all of it was there."""
+    if run.simulated:
+        there = run.shards - run.simulated
+        words = f"{run.simulated} shards simulated, {there} were there; {run.failed} lanes failed;"
+        words += f" wrote {run.path}: lanes/"
+    else:
+        words = f"nothing to do: all {run.shards} shards were there, {run.failed} lanes failed"
+    return f"{words}\nwhen all parts are done, the same command without --shard makes the tables"
 
 
 def stopped(results: Results) -> str:
