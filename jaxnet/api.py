@@ -5,7 +5,7 @@ import uuid
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import xarray as xr
@@ -13,10 +13,11 @@ from upath import UPath
 
 from jaxnet.config.study import Source, Study, load
 from jaxnet.runs.cache import enable
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Part, arrays_at, whole
-from jaxnet.view.text.progress import Report, reporting_to
+from jaxnet.view.text import progress as reports
 
 if TYPE_CHECKING:
     from jax import Array
@@ -39,7 +40,7 @@ __all__ = [
 ]
 
 Place = str | Path | UPath
-Progress = Report | Literal[False] | None
+Progress = reports.Progress | bool | None
 VectorField = Callable[[Any, Any, Any], Any]  # time, state (n, m), ignored: the state's derivative
 
 
@@ -137,7 +138,8 @@ def run(
     """Simulate what is not there yet of a study, or of what `load` takes for one, into `out`.
 
     That is a path or URL (default results/NAME). `fresh` throws earlier results of that folder away;
-    `progress` is told lanes done, all, failed; by default a terminal or notebook shows a bar, False is none.
+    `progress` is told lanes done, all, failed; by default a terminal or notebook shows a bar, False is none,
+    True is a line each half minute elsewhere too.
     `devices` are the cores, or accelerators, used at most (default all); `chunk` is how many lanes advance
     side by side (default what suits the engine; another one changes rows by rounding). `workers` parts the
     cores among so many processes (a script that asks for them must guard its `__main__`), `cluster` is the
@@ -157,7 +159,7 @@ def run(
         from jaxnet.store.admission import admit
 
         admit(folder, study.config, fresh)
-        with reporting_to(progress) as report:
+        with reports.reporting(progress) as report:
             work = Run(study.config, study.cells, folder, report, Machine(devices, chunk), others)
             missing = work.whole()
     return Results(folder.path, found_all=not missing)
@@ -188,7 +190,7 @@ def run_part(
     folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        with reporting_to(progress) as report:
+        with reports.reporting(progress) as report:
             run = Run(study.config, study.cells, folder, report, machine)
             return Part(folder.path, *run.part(part, parts))
 
@@ -273,7 +275,7 @@ def write_film(
     return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, report)
 
 
-def write_fits(results: stored.Results) -> Iterator[UPath]:
+def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
     from jaxnet.statistics import ultimate
@@ -281,8 +283,8 @@ def write_fits(results: stored.Results) -> Iterator[UPath]:
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
-        yield from ultimate.analyse(results)
-        yield from figures.draw(results, ULTIMATE)
+        yield from ultimate.analyse(results, told)
+        yield from figures.draw(results, ULTIMATE, told)
 
 
 def write_figure(
@@ -301,7 +303,7 @@ def write_figure(
         yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
 
 
-def write_report(results: stored.Results) -> Iterator[UPath]:
+def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
     """Fit, simulate lanes again that the page shows, draw, and write it; the files, one after the other."""
     enable()
     from jaxnet.runs.watched import replay_watched
@@ -312,9 +314,9 @@ def write_report(results: stored.Results) -> Iterator[UPath]:
     with Folder(results.path).writing():
         _ = results.cells  # refuses an unfinished run
         if ultimate.asked(results) and not (results.path / "fit.csv").exists():
-            yield from ultimate.analyse(results)
-        yield from replay_watched(results)
-        yield from figures.draw(results)
+            yield from ultimate.analyse(results, told)
+        yield from replay_watched(results, told)
+        yield from figures.draw(results, told=told)
         yield page.write_page(results)
 
 

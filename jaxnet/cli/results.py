@@ -68,10 +68,11 @@ def fit(results: str) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_fits
-        from jaxnet.view.text import slopes
+        from jaxnet.view.text import progress, slopes
 
-        for path in write_fits(opened):
-            click.echo(f"wrote {path}", err=True)
+        with progress.stepping() as told:
+            for path in write_fits(opened, told):
+                click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 
 
@@ -87,9 +88,11 @@ def report(results: str, shown: bool) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_report
+        from jaxnet.view.text import progress
 
-        for path in write_report(opened):
-            click.echo(f"wrote {path}", err=True)
+        with progress.stepping() as told:
+            for path in write_report(opened, told):
+                click.echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.path / "report.html")
 

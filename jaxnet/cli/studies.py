@@ -98,7 +98,10 @@ def numbers_in(words: str) -> list[float]:
 @click.command()
 @takes_config
 @click.option(
-    "--out", metavar="DIR", type=click.Path(), help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]"
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]",
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
@@ -137,16 +140,14 @@ def run(
         raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view.text import progress, tables
+        from jaxnet.view.text import tables
 
         if shard is not None:
-            with progress.reporting() as report:
-                part = jaxnet.run_part(study, *shard, out, report, devices, chunk)
+            part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
             click.echo(tables.part(part), err=True)
         else:
-            with progress.reporting() as report:
-                results = jaxnet.run(study, out, fresh, report, devices, chunk, workers, cluster)
+            results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
             click.echo(tables.summary(results))
             done = tables.nothing_to_do if results.found_all else tables.what_was_written

@@ -10,6 +10,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.runs.replay import path_of, replay, worst_of
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import rows
 from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
@@ -47,7 +48,7 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     return found
 
 
-def replay_watched(results: Results) -> Iterator[UPath]:
+def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
     """Simulate again what the report shows and no store holds; the stores, as they are made.
 
     The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
@@ -55,7 +56,8 @@ def replay_watched(results: Results) -> Iterator[UPath]:
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
-    for (cell, sample), engine in wanted.items():
+    for done, ((cell, sample), engine) in enumerate(wanted.items()):
+        told("lanes simulated again", done, len(wanted))
         path = path_of(results, cell, sample, engine)
         if not (path / "zarr.json").exists():
             replay(results, cell, sample, engine)

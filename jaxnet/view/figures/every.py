@@ -10,6 +10,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.figures import COLUMNS, NAMES, bands, panels, style, tails, topology, ultimate, unrecovered
@@ -107,9 +108,10 @@ def lacking(results: Results, what: str, remedy: str) -> LackingError:
     return LackingError(f"{results.path} has no {what}: run the study with {remedy}")
 
 
-def draw(results: Results, names: Sequence[str] = NAMES) -> Iterator[UPath]:
+def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = untold) -> Iterator[UPath]:
     """Draw those of these figures that the folder has data for; the files written, one after the other."""
-    for name in names:
+    for done, name in enumerate(names):
+        told("figures drawn", done, len(names))
         try:
             drawn = getattr(Plots(results), name)()
         except LackingError:

@@ -119,7 +119,9 @@ def ultimate_section(results: Results, found: list[Curve]) -> Section:
     """δ̂(ā), and its slopes as a table."""
     name = "Ultimate error δ̂(ā)"
     if not magnitude_is_swept(found):
-        return Section("ultimate", name, "<p>No two cells differ in ā &gt; 0 alone: there is no δ̂(ā) to draw.</p>")
+        return Section(
+            "ultimate", name, "<p>No two cells differ in ā &gt; 0 alone: there is no δ̂(ā) to draw.</p>"
+        )
     note = (
         "<p>Error over the tail against the attack's magnitude. Bounds of the worst vehicle (of the mean over"
         " vehicles for the mean error), where they say something. Cells with ā = 0 have no place on a log"

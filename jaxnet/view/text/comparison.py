@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.view.text import tables
+from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
 
 MOST_NAMED = 20  # lanes of a kind
 ROUNDING = 1e-9  # [m] what two errors may differ by in arithmetic alone
@@ -22,6 +22,7 @@ SHOWN = {
     "unrecovered_high": "share high",
     "p": "p",
 }
+COUNTS = ("cell", "cell_B", "pairs", "failed", "saved", "lost")
 FIRST_TO_GO = (
     *(("failed",), ("max low", "max high"), ("share low", "share high"), ("max [m]",)),
     *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
@@ -45,13 +46,13 @@ def told(found: Comparison) -> str:
     table = rows(found)
     errors = [name for name in table if "mean" in str(name) or "max" in str(name)]
     table[errors] = table[errors].where(table[errors].abs() >= ROUNDING, 0.0)
-    lines, left_out = tables.narrow(table.head(tables.MOST_ROWS), FIRST_TO_GO)
-    notes = [lines, "", fill(LEGEND, tables.WIDTH)]
-    if len(table) > tables.MOST_ROWS:
-        notes.append(f"… {len(table) - tables.MOST_ROWS} more pairs of cells in differences.csv")
-    if left_out:
-        notes.append(fill(f"left out: {', '.join(left_out)}; all are in differences.csv", tables.WIDTH))
-    parts = ["\n".join(what_differs(found)), "\n".join(notes), changes(found), failures_in(found)]
+    labels = [name for name in table if name not in {*SHOWN.values(), *COUNTS}]
+    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), labels, FIRST_TO_GO)
+    lines = [as_lines(shown), "", fill(LEGEND, WIDTH)]
+    if len(table) > MOST_ROWS:
+        lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
+    lines += notes(left_out, is_cut, "differences.csv")
+    parts = ["\n".join(what_differs(found)), "\n".join(lines), changes(found), failures_in(found)]
     return "\n\n".join(filter(None, parts))
 
 
@@ -74,7 +75,7 @@ def changes(found: Comparison) -> str:
         both[bool(lane.unrecovered_A)].append(f"cell {lane.cell} sample {lane.sample}")
     words = {True: "saved", False: "lost"}
     return "\n".join(
-        fill(f"{words[way]}: {len(named)} lanes: {some_of(named)}", tables.WIDTH)
+        fill(f"{words[way]}: {len(named)} lanes: {some_of(named)}", WIDTH)
         for way, named in both.items()
         if named
     )
@@ -87,7 +88,7 @@ def failures_in(found: Comparison) -> str:
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
         for lane in lanes
     ]
-    return fill(f"failed: {len(named)} lanes: {some_of(named)}", tables.WIDTH) if named else ""
+    return fill(f"failed: {len(named)} lanes: {some_of(named)}", WIDTH) if named else ""
 
 
 def some_of(named: list[str]) -> str:

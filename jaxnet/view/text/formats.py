@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from jaxnet.view.text import tables
+from jaxnet.view.text.width import number
 
 LATEX = str.maketrans(
     {
@@ -53,7 +53,7 @@ def entry(value: Any) -> str:
     """A number to four digits, a dash for none, a label as it is."""
     if not isinstance(value, float):
         return str(value)
-    return "-" if pd.isna(value) else tables.number(value)
+    return "-" if pd.isna(value) else number(value)
 
 
 WRITERS: dict[str, Callable[[pd.DataFrame], str]] = {"csv": csv, "markdown": markdown, "latex": latex}
