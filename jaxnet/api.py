@@ -258,7 +258,7 @@ def write_film(
     cell: int,
     sample: int,
     out: Place | None = None,
-    report: Callable[[int, int], object] = lambda done, total: None,
+    told: Steps = untold,
 ) -> UPath:
     """Write a film of one lane; see `Results.animate`."""
     enable()
@@ -272,7 +272,7 @@ def write_film(
         lane, weights = trajectory_of(results, cell, sample)
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, weights, headings(lane["states"]))
-    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, report)
+    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 
 def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:

@@ -22,6 +22,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.statistics.groups import MAGNITUDE
+from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -29,7 +30,6 @@ from jaxnet.view.figures.style import Figure
 
 SIZE = (5.6, 7.2)  # [in]
 DPI = 110
-Report = Callable[[int, int], object]
 FRAMES_AT_MOST = 150
 RATE = 10  # frames a second
 ARROW = 0.07  # of the frame, that a heading is long
@@ -264,13 +264,13 @@ def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
         raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
 
 
-def write_to(folder: Folder, name: str, film: Film, cell: Cell, sample: int, report: Report) -> UPath:
-    """Draw a film into a file, which has its name once it is whole; `report` is told frames done and all."""
+def write_to(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
+    """Draw a film into a file, which has its name once it is whole."""
 
     def counted() -> Iterator[Image.Image]:
         for number, frame in enumerate(pictures(film, cell, sample), 1):
             yield frame
-            report(number, len(film.time))
+            told("frames", number, len(film.time))
 
     with mpl.rc_context(style.RC), tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch) / name

@@ -126,7 +126,7 @@ def reader(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fits, "estimates", ones)
     monkeypatch.setattr(fits, "RESAMPLES", 2)
-    monkeypatch.setattr(every, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(every, "draw", lambda *_, **__: iter(()))
     monkeypatch.setattr(sys, "path", [*sys.path])  # where modules beside the config are found
     monkeypatch.chdir(tmp_path)
     yield Reader(tmp_path)

@@ -97,7 +97,7 @@ def test_an_interrupt_leaves_no_torn_film(results, tmp_path):
     """Nor what was there before."""
     shown, _ = film(results, 2)
 
-    def interrupt(done, total):
+    def interrupt(what, done, total):
         if done == 3:
             raise KeyboardInterrupt
 

@@ -1,7 +1,5 @@
 """Commands on one lane: simulate it again, see it move."""
 
-import sys
-
 import click
 
 import jaxnet
@@ -45,12 +43,8 @@ def animate(results: str, cell: int, sample: int, out: str | None) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         from jaxnet.api import write_film
+        from jaxnet.view.text import progress
 
-        with click.progressbar(length=0, label="frames", file=sys.stderr) as bar:
-
-            def report(done: int, total: int) -> None:
-                bar.length = total
-                bar.update(done - bar.pos)
-
-            path = write_film(opened, cell, sample, out, report)
+        with progress.stepping() as told:
+            path = write_film(opened, cell, sample, out, told)
         click.echo(f"wrote {path}", err=True)

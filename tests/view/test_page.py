@@ -595,9 +595,9 @@ def test_the_choice_shows_just_its_cells(opened):
     shown = opened(1400, "light")
     shown.locator(".filter summary").click()
     star, size = (shown.locator(".filter select").nth(n) for n in range(2))
-    size.select_option("attack.magnitude =\xa010\xa0m")
+    size.select_option("ā\xa0=\xa010\xa0m")
     assert numbers_of(shown, "#summary") == [2, 5]
-    assert titles(shown, "#bands") == [f"{name}, attack.magnitude = 10 m" for name in ("star", HOSTILE)]
+    assert titles(shown, "#bands") == [f"{name}, ā = 10 m" for name in ("star", HOSTILE)]
     star.select_option("star")
     assert numbers_of(shown, "#summary") == [2]
     assert titles(shown, "#ultimate") == ["star"]
@@ -606,7 +606,7 @@ def test_the_choice_shows_just_its_cells(opened):
     assert "Cells shown: 1 of 6" in shown.locator(".filter summary").inner_text()
     shown.reload()
     assert numbers_of(shown, "#summary") == [2]
-    size.select_option("attack.magnitude =\xa00\xa0m", force=True)
+    size.select_option("ā\xa0=\xa00\xa0m", force=True)
     assert "nothing to draw of these cells" in shown.locator("#unrecovered output").inner_text()
     shown.locator(".filter summary").click()
     shown.locator(".filter button").click()
