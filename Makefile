@@ -1,8 +1,9 @@
-# `make paper` sets everything up and runs the main job; `make test` sets everything up and passes the tests.
+# `make paper` sets everything up and runs the main job; `make test` sets everything up and passes the tests;
+# `make docs` sets everything up and builds the site of the pages.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: paper test lock clean
+.PHONY: paper test docs lock clean
 
 paper: .venv/ready
 	$(BIN)/python experiments/paper.py
@@ -12,6 +13,11 @@ test: .venv/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
 	$(BIN)/pytest
+
+# The site, in site/; first the tables of docs/config.md, which are made from the code.
+docs: .venv/ready
+	$(BIN)/python docs/site/keys.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -19,7 +19,6 @@ import jaxnet
 from jaxnet.runs.cache import enable
 from jaxnet.runs.exactness import deviations, ticked
 from jaxnet.view.figures import every as figures
-from jaxnet.view.text import progress
 
 CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"
 
@@ -28,8 +27,7 @@ def main() -> None:
     """Run, draw, check, tell."""
     enable()
     study = jaxnet.load(CONFIG)
-    with progress.reporting() as report:
-        results = jaxnet.run(study, progress=report)
+    results = jaxnet.run(study, progress=True)
     print(table(results).to_string(index=False, float_format=lambda value: f"{value:.4g}"))
     print("\ntail: mean over vehicles and the last 5 s; exact: greatest distance from the exact solution")
     for path in (results.path / "cells.csv", *figures.draw(results)):

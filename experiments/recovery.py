@@ -20,7 +20,6 @@ import jaxnet
 from jaxnet.runs.cache import enable
 from jaxnet.runs.replay import replay, worst_of
 from jaxnet.store.results import Results
-from jaxnet.view.text import progress
 
 CONFIG = Path(__file__).parents[1] / "configs" / "recovery.yaml"
 RESULTS = Path("results")
@@ -67,8 +66,7 @@ def main(samples: int) -> None:
 
 def simulate(study: Any, name: str) -> Results:
     """Run a study into a folder of that name."""
-    with progress.reporting() as report:
-        return jaxnet.run(study, RESULTS / name, progress=report)
+    return jaxnet.run(study, RESULTS / name, progress=True)
 
 
 def show(question: str, results: Results) -> None:

@@ -22,7 +22,7 @@ import jaxnet
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.curves import Curve, curves
 from jaxnet.store.results import Results
-from jaxnet.view.text import progress, slopes
+from jaxnet.view.text import slopes
 
 CONFIG = Path(__file__).parents[1] / "configs" / "bound.yaml"
 EXACT = {"star": 1.0, "path": 4.0, "cyclic": 3.1034}  # tail_max per ā, untrimmed, the bias in phase
@@ -33,8 +33,7 @@ def main() -> None:
     """Run, fit, report, answer; status 1 if a slope is off or a bound is broken."""
     enable()
     began = time.monotonic()
-    with progress.reporting() as tell:
-        results = jaxnet.run(jaxnet.load(CONFIG), progress=tell)
+    results = jaxnet.run(jaxnet.load(CONFIG), progress=True)
     simulated = time.monotonic()
     page = results.report()
     ended = time.monotonic()

@@ -1,7 +1,8 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
 `load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
-`open` reads a results folder. `Results` has its tables and arrays, fits, replays, plots and the report.
+`open` reads a results folder, `compare` holds two against each other. `Results` has tables and arrays, fits,
+replays, films, plots, the report and a file for MATLAB.
 `field` gives the vector field of one lane.
 """
 
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from jaxnet.api import Part, Replay, Results, field, open, run, run_part, simulate
+    from jaxnet.api import Part, Replay, Results, compare, field, open, run, run_part, simulate
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
     from jaxnet.kinds.kind import KindError
@@ -28,6 +29,7 @@ HOMES = {
     "Replay": "jaxnet.api",
     "Results": "jaxnet.api",
     "Study": "jaxnet.config.study",
+    "compare": "jaxnet.api",
     "field": "jaxnet.api",
     "load": "jaxnet.config.study",
     "open": "jaxnet.api",
@@ -44,6 +46,7 @@ __all__ = [
     "Replay",
     "Results",
     "Study",
+    "compare",
     "field",
     "load",
     "open",

@@ -3,9 +3,9 @@
 import dataclasses
 import uuid
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import xarray as xr
@@ -13,20 +13,34 @@ from upath import UPath
 
 from jaxnet.config.study import Source, Study, load
 from jaxnet.runs.cache import enable
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Part, arrays_at, whole
-from jaxnet.view.text.progress import Report, reporting_to
+from jaxnet.view.text import progress as reports
 
 if TYPE_CHECKING:
     from jax import Array
 
+    from jaxnet.statistics.pairs import Comparison
     from jaxnet.view.figures.every import Plots
 
-__all__ = ["Part", "Replay", "Results", "Study", "field", "load", "open", "run", "run_part", "simulate"]
+__all__ = [
+    "Part",
+    "Replay",
+    "Results",
+    "Study",
+    "compare",
+    "field",
+    "load",
+    "open",
+    "run",
+    "run_part",
+    "simulate",
+]
 
 Place = str | Path | UPath
-Progress = Report | Literal[False] | None
+Progress = reports.Progress | bool | None
 VectorField = Callable[[Any, Any, Any], Any]  # time, state (n, m), ignored: the state's derivative
 
 
@@ -71,11 +85,26 @@ class Results(stored.Results):
     def report(self) -> UPath:
         """Write figures and `report.html`, a page that works offline; the page's path.
 
-        Fits what is not fitted yet, and replays the worst lanes if the study has `recovery`. Raises
-        FolderError for an unfinished run, and while another process writes there.
+        Fits what is not fitted yet, and replays what the page shows: the median and worst lanes of a dozen
+        cells at most, and the worst of the study if it has `recovery`. Raises FolderError for an unfinished
+        run, and while another process writes there.
         """
         *_, page = write_report(self)
         return page
+
+    def animate(self, cell: SupportsInt, sample: SupportsInt, out: Place | None = None) -> UPath:
+        """Write a film of one lane, by default into figures/; its path.
+
+        The lane is simulated again if its trajectory is not stored. Raises FolderError if the study has no
+        such lane, or for an .mp4 where there is no ffmpeg.
+        """
+        return write_film(self, whole("cell", cell), whole("sample", sample), out)
+
+    def export(self, out: Place | None = None) -> UPath:
+        """Write a file for MATLAB, by default into the folder; its path. Raises FolderError if too large."""
+        from jaxnet.store import matlab
+
+        return matlab.write_mat(self, out)
 
     @property
     def plot(self) -> "Plots":
@@ -109,7 +138,8 @@ def run(
     """Simulate what is not there yet of a study, or of what `load` takes for one, into `out`.
 
     That is a path or URL (default results/NAME). `fresh` throws earlier results of that folder away;
-    `progress` is told lanes done, all, failed; by default a terminal or notebook shows a bar, False is none.
+    `progress` is told lanes done, all, failed; by default a terminal or notebook shows a bar, False is none,
+    True is a line each half minute elsewhere too.
     `devices` are the cores, or accelerators, used at most (default all); `chunk` is how many lanes advance
     side by side (default what suits the engine; another one changes rows by rounding). `workers` parts the
     cores among so many processes (a script that asks for them must guard its `__main__`), `cluster` is the
@@ -129,7 +159,7 @@ def run(
         from jaxnet.store.admission import admit
 
         admit(folder, study.config, fresh)
-        with reporting_to(progress) as report:
+        with reports.reporting(progress) as report:
             work = Run(study.config, study.cells, folder, report, Machine(devices, chunk), others)
             missing = work.whole()
     return Results(folder.path, found_all=not missing)
@@ -160,7 +190,7 @@ def run_part(
     folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        with reporting_to(progress) as report:
+        with reports.reporting(progress) as report:
             run = Run(study.config, study.cells, folder, report, machine)
             return Part(folder.path, *run.part(part, parts))
 
@@ -201,7 +231,51 @@ def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tupl
     return field(load(study), whole("cell", cell), whole("sample", sample))
 
 
-def write_fits(results: stored.Results) -> Iterator[UPath]:
+def compare(first: stored.Results | Place, second: stored.Results | Place) -> "Comparison":
+    """Hold the lanes of one study against those of another, paired by draws; differences are second − first.
+
+    Raises FolderError if none can be paired.
+    """
+    from jaxnet.statistics.pairs import held_against
+
+    a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
+    return held_against(a, b)
+
+
+def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:
+    """Write tables and page of a comparison into a folder; the files, one after the other."""
+    from jaxnet.view.page import comparison
+
+    folder = Folder(out)
+    pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
+    for name, table in pages.items():
+        yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
+    yield folder.put("compare.html", lambda file: file.write(comparison.html(found).encode()))
+
+
+def write_film(
+    results: stored.Results,
+    cell: int,
+    sample: int,
+    out: Place | None = None,
+    told: Steps = untold,
+) -> UPath:
+    """Write a film of one lane; see `Results.animate`."""
+    enable()
+    from jaxnet import film
+    from jaxnet.runs.replay import trajectory_of
+    from jaxnet.view.page.trajectories import headings
+
+    kind = film.file_kind(None if out is None else str(out))
+    place = UPath(out) if out else results.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
+    with Folder(results.path).writing():
+        lane, weights = trajectory_of(results, cell, sample)
+    chosen = results.study.cells[cell]
+    shown = film.film_of(lane, chosen, weights, headings(lane["states"]))
+    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
+
+
+def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
     from jaxnet.statistics import ultimate
@@ -209,25 +283,30 @@ def write_fits(results: stored.Results) -> Iterator[UPath]:
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
-        yield from ultimate.analyse(results)
-        yield from figures.draw(results, ULTIMATE)
+        yield from ultimate.analyse(results, told)
+        yield from figures.draw(results, ULTIMATE, told)
 
 
-def write_figure(results: stored.Results, name: str) -> Iterator[UPath]:
-    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it."""
+def write_figure(
+    results: stored.Results, name: str, where: Mapping[str, Any] | None = None, column: str = "two"
+) -> Iterator[UPath]:
+    """Draw one of `figures.NAMES`; its files. Raises FolderError if the folder has no data for it.
+
+    `where` and `column` choose cells and width, as in `Results.plot`.
+    """
     enable()
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
         _ = results.cells  # refuses an unfinished run
-        drawn = getattr(figures.Plots(results), name)()
-        yield from figures.save(results, name, drawn)
+        drawn = getattr(figures.Plots(results), name)(where, column)
+        yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
 
 
-def write_report(results: stored.Results) -> Iterator[UPath]:
-    """Fit, simulate the worst lanes again, draw, and write the page; the files, one after the other."""
+def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
+    """Fit, simulate lanes again that the page shows, draw, and write it; the files, one after the other."""
     enable()
-    from jaxnet.runs.replay import replay_worst
+    from jaxnet.runs.watched import replay_watched
     from jaxnet.statistics import ultimate
     from jaxnet.view import page
     from jaxnet.view.figures import every as figures
@@ -235,9 +314,9 @@ def write_report(results: stored.Results) -> Iterator[UPath]:
     with Folder(results.path).writing():
         _ = results.cells  # refuses an unfinished run
         if ultimate.asked(results) and not (results.path / "fit.csv").exists():
-            yield from ultimate.analyse(results)
-        yield from replay_worst(results)
-        yield from figures.draw(results)
+            yield from ultimate.analyse(results, told)
+        yield from replay_watched(results, told)
+        yield from figures.draw(results, told=told)
         yield page.write_page(results)
 
 

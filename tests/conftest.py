@@ -21,6 +21,7 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compil
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the same goes for Python's, a command's too
 
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -30,3 +31,20 @@ settings.register_profile("jaxnet", deadline=None, max_examples=40, derandomize=
 settings.load_profile("jaxnet")
 
 gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A Chromium that is told to ask nobody for anything."""
+    if BROWSER is None:
+        pytest.skip("no Chromium is installed")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        chromium = driver.chromium.launch(
+            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
+        )
+        yield chromium
+        chromium.close()

@@ -152,7 +152,7 @@ KINDS = [
     Bad(
         "→defence: trim",
         "defence|defence.kind",
-        'none, trusted_trim, w_msr, or module:Class (got "trim")',
+        'none, trust, trusted_only, trusted_trim, w_msr, or module:Class (got "trim")',
     ),
     Bad("defence: {kind: none, →theta: 1}", "defence.theta", "unknown key"),
     Bad("defence: {→theta: -1}", "defence.theta", "must be at least 0 (got -1)"),

@@ -17,13 +17,15 @@ import yaml
 from click.testing import CliRunner
 
 import jaxnet
-from jaxnet import cli
-from jaxnet.cli import main
+from jaxnet.cli import errors, main
 from jaxnet.store.folder import Folder
 from jaxnet.view import figures
 
 SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
-COMMANDS = ["run", "check", "schema", "replay", "show", "list", "fit", "report", "figure"]
+COMMANDS = [
+    *("init", "check", "run", "schema", "list", "show", "fit", "report", "figure"),
+    *("replay", "animate", "compare", "export"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -131,15 +133,15 @@ def test_results_are_listed_wherever_they_are_below(finished, config, tmp_path):
     (here / "notes" / "manifest.json").write_text("{}")
     done = jaxnet_does("list", here)
     lines = [line.split() for line in done.stdout.splitlines()]
-    assert lines[0] == ["results", "cells", "lanes", "ok", "failed", "written"]
-    assert [line[:6] for line in lines[1:]] == [
-        [str(here / "more" / "cut"), "1", "2", "-", "-", "unfinished"],
-        [str(part), "-", "-", "-", "-", "unfinished"],
-        [str(here / "small"), "1", "2", "2", "0", "finished"],
+    assert lines[0] == ["cells", "lanes", "ok", "failed", "written", "results"]
+    assert [[*line[:5], line[-1]] for line in lines[1:]] == [
+        ["1", "2", "-", "-", "unfinished", str(here / "more" / "cut")],
+        ["-", "-", "-", "-", "unfinished", str(part)],
+        ["1", "2", "2", "0", "finished", str(here / "small")],
     ]
     stamp = time.localtime((here / "small" / "manifest.json").stat().st_mtime)
-    assert lines[3][6:] == [time.strftime("%Y-%m-%d", stamp), time.strftime("%H:%M", stamp)]
-    assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split()[:3] == lines[3][:3]
+    assert lines[3][5:7] == [time.strftime("%Y-%m-%d", stamp), time.strftime("%H:%M", stamp)]
+    assert jaxnet_does("list", here / "small").stdout.splitlines()[1].split() == lines[3]
     assert jaxnet_does("list", tmp_path / "none").stderr == f"no results in {tmp_path / 'none'}\n"
 
 
@@ -213,10 +215,79 @@ def test_an_interrupt_that_is_ignored_comes_again(monkeypatch):
     """As one is that falls into a callback of the garbage collector; the handlers are put back."""
     statuses, before = [], signal.getsignal(signal.SIGINT)
     monkeypatch.setattr(os, "_exit", statuses.append)
-    with cli.user_errors():
+    with errors.user_errors():
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        time.sleep(20 * cli.AGAIN)
-    assert statuses == [cli.INTERRUPTED]
+        time.sleep(20 * errors.AGAIN)
+    assert statuses == [errors.INTERRUPTED]
     assert signal.getsignal(signal.SIGINT) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_init_writes_a_config_that_runs(tmp_path, monkeypatch):
+    """Without a terminal it asks nothing; it replaces no file; what is wrong is told by its key."""
+    monkeypatch.chdir(tmp_path)
+    done = jaxnet_does("init", "mine.yaml", "--attack", "bias", "--magnitudes", "1,2.5", "--samples", 3)
+    assert done.exit_code == 0, done.stderr
+    assert "wrote mine.yaml\nnext: jaxnet check mine.yaml" in done.stderr
+    assert jaxnet_does("check", "mine.yaml").stdout.startswith("mine: 2 cells × 3 samples = 6 lanes")
+    again = jaxnet_does("init", "mine.yaml")
+    assert (again.exit_code, again.stderr) == (2, "mine.yaml is there already: give another FILE\n")
+    wrong = jaxnet_does("init", "other.yaml", "--attack", "bais")
+    assert (wrong.exit_code, wrong.stderr[:38]) == (2, "other.yaml: attack: must be one of bia")
+    assert jaxnet_does("init", "other.yaml", "--magnitudes", "1;2").exit_code == 2
+    assert not (tmp_path / "other.yaml").exists()
+
+
+def test_init_asks_what_no_option_says(tmp_path, monkeypatch):
+    """Enter takes the default."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("jaxnet.cli.studies.on_terminal", lambda: True)
+    words = ["init", "asked.yaml", "--vehicles", "6"]
+    done = CliRunner().invoke(main, words, input="path\nsinusoid\n\n3,4\n9\n")
+    assert done.exit_code == 0, done.output
+    config = jaxnet.load("asked.yaml").config
+    kinds = [getattr(config, family).reference() for family in ("topology", "attack", "defence")]
+    assert kinds == ["path", "sinusoid", "trusted_trim"]
+    assert (config.vehicles, config.samples, config.sweep["attack.magnitude"]) == (6, 9, [3, 4])
+
+
+def test_two_results_are_compared(swept, tmp_path):
+    """The table in every format, the files beside B or where asked; what cannot be is status 2."""
+    done = jaxnet_does("compare", swept, swept, "--format", "csv")
+    assert done.exit_code == 0, done.stderr
+    table = pd.read_csv(io.StringIO(done.stdout))
+    assert table["mean [m]"].tolist() == [0] * 4
+    names = {path.name for path in (swept.parent / "swept-swept").iterdir()}
+    assert names >= {"compare.html", "differences.csv", "changed.csv", "failed.csv"}
+    assert "they are the same study" in jaxnet_does("compare", swept, swept, "--out", tmp_path / "x").stdout
+    assert (tmp_path / "x" / "compare.html").exists()
+    assert jaxnet_does("compare", swept, tmp_path).exit_code == 2
+
+
+def test_a_figure_of_some_cells_has_a_name_of_its_own(swept):
+    """Beside the plain one."""
+    done = jaxnet_does("figure", swept, "topologies", "--where", "topology=star", "--column", "one")
+    assert done.exit_code == 0, done.stderr
+    assert (swept / "figures" / "topologies-topology=star-one-column.pdf").exists()
+    assert not (swept / "figures" / "topologies.pdf").exists()
+    assert jaxnet_does("figure", swept, "topologies", "--where", "topology=path").exit_code == 2
+    assert jaxnet_does("figure", swept, "topologies", "--where", "topology").exit_code == 2
+
+
+def test_results_are_exported(swept):
+    """With and without a file's name; without a program it is not known what to write."""
+    assert f"wrote {swept / 'results.mat'}" in jaxnet_does("export", swept, "--mat").stderr
+    assert jaxnet_does("export", swept, "--mat", swept / "other.mat").exit_code == 0
+    assert (swept / "other.mat").exists()
+    assert jaxnet_does("export", swept).exit_code == 2
+
+
+def test_a_film_is_made_by_a_command(finished):
+    """Into figures, told where."""
+    out, _ = finished
+    done = jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", out / "film.gif")
+    assert done.exit_code == 0, done.stderr
+    assert f"wrote {out / 'film.gif'}" in done.stderr
+    assert jaxnet_does("animate", out, "--cell", 9, "--sample", 1).exit_code == 2
+    assert jaxnet_does("animate", out, "--cell", 0, "--sample", 1, "--out", "x.avi").exit_code == 2

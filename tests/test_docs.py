@@ -1,15 +1,24 @@
-"""What README.md and docs/tutorial.md show is run, with fewer lanes; links of all pages lead somewhere."""
+"""What README.md and docs/tutorial.md show is run, with fewer lanes; of others code runs, commands parse.
 
+The pages of keys and commands name all that there are, links lead somewhere, and the site is built.
+"""
+
+import json
 import re
 import runpy
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import jaxnet
 from jaxnet.cli import main
+from jaxnet.config.schema import schema_text
 from jaxnet.statistics import fits
 from jaxnet.statistics.families import MODELS
 from jaxnet.view.figures import every
@@ -92,6 +101,21 @@ class Reader:
         self.done.append(words[0])
 
 
+class Skimmer(Reader):
+    """Somebody who runs scripts, but only looks whether a study loads and a command is one."""
+
+    def yaml(self, code):
+        """A study that loads."""
+        super().yaml(code)
+        self.done.append(jaxnet.load(NAMED.findall(code)[0]).config.name)
+
+    def jaxnet(self, words, refused):
+        """A command with arguments and options that it has."""
+        command = main.commands[words[0]]
+        command.make_context(words[0], words[1:])
+        self.done.append(words[0])
+
+
 @pytest.fixture
 def reader(tmp_path, monkeypatch):
     """A reader in an empty folder. What takes long and is tested elsewhere, fits and figures, is left out."""
@@ -102,9 +126,11 @@ def reader(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fits, "estimates", ones)
     monkeypatch.setattr(fits, "RESAMPLES", 2)
-    monkeypatch.setattr(every, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(every, "draw", lambda *_, **__: iter(()))
+    monkeypatch.setattr(sys, "path", [*sys.path])  # where modules beside the config are found
     monkeypatch.chdir(tmp_path)
-    return Reader(tmp_path)
+    yield Reader(tmp_path)
+    sys.modules.pop("my_kinds", None)
 
 
 def test_what_the_readme_shows_works(reader):
@@ -129,6 +155,115 @@ def test_what_the_tutorial_shows_works(reader):
     assert reader.done[-1] == "python"
     assert {"run", "show", "replay", "fit", "report"} < set(reader.done)
     assert (reader.home / "errors.pdf").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("name", ["api", "config", "gallery", "performance", "results", "validation"])
+def test_what_other_pages_show_can_be_done(name, reader, tmp_path):
+    """Pages with code that no other test runs."""
+    text = (ROOT / "docs" / f"{name}.md").read_text()
+    done = Skimmer(tmp_path).reads(text).done
+    assert len(done) == len(re.findall(r"^    jaxnet |^```(?:yaml|python)$", text, re.M))
+
+
+def named_commands(text):
+    """Commands in running text and tables: name, and the options after it."""
+    for name, rest in re.findall(r"`jaxnet ([a-z]+)([^`]*)`", text):
+        yield name, re.findall(r"(?<=\s)-[-\w]+", rest)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_in_running_text_exist(page):
+    """With the options that stand beside them."""
+    for name, options in named_commands(page.read_text()):
+        known = {option for param in main.commands[name].params for option in param.opts}
+        assert set(options) <= known, name
+
+
+def test_the_page_of_commands_names_each_with_all_it_takes():
+    """In its section the options, and what a choice offers; none that there are not."""
+    text = (ROOT / "docs" / "commands.md").read_text()
+    sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, re.M | re.S))
+    assert set(main.commands) == {name for name, _ in named_commands(text)}
+    for name, command in main.commands.items():
+        said = "".join(words for title, words in sections.items() if name in title.split(", "))
+        options = [param for param in command.params if isinstance(param, click.Option)]
+        assert {option for param in options for option in param.opts if option[:2] == "--"} <= set(
+            re.findall(r"`(--\w+)", said)
+        ), name
+        offered = [choice for param in command.params for choice in getattr(param.type, "choices", ())]
+        assert all(f"`{choice}`" in said or f" {choice}`" in said for choice in offered), name
+    known = {
+        option for command in main.commands.values() for param in command.params for option in param.opts
+    }
+    assert set(re.findall(r"--\w+", text)) <= {*known, "--help", "--version"}
+
+
+def test_shells_complete_what_the_page_says():
+    """Each prints its script; commands, options, choices and paths are offered."""
+    text = (ROOT / "docs" / "commands.md").read_text()
+    shells = re.findall(r"_JAXNET_COMPLETE=(\w+)_source jaxnet", text)
+    assert shells == ["bash", "zsh", "fish"]
+    for shell in shells:
+        script = CliRunner().invoke(
+            main, prog_name="jaxnet", env={"_JAXNET_COMPLETE": f"{shell}_source"}, catch_exceptions=False
+        )
+        assert f"_JAXNET_COMPLETE={shell}_complete" in script.output
+    for words, offered in {
+        "jaxnet rep": "plain,replay\nplain,report\n",
+        "jaxnet run --sh": "plain,--shard\n",
+        "jaxnet show --format l": "plain,latex\n",
+        "jaxnet report res": "file,res\n",
+    }.items():
+        asked = {"_JAXNET_COMPLETE": "bash_complete", "COMP_WORDS": words}
+        asked["COMP_CWORD"] = str(words.count(" "))
+        assert CliRunner().invoke(main, prog_name="jaxnet", env=asked).output == offered
+
+
+def test_the_tables_of_keys_are_current():
+    """`python docs/site/keys.py`; they have every key, and every key says what it is."""
+    page = (ROOT / "docs" / "config.md").read_text()
+    assert runpy.run_path(str(ROOT / "docs" / "site" / "keys.py"))["current"](page) == page
+    whole = json.loads(schema_text())
+    spelled = {"Uniform", "Normal", "Choice", "Linspace", "Geomspace", "Samples", "Worst", "Sequential"}
+    spelled.add("DrawnVehicles")
+    models = [whole, *(model for name, model in whole["$defs"].items() if name not in spelled)]
+    for model in models:
+        for key, node in model.get("properties", {}).items():
+            if key not in ("kind", "label"):
+                assert re.search(r"\w", node["description"])
+                assert re.search(rf"^\| `{key}` \|.*{re.escape(node['description'])} \|$", page, re.M), key
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built so that a dead link or a name that is not there ends it."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", folder]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    return folder
+
+
+def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
+    """All that jaxnet exports; scripts and styles from beside the page."""
+    page = (site / "api.html").read_text()
+    assert {name for name in jaxnet.__all__ if f'<h3 id="jaxnet.{name}"' not in page} == set()
+    for path in site.rglob("*.html"):
+        assert (
+            re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text())
+            == []
+        )
+
+
+def test_the_site_is_searched_from_the_disk(site, browser):
+    """Without a server, and without the network."""
+    page, asked = browser.new_page(), []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto((site / "index.html").as_uri())
+    page.locator(".md-search__input").click()
+    page.keyboard.type("navigator_weight")
+    page.locator(".md-search-result__link[href*='config.html']").first.wait_for()
+    assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
 
 
 def anchors(page):

@@ -29,7 +29,7 @@ MODULES = sorted((ROOT / "jaxnet").rglob("*.py"))
 # Each room may import itself and the rooms before it (docs/architecture.md).
 ROOMS = [
     *("model", "kinds", "theory", "engine", "config", "lanes", "store", "statistics", "runs"),
-    *("view", "api", "cli"),
+    *("view", "film", "api", "cli"),
 ]
 
 
@@ -109,7 +109,7 @@ def test_an_editor_shows_what_each_key_means():
     """A kind's description and its keys with theirs, units and defaults, as the class says them."""
     given = json.loads(schema_text())["$defs"]
     assert given["Chirp"]["description"].startswith("`[cos, sin](ψ(t) + phase)`")
-    assert given["Chirp"]["properties"]["rate"]["description"] == "[rad/s²]"
+    assert given["Chirp"]["properties"]["rate"]["description"].startswith("[rad/s²], ")
     assert given["Chirp"]["properties"]["rate"]["default"] == 0.05
     assert {"enum": registry.names("attack")} in given["attack"]["anyOf"]
 

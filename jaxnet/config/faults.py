@@ -1,4 +1,4 @@
-"""What cannot be simulated, and why: faults that only several keys together show (DESIGN, section 3)."""
+"""What cannot be simulated, and why: faults that only several keys together show (docs/config.md)."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -1,4 +1,6 @@
-"""What a config may hold: every key with its type, unit, range and default (DESIGN, section 3).
+"""What a config may hold: every key with its type, unit, range, default and meaning.
+
+`docs/config.md` has them in tables, which are made from these models.
 
 The models know one key at a time; what several keys must fulfil together is said by the kinds, and in
 `faults`.
@@ -33,9 +35,9 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 class Initial(Record):
     """Where the vehicles start; they start with ω = F = 0."""
 
-    position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], both axes")
-    heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad]")
-    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s]")
+    position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], of both axes")
+    heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
+    speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 
 
 def known_metric(name: str) -> str:
@@ -50,21 +52,33 @@ def known_metric(name: str) -> str:
 class Scenario(Record):
     """What one cell is: everything that a lane depends on but its random draw."""
 
-    vehicles: int = Field(default=12, ge=1, le=10_000)
-    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s]")
-    tick: float = Field(default=0.05, ge=0, description="[s]; 0: vehicles decide in the vector field")
-    output_step: float = Field(default=0.1, gt=0, description="[s]")
-    tail: float = Field(default=5.0, ge=0, description="[s]; the last output times, that stand for t → ∞")
-    topology: Annotated[Graph, Of("topology")] = Cyclic()
-    navigator: Annotated[Navigator, Of("navigator")] = Lissajous()
-    vehicle: Annotated[Vehicle, Of("vehicle")] = TwoWheeled()
-    initial: Initial = Initial()
-    gain: Annotated[list[Number], Len(3, 3)] = Field(default=[1.0, 3.0, 3.0], description="on ε, ε̇, ε̈")
-    attack: Annotated[AnyAttack, Of("attack")] = Rotating()
-    defence: Annotated[AnyDefence, Of("defence")] = TrustedTrim()
-    engine: Annotated[Engine, Of("engine")] = Nonlinear()
+    vehicles: int = Field(default=12, ge=1, le=10_000, description="how many, besides the navigator")
+    horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
+    tick: float = Field(
+        default=0.05,
+        ge=0,
+        description="[s], the communication period; 0: vehicles decide in the vector field",
+    )
+    output_step: float = Field(
+        default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
+    )
+    tail: float = Field(default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
+    topology: Annotated[Graph, Of("topology"), Field(description="who hears whom")] = Cyclic()
+    navigator: Annotated[Navigator, Of("navigator"), Field(description="the path to track")] = Lissajous()
+    vehicle: Annotated[Vehicle, Of("vehicle"), Field(description="what moves")] = TwoWheeled()
+    initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
+    gain: Annotated[list[Number], Len(3, 3)] = Field(
+        default=[1.0, 3.0, 3.0], description="k0, k1, k2: of the law, on ε, ε̇, ε̈"
+    )
+    attack: Annotated[AnyAttack, Of("attack"), Field(description="what is false in what is heard")] = (
+        Rotating()
+    )
+    defence: Annotated[AnyDefence, Of("defence"), Field(description="whom a vehicle believes")] = (
+        TrustedTrim()
+    )
+    engine: Annotated[Engine, Of("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[str, AfterValidator(known_metric)]] = Field(
-        default=[], description="what rows measure besides the contract's metrics"
+        default=[], description="what rows measure besides what all do"
     )
 
     def measured(self) -> tuple[Metric, ...]:
@@ -118,7 +132,7 @@ def chosen_lanes(value: Any) -> str | None:
 class Save(Record):
     """What is stored besides the rows."""
 
-    errors: bool = False
+    errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
     trajectories: Annotated[
         Annotated[Literal["none", "all"], member("word")]
         | Annotated[Samples, member("samples")]
@@ -128,7 +142,7 @@ class Save(Record):
             custom_error_type="lanes",
             custom_error_message="must be none, all, {samples: [...]} or {worst: K}",
         ),
-    ] = "none"
+    ] = Field(default="none", description="lanes whose states are stored over time, in trajectories.zarr")
 
 
 def spacing(value: Any) -> str | None:
@@ -170,9 +184,9 @@ class Criterion(Record):
     """When enough lanes were simulated."""
 
     half_width: float = Field(gt=0, lt=0.5, description="of the widest interval over the cells")
-    of: Literal["unrecovered"] = "unrecovered"
-    confidence: float = Field(default=0.95, gt=0, lt=1)
-    at_most: int = Field(default=100_000, ge=1, lt=2**32, description="samples")
+    of: Literal["unrecovered"] = Field(default="unrecovered", description="the share whose interval it is")
+    confidence: float = Field(default=0.95, gt=0, lt=1, description="of all intervals of a cell together")
+    at_most: int = Field(default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are")
 
 
 class Sequential(Record):
@@ -192,15 +206,19 @@ Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cell
 class Config(Scenario):
     """A whole study."""
 
-    name: Annotated[str, AfterValidator(plain_file_name)]
-    seed: int = Field(default=0, ge=0, lt=2**63)
+    name: Annotated[
+        str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")
+    ]
+    seed: int = Field(
+        default=0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
+    )
     samples: Annotated[
         Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
         Discriminator(samples_given),
     ] = Field(default=1, description="lanes per cell")
-    recovery: Recovery | None = None
+    recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
     sweep: Sweep = Field(default={})
-    save: Save = Save()
+    save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
 
     @property
     def most_samples(self) -> int:

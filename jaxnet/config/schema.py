@@ -30,7 +30,7 @@ def schema() -> dict[str, Any]:
                 {"type": "object", "properties": {"kind": {"pattern": OUTSIDE}}, "required": ["kind"]},
             ],
         }
-        whole["properties"][family] = {"family": family, "default": default}
+        whole["properties"][family] |= {"family": family, "default": default}
     whole["properties"]["metrics"]["items"] = {
         "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
     }

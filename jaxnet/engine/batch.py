@@ -7,6 +7,7 @@ engines they are the last.
 """
 
 import functools
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -26,6 +27,7 @@ Tree = TypeVar("Tree")
 
 ROOM = 12  # vehicles, of which an engine takes its chunk of lanes side by side; fewer of larger fleets
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
+COMPILING = set[int]()  # threads that are about it
 COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
 
 
@@ -120,7 +122,10 @@ def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: 
     index = np.minimum(np.arange(capacity), count - 1)
     queue = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
     with jax.enable_x64(True), jax.default_device(device):
-        outcome = program(device.platform)(plan, network, clock, queue, count)
+        try:
+            outcome = program(device.platform)(plan, network, clock, queue, count)
+        finally:
+            COMPILING.discard(threading.get_ident())
         return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0)[:count], outcome)
 
 
@@ -129,9 +134,15 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     """The engines, compiled for a platform."""
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
+        COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
         return method(plan).simulate(queue, count, network, clock, plan)
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
+
+
+def compiling() -> bool:
+    """Whether a program is being compiled."""
+    return bool(COMPILING)
 
 
 def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:

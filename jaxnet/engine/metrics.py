@@ -33,7 +33,7 @@ class Observation(NamedTuple):
         return length(self.error - jnp.sum(self.weights * self.hearing.sent(sources), axis=1))
 
 
-# What can be kept of every output time, its last axis over lanes (DESIGN, section 5).
+# What can be kept of every output time, its last axis over lanes (docs/results-folder.md).
 SERIES: dict[str, Callable[[Observation], Any]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import model_serializer
+from pydantic import Field, model_serializer
 
 from jaxnet.kinds.fields import Each, Record, is_drawn
 
@@ -35,7 +35,7 @@ class Kind(Record):
         {"label"}
     )  # fields that no method asks for while lanes run
 
-    label: str | None = None
+    label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Give a class its name, unless it has said one."""

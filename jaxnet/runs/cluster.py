@@ -101,11 +101,8 @@ class Cluster:
 
         try:
             client = self.client.result()
-            for done in answers(
-                client, functools.partial(simulate_shard, work, versions(), self.chunk), todo
-            ):
-                load_done(done.lanes)
-                yield done
+            task = functools.partial(simulate_shard, work, versions(), self.chunk)
+            yield from answers(client, task, todo)
         except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
@@ -265,9 +262,9 @@ def simulate_shard(work: "Assignment", needed: dict[str, str], chunk: int | None
 
     see()
     with registry.blaming():
-        done = shards.there(work, shard) or next(
-            shards.simulate_shards(work, [shard], Machine(1, chunk), see)
-        )
+        done = shards.there(work, shard)
+        if done is None or work.missing(shard, done):
+            done = next(shards.simulate_shards(work, [shard], Machine(1, chunk), see))
     return Answer(done, list(drained(said)))
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from upath import UPath
 
 from jaxnet.config.cells import Cell
@@ -13,6 +14,7 @@ from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
+from jaxnet.store.arrays import open_store
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
@@ -24,12 +26,8 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     `engine` names one to use instead of the study's own.
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
-    study, samples = results.study, results.manifest["samples"]
-    if cell >= len(study.cells) or sample >= samples:
-        raise FolderError(
-            f"{results.path} has cells 0 to {len(study.cells) - 1} and samples 0 to"
-            f" {samples - 1} (got cell {cell}, sample {sample})"
-        )
+    refuse_unknown(results, cell, sample)
+    study = results.study
     chosen = with_engine(study.cells[cell], engine)
     variables = layout.ERRORS | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
@@ -42,6 +40,47 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     types = rows.column_types(study.config, study.cells)
     row = rows.table_of(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return path, row.to_pandas().iloc[0]
+
+
+def refuse_unknown(results: Results, cell: int, sample: int) -> None:
+    """Raise FolderError if a study has no such lane."""
+    cells, samples = len(results.study.cells), results.manifest["samples"]
+    if cell >= cells or sample >= samples:
+        raise FolderError(
+            f"{results.path} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"
+            f" sample {sample})"
+        )
+
+
+def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, np.ndarray]:
+    """One lane's trajectory, simulated again if it is stored nowhere, and the weights of its graph."""
+    refuse_unknown(results, cell, sample)
+    lane = stored_trajectory(results, cell, sample)
+    if lane is None:
+        path, _ = replay(results, cell, sample)
+        lane = open_store(path).isel(lane=0)
+    scenario, seed = results.study.cells[cell].scenario, results.study.config.seed
+    one = job(scenario, seed, [sample])
+    weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
+    for sources, mine in zip(
+        np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True
+    ):
+        weights[np.arange(len(weights)), sources] += mine
+    return lane, weights
+
+
+def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:
+    """One lane's trajectory by the study's own engine, if it was replayed or is stored with the others."""
+    path = path_of(results, cell, sample)
+    if (path / "zarr.json").exists():
+        return open_store(path).isel(lane=0)
+    if not (results.path / "trajectories.zarr").exists():
+        return None
+    data = results.trajectories
+    if "lane" not in data.dims:
+        return data.sel(cell=cell, sample=sample) if sample in data["sample"] else None
+    mine = (data["cell"].values == cell) & (data["sample"].values == sample)
+    return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
 
 
 def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:
@@ -65,19 +104,6 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     found = [each.nlargest(number, "tail_mean") for _, each in lanes]
     nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
     return pd.concat(found, ignore_index=True) if found else nothing
-
-
-def replay_worst(results: Results) -> list[UPath]:
-    """Simulate the worst lanes again by the nonlinear engine; the stores of all of them, made now or
-    before.
-    """
-    paths = []
-    for cell, sample in worst_of(results):
-        path = path_of(results, cell, sample, "nonlinear")
-        if not (path / "zarr.json").exists():
-            replay(results, cell, sample, "nonlinear")
-        paths.append(path)
-    return paths
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:

@@ -5,6 +5,7 @@ Nobody has to hold more than one cell's rows for the tables at the end.
 """
 
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -21,13 +22,14 @@ from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
 from jaxnet.runs import shards
-from jaxnet.runs.shards import Assignment, Done
+from jaxnet.runs.shards import Assignment
+from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
 from jaxnet.store.folder import DERIVED, Folder, FolderError, digest, versions
 from jaxnet.store.layout import Shard
 
-Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
+Report = Callable[[Tally], None]
 Crew = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 READERS = 16  # files looked over at a time
 CHOSEN = "trajectories.zarr"
@@ -46,7 +48,7 @@ class Run:
         study: Config,
         cells: Sequence[Cell],
         folder: Folder,
-        progress: Progress,
+        progress: Report,
         machine: Machine,
         crew: Crew | None = None,
     ):
@@ -61,22 +63,23 @@ class Run:
 
     def whole(self) -> bool:
         """Simulate what is missing, and make the tables and arrays; whether anything was missing."""
-        looks = looks_of(self.study, self.before.get("samples", 0), self.size)
-        tally = Tally(len(self.cells) * looks[-1], self.progress)
+        looks = looks_of(self.study.samples, self.before.get("samples", 0))
+        tally = self.tally(len(self.cells) * looks[-1])
         self.folder.remove_torn()
         self.folder.write_study(self.study)
-        counts, simulated, samples = recovery.nobody(self.cells), 0, 0
+        simulated = samples = 0
         for look in looks:
+            tally.aim = len(self.cells) * look
             new = layout.shards_of(self.cells, look, self.size)[len(self.cells) * (samples // self.size) :]
             self.begin(look)
             simulated += self.simulate(new, self.work(self.prepare(look)), tally)
             samples = look
             if isinstance(self.study.samples, keys.Sequential):
-                assert self.study.recovery is not None
-                for number, lanes in rows.scan(self.folder, new, ("tail_mean",), rows.OK):
-                    counts.add(self.cells[number], lanes["tail_mean"].to_numpy(), self.study.recovery.tau)
-                if recovery.settled(counts, self.cells, look // self.size, self.study.samples.until):
+                until = self.study.samples.until
+                half = recovery.widest(tally.counts, self.cells, look, until)
+                if half <= until.half_width:
                     break
+                tally.last_look = f"± {half:.2g} at {look:,} samples a cell, ± {until.half_width:g} is asked"
         return self.finish(samples, simulated)
 
     def part(self, number: int, of: int) -> tuple[int, int, int]:
@@ -88,7 +91,7 @@ class Run:
         if isinstance(self.study.samples, keys.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
         mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
-        tally = Tally(sum(len(shard.samples) for shard in mine), self.progress)
+        tally = self.tally(sum(len(shard.samples) for shard in mine))
         simulated = self.simulate(mine, self.work(None), tally)
         return len(mine), simulated, tally.failed
 
@@ -131,20 +134,51 @@ class Run:
             layout.filled_stores(self.cells, self.study.save),
             filled,
             self.modules,
+            self.tau,
         )
 
-    def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: "Tally") -> int:
+    @property
+    def tau(self) -> float | None:
+        """Of the study's recovery, if that is asked for."""
+        return None if self.study.recovery is None else self.study.recovery.tau
+
+    def tally(self, lanes: int) -> Tally:
+        """A count of so many lanes, before the first."""
+        return Tally(self.cells, lanes, self.study.recovery is not None)
+
+    def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
         """Simulate and store those shards that are not there yet; how many there were."""
         with ThreadPoolExecutor(READERS) as pool:
             found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
-        todo = [shard for shard, done in zip(wanted, found, strict=True) if done is None]
+        missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
+        todo = [shard for shard in missing if shard is not None]
         self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
-        tally.found([done for done in found if done is not None])
+        self.tell(tally, [done for done in found if done is not None])
         if work.filled is not None and (todo or not self.folder.manifest["finished"]):
-            self.folder.clear((*DERIVED, "cells.csv"))
-        for done in self.crew(work, todo, tally.load_done):
-            tally.shard_done(done)
+            self.clear_derived()
+
+        def load_done(lanes: int) -> None:
+            tally.under_way += lanes
+            self.progress(tally)
+
+        for done in self.crew(work, todo, load_done):
+            self.tell(tally, [done])
         return len(todo)
+
+    def tell(self, tally: Tally, found: Sequence[Done]) -> None:
+        """Report shards that are there."""
+        tally.there(found)
+        self.progress(tally)
+
+    def clear_derived(self) -> None:
+        """Remove what was made of the rows that were there, which is told before."""
+        if taken := [name for name in DERIVED if (self.folder.path / name).exists()]:
+            warnings.warn(
+                f"{self.folder.path}: removing what was made of the rows before: {', '.join(taken)}"
+                " (jaxnet report makes it again)",
+                stacklevel=2,
+            )
+        self.folder.clear((*taken, "cells.csv"))
 
     def finish(self, samples: int, simulated: int) -> bool:
         """The chosen trajectories, and the tables of all rows; whether anything was missing."""
@@ -156,7 +190,7 @@ class Run:
             missing = missing or not self.stored(chosen)
             if missing:
                 self.store_chosen(chosen)
-        table = summary.summarise(self.folder, every, self.cells, self.study, samples // self.size)
+        table = summary.summarise(self.folder, every, self.cells, self.study, samples)
         self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
@@ -177,6 +211,10 @@ class Run:
         """Simulate the chosen lanes again with their trajectories, into a new store."""
         path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
         lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
+        if arrays.opened(path) is not None:
+            warnings.warn(
+                f"{path} holds all lanes, and is replaced by one of those that are chosen", stacklevel=2
+            )
         self.folder.remove(CHOSEN)
         store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
@@ -188,45 +226,14 @@ class Run:
         lane_store.seal(store, path, variables, len(lanes))
 
 
-def looks_of(study: Config, there: int, size: int) -> list[int]:
+def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
     """Samples a cell after which to look whether they are enough, the last in any case; `there` are begun.
 
-    A fixed number is one look. A criterion looks after whole shards, so that each number of shards is
-    looked at once, whatever was there.
+    A fixed number is one look.
     """
-    if not isinstance(study.samples, keys.Sequential):
-        return [study.samples]
-    least, most = max(1, -(-there // size)), study.samples.until.at_most // size
-    if least * size > max(study.samples.until.at_most, there):
-        raise FolderError(
-            f"the folder's shards hold {size} samples, so at least {least * size} are simulated: allow them"
-            " by samples.until.at_most, give another folder with --out, or replace its results with --fresh"
-        )
-    return [shards * size for shards in range(least, max(least, most) + 1)]
-
-
-class Tally:
-    """Counts lanes for the progress report; lanes of an unfinished shard count once it is stored."""
-
-    def __init__(self, total: int, progress: Progress):
-        self.total, self.progress = total, progress
-        self.done = self.failed = 0
-
-    def found(self, there: Sequence[Done]) -> None:
-        """These shards were there."""
-        self.done += sum(done.lanes for done in there)
-        self.failed += sum(done.failed for done in there)
-        self.progress(self.done, self.total, self.failed)
-
-    def load_done(self, lanes: int) -> None:
-        """So many lanes came to their end."""
-        self.done += lanes
-        self.progress(self.done, self.total, self.failed)
-
-    def shard_done(self, done: Done) -> None:
-        """A shard was stored."""
-        self.failed += done.failed
-        self.progress(self.done, self.total, self.failed)
+    if not isinstance(samples, keys.Sequential):
+        return [samples]
+    return list(recovery.looks(there, samples.until.at_most))
 
 
 def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:

@@ -24,9 +24,9 @@ import jaxnet
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
-from jaxnet.engine.status import Status
 from jaxnet.kinds.registry import Provenance
 from jaxnet.lanes.jobs import job
+from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard, Variable
@@ -47,6 +47,7 @@ class Assignment(NamedTuple):
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
     filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
     modules: dict[str, Provenance]  # that kinds from outside came from
+    tau: float | None  # of the study's recovery
 
     @property
     def variables(self) -> dict[str, Variable]:
@@ -60,16 +61,28 @@ class Assignment(NamedTuple):
 
     def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
         """What the shard's row file is to say of itself."""
-        place = shard.cell.number, shard.samples.start, self.size
+        place = shard.cell.number, self.first(shard), self.size
         return Stamp(jaxnet.__version__, self.study, *place, self.filled or {}, checksums)
 
+    def first(self, shard: Shard) -> int:
+        """First sample of the shard's file."""
+        return shard.samples.start // self.size * self.size
 
-class Done(NamedTuple):
-    """What is told of a shard that was stored."""
+    def rows_of(self, shard: Shard) -> int:
+        """How many rows the shard's file has once it is whole."""
+        return shard.samples.stop - self.first(shard)
 
-    shard: int
-    lanes: int
-    failed: int
+    def missing(self, shard: Shard, done: Done | None) -> Shard | None:
+        """The shard's samples that are not there; None if all are."""
+        first = shard.samples.start if done is None else self.first(shard) + done.sums.lanes
+        return (
+            shard._replace(samples=range(first, shard.samples.stop)) if first < shard.samples.stop else None
+        )
+
+    def done(self, shard: Shard, rows: pa.Table) -> Done:
+        """What is told of a shard that has these rows."""
+        wanted = rows.select(["status", "tail_mean"]).to_pandas()
+        return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.tau))
 
 
 def simulate_shards(
@@ -78,7 +91,10 @@ def simulate_shards(
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Done]:
-    """Simulate and store shards; each is told of when it is there. `load_done` is told of lanes before."""
+    """Simulate and store shards, behind what is there of them; each is told of when it is whole.
+
+    `load_done` is told of lanes before.
+    """
     stores = {name: arrays.opened(work.folder.path / name) for name in work.filled or {}}
     for shard, outcome in outcomes(work, shards, machine, load_done):
         values = arrays.stored(work.variables, outcome.series)
@@ -87,8 +103,11 @@ def simulate_shards(
         else:
             checksums = fill(work, shard, values, stores)
         table, stamp = rows.table_of(shard, outcome, work.types), work.stamp(shard, checksums)
+        if before := shard.samples.start - work.first(shard):
+            there, _ = rows.read_rows(work.folder.path / rows.name_of(shard.number))
+            table = pa.concat_tables([there.slice(0, before), table])
         rows.write_rows(work.folder, shard.number, table, stamp)
-        yield Done(shard.number, len(shard.samples), int((outcome.status != Status.ok).sum()))
+        yield work.done(shard, table)
 
 
 def outcomes(
@@ -151,7 +170,7 @@ def put_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) ->
 
 
 def there(work: Assignment, shard: Shard) -> Done | None:
-    """A shard that is there, whole and with its arrays; one that is torn is removed, with a warning.
+    """What is there of a shard, with its arrays; one that is torn is removed, with a warning.
 
     Arrays that lie beside its rows are taken into the stores.
     """
@@ -162,7 +181,8 @@ def there(work: Assignment, shard: Shard) -> Done | None:
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell):
             raise TornError("has other columns")
-        if table.num_rows < len(shard.samples) or not arrays_there(work, shard, table, stamp):
+        table = table.slice(0, work.rows_of(shard))
+        if not arrays_there(work, shard, table, stamp):
             return None
     except FileNotFoundError:
         return None
@@ -171,19 +191,20 @@ def there(work: Assignment, shard: Shard) -> Done | None:
         path_beside(work, shard.number).unlink(missing_ok=True)
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
-    failed = sum(status != Status.ok.name for status in table["status"].to_pylist())
-    return Done(shard.number, len(shard.samples), failed)
+    return work.done(shard, table)
 
 
 def arrays_there(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
     """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
+    if work.filled is not None and stamp.filled.items() >= work.filled.items():
+        check_arrays(work, shard, stamp)
+        return True
+    if work.stores and table.num_rows < work.rows_of(shard):  # no store to go on in
+        return False
     if work.filled is None:
         held = stamp.filled.keys() >= work.stores.keys()
         return held or beside(work, shard, stamp).keys() >= work.variables.keys()
-    if not stamp.filled.items() >= work.filled.items():
-        return take_in(work, shard, table, stamp)
-    check_arrays(work, shard, stamp)
-    return True
+    return take_in(work, shard, table, stamp)
 
 
 def check_arrays(work: Assignment, shard: Shard, stamp: Stamp) -> None:

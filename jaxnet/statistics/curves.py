@@ -18,6 +18,8 @@ from jaxnet.store.results import Results
 
 MOST_PANELS = 24  # panels that one figure takes
 MOST_TIMES = 300  # of a band
+FEWEST_TIMES = 60  # of a band where there are many
+MOST_NUMBERS = 180_000  # of all bands together, so that a page of hundreds of cells stays small
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
 SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
@@ -83,11 +85,14 @@ class Curve(NamedTuple):
         return self.fits.get((metric, quantile))
 
 
-def curves(results: Results) -> list[Curve]:
-    """A curve per group of attacked cells whose ā is not drawn; raises FolderError for an unfinished run."""
+def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
+    """A curve per group of attacked cells, all or these, whose ā is not drawn.
+
+    Raises FolderError for an unfinished run.
+    """
     cells, bounds, fits = results.cells, stored_table(results, "bounds"), stored_table(results, "fit")
     found = []
-    for group in attacked_groups(results.study.cells):
+    for group in attacked_groups(results.study.cells if of is None else of):
         if not group.attacked:
             continue
         rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
@@ -171,10 +176,13 @@ def magnitude_is_swept(found: Sequence[Curve]) -> bool:
     return any(len(curve.cells) > 1 for curve in found)
 
 
-def shares(results: Results) -> pd.DataFrame:
-    """Share unrecovered and its interval's ends, of the cells that have one, by number."""
+def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
+    """Share unrecovered and its interval's ends, of the cells, all or these, that have one, by number."""
     cells: Any = results.cells
-    return cells[SHARE].dropna() if set(SHARE) <= set(cells) else pd.DataFrame(columns=SHARE)
+    if not set(SHARE) <= set(cells):
+        return pd.DataFrame(columns=SHARE)
+    wanted = slice(None) if of is None else [cell.number for cell in of]
+    return cells[SHARE].iloc[wanted].dropna()
 
 
 class Band(NamedTuple):
@@ -187,10 +195,10 @@ class Band(NamedTuple):
     greatest: Float[np.ndarray, " times"]
 
 
-def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
-    """5 %, median, 95 % and maximum over samples at MOST_TIMES instants at most; None if no lane is ok."""
+def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
+    """5 %, median, 95 % and maximum over samples at so many instants at most; None if no lane is ok."""
     times = tracking.sizes["time"]
-    chosen = np.unique(np.linspace(0, times - 1, min(times, MOST_TIMES)).round().astype(int))
+    chosen = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
     values = tracking.isel(cell=cell.number).values[:, chosen]
     values = values[~np.isnan(values).any(axis=1)]
     if not len(values):
@@ -198,11 +206,17 @@ def band(tracking: xr.DataArray, cell: Cell) -> Band | None:
     return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
 
 
-def all_bands(results: Results) -> dict[int, Band]:
-    """Bands of the cells of the first MOST_PANELS scenes, by number of the cell."""
-    cells = [cell for group in scenes(results.study.cells)[:MOST_PANELS] for cell in group.cells]
+def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
+    """Bands of the cells, all or these, of the first MOST_PANELS scenes, by number of the cell."""
+    groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
+    return bands_of(results, [cell for group in groups for cell in group.cells])
+
+
+def bands_of(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
+    """Bands of these cells, by number; of many cells at fewer instants, FEWEST_TIMES at least."""
     tracking = results.errors["tracking"]
-    found = {cell.number: band(tracking, cell) for cell in cells}
+    most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
+    found = {cell.number: band(tracking, cell, most) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
 
 

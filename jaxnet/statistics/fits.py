@@ -20,6 +20,7 @@ from jaxnet.engine.cores import cores
 from jaxnet.statistics.families import MODELS, value
 from jaxnet.statistics.groups import Group, attacked_groups
 from jaxnet.statistics.regression import Data, Effort, least_squares, quantile_regression
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
@@ -89,7 +90,7 @@ class Ranked(NamedTuple):
     lanes: np.ndarray  # by sample, of each magnitude whether there is a lane; then the error per ā of each
 
 
-def table(results: Results) -> pd.DataFrame:
+def table(results: Results, told: Steps = untold) -> pd.DataFrame:
     """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
 
     Models with more parameters than a group has magnitudes are left out, and so are intervals of too few
@@ -103,8 +104,12 @@ def table(results: Results) -> pd.DataFrame:
         errors = observed(results, cells, metric)
         return [labels | {"metric": metric} | row for row in fits(errors)]
 
+    found = []
+    told("curves fitted", 0, len(asked))
     with ThreadPoolExecutor(cores()) as pool:
-        found = [row for rows_of_one in pool.map(of, asked) for row in rows_of_one]
+        for done, rows_of_one in enumerate(pool.map(of, asked), 1):
+            found += rows_of_one
+            told("curves fitted", done, len(asked))
     return pd.DataFrame(found, columns=pd.Index([*groups[0][0].labels, *FIT_COLUMNS]))
 
 

@@ -4,11 +4,14 @@ And when enough lanes were simulated to say so.
 
 One interval serves both. With a fixed number of lanes it is the exact binomial one of Clopper and Pearson
 (1934). Where lanes are added until it is narrow enough, it is looked at again and again, and an interval
-honest for one look is not for many; so the i-th look, after i shards, has the error α / (i (i + 1)). These
-sum to α: with probability 1 - α all intervals that are ever looked at hold at once, wherever one stops.
+honest for one look is not for many; so the i-th look, after 256 · 1.5^(i - 1) samples, has the error
+α / (i (i + 1)). These sum to α: with probability 1 - α all intervals that are ever looked at hold at once,
+wherever one stops. The looks lie ever further apart, for one that comes after few new lanes costs a part of
+the error and says little.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +25,7 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import shared
 
 CONFIDENCE = 0.95
+FIRST = 256  # samples of a cell at the first look
 
 
 class Counts(NamedTuple):
@@ -58,16 +62,40 @@ def clopper_pearson(
     return np.where(successes == 0, 0.0, low), np.where(successes == trials, 1.0, high)
 
 
+def samples_at(look: int) -> int:
+    """Samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
+    return -(-FIRST * 3 ** (look - 1) // 2 ** (look - 1))
+
+
+def look_of(samples: int) -> int:
+    """The look that so many samples belong to: the first that has as many."""
+    return next(look for look in itertools.count(1) if samples_at(look) >= samples)
+
+
+def looks(there: int, at_most: int) -> Iterator[int]:
+    """Samples of a cell after which to look; so many are there or begun, and looked at before any are added.
+
+    No two of them belong to one look, also over runs that each allow more: so the errors sum to no more than
+    they may.
+    """
+    if there:
+        yield there
+    for look in itertools.count(look_of(there) + 1 if there else 1):
+        if look > 1 and at_most <= samples_at(look - 1):
+            return
+        yield min(samples_at(look), at_most)
+
+
 def confidence_at(look: int, confidence: float) -> float:
     """Confidence of one look, so that all looks hold at once with `confidence`."""
     return 1.0 - (1.0 - confidence) / (look * (look + 1))
 
 
-def confidence_of(samples: int | Sequential, look: int) -> float:
+def confidence_of(asked: int | Sequential, samples: int) -> float:
     """Confidence of the interval to be told: the ordinary one, or that of the look that ended the run."""
-    if not isinstance(samples, Sequential):
+    if not isinstance(asked, Sequential):
         return CONFIDENCE
-    return confidence_at(look, samples.until.confidence)
+    return confidence_at(look_of(samples), asked.until.confidence)
 
 
 def confidence_told(samples: int | Sequential) -> float:
@@ -75,14 +103,14 @@ def confidence_told(samples: int | Sequential) -> float:
     return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
-def settled(counts: Counts, cells: Sequence[Cell], look: int, criterion: Criterion) -> bool:
-    """Whether, at this look, the widest interval of the attacked cells is narrow enough.
+def widest(counts: Counts, cells: Sequence[Cell], samples: int, criterion: Criterion) -> float:
+    """Half the widest interval of the attacked cells, at so many samples of a cell, which says when to stop.
 
     A cell none of whose lanes ended is not waited for.
     """
-    low, high = clopper_pearson(*counts, confidence_at(look, criterion.confidence))
+    low, high = clopper_pearson(*counts, confidence_at(look_of(samples), criterion.confidence))
     asked = attacked(cells) & (counts.ended > 0)
-    return bool((high - low)[asked].max(initial=0.0) <= 2 * criterion.half_width)
+    return float((high - low)[asked].max(initial=0.0)) / 2
 
 
 def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:

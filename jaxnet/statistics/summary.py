@@ -20,11 +20,11 @@ CONFIDENCE = 0.95
 
 
 def summarise(
-    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, look: int
+    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, samples: int
 ) -> pd.DataFrame:
     """`cells.csv`: swept keys, lanes, ok, failed, the spread of the tail errors over ok lanes.
 
-    And, if asked for, the share that did not recover; `look` is the one that ended a sequential run.
+    And, if asked for, the share that did not recover; `samples` of a cell are those that all shards have.
     """
     table, counts, metrics = [], recovery.nobody(cells), summarised(study)
     for number, lanes in rows.scan(folder, shards, ("status", *metrics)):
@@ -40,7 +40,7 @@ def summarise(
     cells_table = pd.DataFrame(table)
     if study.recovery is None:
         return cells_table
-    return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, look)))
+    return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, samples)))
 
 
 def summarised(study: Config) -> list[str]:

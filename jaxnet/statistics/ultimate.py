@@ -8,11 +8,12 @@ from upath import UPath
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
 
 
-def analyse(results: Results) -> Iterator[UPath]:
+def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
     """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
 
     Raises FolderError for an unfinished run, and where no ā is fixed or swept.
@@ -22,7 +23,7 @@ def analyse(results: Results) -> Iterator[UPath]:
     tables: dict[str, Callable[[], pd.DataFrame]] = {
         "bounds.csv": lambda: bounds.slopes_table(results.study.cells),
         "violations.csv": lambda: bounds.violations(results),
-        "fit.csv": lambda: fit.table(results),
+        "fit.csv": lambda: fit.table(results, told),
     }
     folder = Folder(results.path)
     for name, table in tables.items():

@@ -1,4 +1,4 @@
-"""The results folder (DESIGN, section 5): where it is, what belongs to whom, and who may write.
+"""The results folder (docs/results-folder.md): where it is, what belongs to whom, and who may write.
 
 It is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`, `gs://…`).
 A file is written under a temporary name and then renamed, an object is put whole, so a reader sees it whole

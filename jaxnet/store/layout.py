@@ -54,7 +54,10 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
 
 
 class Shard(NamedTuple):
-    """Consecutive samples of one cell; numbered so that more samples leave the numbers as they are."""
+    """Consecutive samples of one cell; numbered so that more samples leave the numbers as they are.
+
+    Where its first samples are there, `samples` may be those that are missing.
+    """
 
     number: int
     cell: Cell
@@ -74,8 +77,6 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
     """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
     most = min(cell.scenario.engine.shard for cell in cells)
-    if isinstance(study.samples, keys.Sequential):
-        most = min(most, study.samples.until.at_most)  # whole shards are looked at, one at least
     return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 

@@ -324,7 +324,8 @@ def test_what_is_saved_may_change_at_any_time(config, tmp_path):
     keys = {"sweep.topology": ["cyclic"], "sweep.attack.magnitude": [5.5], "save.errors": False}
     out = tmp_path / "changing"
     first = jaxnet.run(jaxnet.load(config, keys), out).trajectories["states"].values
-    worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
+    with pytest.warns(UserWarning, match=r"trajectories\.zarr holds all lanes, and is replaced"):
+        worst = jaxnet.run(jaxnet.load(config, {**keys, "save.trajectories": {"worst": 1}}), out)
     assert worst.trajectories.sizes["lane"] == 1
 
     def stop(done: int, total: int, failed: int) -> None:

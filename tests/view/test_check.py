@@ -31,7 +31,8 @@ def test_the_papers_topologies():
 
 def test_some_are_protected_and_some_outnumbered():
     """Fig. 1 with ϑ for some; a ring in which 3 hears two liars."""
-    text = check.text(systems.study(attack={"vehicles": [2, 4]}, defence={"theta": {3: 1, 7: 1, 9: 2}}))
+    given = systems.study(attack={"vehicles": [2, 4]}, defence={"theta": {3: 1, 7: 1, 9: 2}})
+    text = " ".join(check.text(given).split())
     assert "holds for 3, 7 only; 1, 2, 4-6, 8-12 unprotected" in text
     assert "more than ϑ attacked sources, or a trusted one, at 3" in text
 
@@ -52,3 +53,32 @@ def test_what_is_drawn_lane_by_lane_is_said():
     assert "gain          drawn in cells 1, 3; stable whatever is drawn" in tenth
     assert "weights       drawn in cells 4, 5" in fifth
     assert "drawn" not in check.text(systems.study(gain=[2, 3, 3]))
+
+
+def test_hundreds_of_cells_are_told_in_few_lines():
+    """What is swept, one network in full, and what is different in those whose report differs; 80 columns."""
+    defences = ["none", {"kind": "trusted_trim", "label": "trimming by trusted redundancy"}, "w_msr"]
+    seeds = {"topology.seed": list(range(100)), "defence": defences}
+    given = systems.study(topology={"kind": "random_regular", "degree": 4}, sweep=seeds)
+    text = check.text(given)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) < 110
+    assert "topology.seed  0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, … 99 (100 values)" in text
+    assert text.count("Assumption 1  holds") == 1
+    whole = check.certificates(given.cells)
+    told = {line for part in whole for line in part.splitlines()[1:] if "trimming" in line}
+    assert text.count("as the first, but") + 1 == check.MOST_NETWORKS
+    assert f"… {len(told) + 2 - check.MOST_NETWORKS} more networks" in lines
+
+
+def test_what_differs_is_what_is_told_of_further_networks():
+    """Five rings with other ϑ: the second to fifth differ in the line of trimming alone."""
+    text = check.text(systems.study(sweep={"defence.theta": [1, 2, 3, 4, 5]}))
+    parts = text.split("\n\n")[2:]
+    assert len(parts) == 5
+    for number, part in enumerate(parts[1:], 2):
+        first, *rest = part.splitlines()
+        assert first == f"cyclic, cell {number - 1}: as the first, but"
+        assert rest[0].startswith(f"  trimming  ϑ = {number},")
+        assert all(line.startswith(" " * 12) for line in rest[1:])

@@ -42,13 +42,13 @@ def texts(figure):
 
 def test_panels(results):
     """A row per magnitude; planes in metres and on one scale, errors on log axes."""
-    figure = panels.figure(results, trajectories=True, errors=True)
+    figure = panels.figure(results, results.study.cells, trajectories=True, errors=True)
     planes = [axes for axes in figure.axes if axes.get_xlabel() == "x [m]"]
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
     assert [axes.get_title() for axes in planes] == ["(a) star", "(b) cyclic", "(d) star", "(e) cyclic"]
     assert len(errors) == 4
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in planes}) == 1
-    assert "no attack\ny [m]" in texts(figure)
+    assert "no\N{NO-BREAK SPACE}attack\ny [m]" in texts(figure)
     written = [text.get_text() for text in figure.legends[0].get_texts()]
     assert written == ["navigator", "vehicle", "attacked vehicle", "start", "end"]
     # 12 vehicles with path, start and end, and the navigator, inside the frame
@@ -66,7 +66,9 @@ def test_panels_of_chosen_lanes(results, tmp_path):
     """The first lane of each cell that was chosen, as it is among all."""
     choice = jaxnet.load(results.path / "study.yaml", {"save.trajectories": {"samples": [0]}})
     chosen = jaxnet.run(choice, tmp_path / "out")
-    drawn, wanted = (panels.figure(each, trajectories=True, errors=False) for each in (chosen, results))
+    drawn, wanted = (
+        panels.figure(each, each.study.cells, trajectories=True, errors=False) for each in (chosen, results)
+    )
     for mine, theirs in zip(drawn.axes, wanted.axes, strict=True):
         for line, other in zip(mine.lines, theirs.lines, strict=True):
             np.testing.assert_array_equal(line.get_xydata(), other.get_xydata())
@@ -86,11 +88,11 @@ def test_topologies(results):
 
 def test_tails(results):
     """A row per cell, a dot per lane."""
-    (axes,) = tails.figure(results).axes
+    (axes,) = tails.figure(results, results.study.cells).axes
     assert axes.get_xscale() == "log"
     assert axes.get_xlabel().endswith("[m]")
     named = axes.get_yticklabels()
-    assert named[0].get_text().replace("\N{NO-BREAK SPACE}", " ") == "star, attack.magnitude = 0 m"
+    assert named[0].get_text().replace("\N{NO-BREAK SPACE}", " ") == "star, ā = 0 m"
     dots = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() == "."])
     np.testing.assert_allclose(np.sort(dots), np.sort(results.lanes["tail_mean"]))
 
@@ -134,7 +136,7 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
     values = np.ones((len(many.cells), 1, 3))
     there = dict.fromkeys(("tracking", "disagreement"), (("cell", "sample", "time"), values))
     monkeypatch.setattr(Results, "errors", xr.Dataset(there, {"time": times}))
-    figure = panels.figure(made_of(many), trajectories=False, errors=True)
+    figure = panels.figure(made_of(many), many.cells, trajectories=False, errors=True)
     titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
     assert titles[1] == "(b) rotating attack, ā = 2 m, attack.frequency = 0.1 rad/s"
     assert len(titles) == 4
@@ -158,15 +160,21 @@ def test_shares_say_what_they_leave_out(many):
         for group in attacked_groups(many.cells)
     ]
     made = made_of(many, cells=rows)
-    assert unrecovered.figure(made, found).get_suptitle() == "24 of 75 groups are drawn; all are in cells.csv"
-    assert unrecovered.rows(made).get_suptitle() == "24 of 300 cells are drawn; all are in cells.csv"
+    assert (
+        unrecovered.figure(made, many.cells, found).get_suptitle()
+        == "24 of 75 groups are drawn; all are in cells.csv"
+    )
+    assert (
+        unrecovered.rows(made, many.cells).get_suptitle()
+        == "all with graph 0; 24 of 300 cells are drawn; all are in cells.csv"
+    )
 
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
         ("attack.frequency", 0.3981071705534972, "attack.frequency = 0.3981 rad/s"),
-        ("attack.magnitude", 5, "attack.magnitude = 5 m"),
+        ("attack.magnitude", 5, "ā = 5 m"),
         ("tick", 0.05, "tick = 0.05 s"),
         ("initial.speed", 0.3, "initial.speed = 0.3 m/s"),
         ("vehicles", 12, "vehicles = 12"),
@@ -227,7 +235,8 @@ def test_nodes_of_graphs_keep_apart(vehicles):
 def test_graphs_too_large_for_numbers_say_so():
     """The navigator and the attacked keep theirs."""
     figure = graphs_of(400, [7], ["star"])
-    assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7", "1"}
+    assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7"}
+    assert figure.axes[0].get_title() == "star\nweights: 1 from 0"
     words = "There is no room for the numbers of vehicles that are not attacked"
     assert figure.get_suptitle() == words
 
@@ -241,3 +250,47 @@ def test_legend_of_graphs_has_what_is_drawn():
         "attacked link",
         "other link",
     ]
+
+
+@pytest.mark.parametrize("column", ["one", "two"])
+@pytest.mark.parametrize("name", ["topologies", "tails", "panels", "bands"])
+def test_figures_are_as_wide_as_columns_and_no_taller_than_a_page(results, name, column):
+    """With type of 6 points at least, and nothing that is written over the edge."""
+    figure = getattr(results.plot, name)(column=column)
+    width, height = figure.get_size_inches()
+    assert width == {"one": 3.5, "two": 7.16}[column]
+    assert height <= style.TALLEST
+    with mpl.rc_context(style.RC):
+        figure.draw_without_rendering()
+    for text in figure.findobj(mpl.text.Text):
+        if text.get_text() and text.get_visible():
+            assert text.get_fontsize() >= 6
+    box = figure.get_tightbbox()
+    assert box.x0 >= -0.02
+    assert box.y0 >= -0.02
+    assert box.x1 <= width + 0.02
+    assert box.y1 <= height + 0.02
+
+
+def test_chosen_cells_are_what_is_drawn(results):
+    """What all rows share stands above them; a choice is told by the file's name, and no other's."""
+    figure = results.plot.tails(where={"topology": "cyclic"})
+    named = [
+        label.get_text().replace("\N{NO-BREAK SPACE}", " ") for label in figure.axes[0].get_yticklabels()
+    ]
+    assert named == ["ā = 0 m", "ā = 5 m"]
+    assert figure.get_suptitle() == "all with cyclic; one dot per lane; median and 5 to 95 %"
+    dots = np.concatenate([line.get_xdata() for line in figure.axes[0].lines if line.get_marker() == "."])
+    kept = results.lanes[results.lanes["topology"] == "cyclic"]
+    np.testing.assert_allclose(np.sort(dots), np.sort(kept["tail_mean"]))
+    names = [
+        every.file_name("tails", {}, "two"),
+        every.file_name("tails", {}, "one"),
+        every.file_name("tails", {"topology": ["star"]}, "two"),
+        every.file_name("tails", {"topology": ["st/ar"]}, "two"),
+        every.file_name("tails", {"topology": ["st:ar"]}, "two"),
+        every.file_name("tails", {"topology": ["x" * 300]}, "two"),
+    ]
+    assert names[:3] == ["tails", "tails-one-column", "tails-topology=star"]
+    assert len(set(names)) == len(names)
+    assert all("/" not in name and len(name) < 120 for name in names)

@@ -23,7 +23,6 @@ from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +79,7 @@ def section(html: str, name: str) -> str:
 
 def rows_of(text: str) -> list[list[float]]:
     """Numbers in a table's rows as they are for sorting, NaN where there is none."""
-    rows = re.findall(r"<tr>(<td.*?)</tr>", text)
+    rows = re.findall(r"<tr data-cells=.*?>(<td.*?)</tr>", text)
     cells = [re.findall(r'<td class="number"(?: data-value="(.*?)")?>', row) for row in rows]
     return [[float(value) if value else np.nan for value in row] for row in cells]
 
@@ -121,7 +120,7 @@ def test_the_page_begins_with_what_was_found(html):
     assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     assert "No lane failed, of 18." in text
-    assert "least, 25 % (95 % interval 15 to 25 %) in star, attack.magnitude =\xa01\xa0m (cell 1)" in text
+    assert "least, 25 % (95 % interval 15 to 25 %) in star, ā\xa0=\xa01\xa0m (cell 1)" in text
     assert "greatest, 100 %" in text
     assert "1 lane above a bound that claims to hold" in text
 
@@ -130,7 +129,7 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
-    assert "least, <b>0.5 ā</b>, in attack.magnitude =\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert "least, <b>0.5 ā</b>, in ā\xa0=\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
         "3 samples of each cell: the worst cell's mean is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
@@ -211,7 +210,7 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
 
 def cells_of(text: str) -> list[list[str]]:
     """What stands in a table's rows."""
-    rows = re.findall(r"<tr>(<td.*?)</tr>", text)
+    rows = re.findall(r"<tr data-cells=.*?>(<td.*?)</tr>", text)
     return [re.findall(r"<td.*?>(.*?)</td>", row) for row in rows]
 
 
@@ -220,7 +219,7 @@ def test_what_a_config_says_is_text(html):
     assert "<script>alert" not in html
     assert html.count("</script>") == 3
     assert HOSTILE in unescape(section(html, "summary"))
-    assert HOSTILE in json.loads(data_of(html))["lanes"][0]["label"]
+    assert HOSTILE in json.loads(data_of(html))["sections"]["lanes"][-1]["label"]
 
 
 def data_of(html: str) -> str:
@@ -279,12 +278,13 @@ def test_figures_for_paper_show_the_same(folder):
     assert (star.get_xscale(), star.get_yscale(), star.get_ylabel()) == (
         "log",
         "log",
-        "greatest tail error [m]",
+        "greatest tail\nerror [m]",
     )
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    shares = [panel.lines[0].get_ydata().tolist() for panel in unrecovered.figure(results, found).axes]
+    drawn = unrecovered.figure(results, results.study.cells, found)
+    shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
     over_time = bands.figure(results.study.cells, curves.all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
@@ -296,21 +296,19 @@ def test_figures_for_paper_show_the_same(folder):
 
 
 def test_shares_of_cells_where_no_size_is_swept(folder):
-    """A row a cell that has a share, named by what is swept, its label escaped for plotly."""
-    grid = plots.unrecovered_rows(jaxnet.open(folder), 24)
-    (trace,) = grid["panels"][0][0]
-    assert (trace["x"], trace["y"]) == ([25, 50, 75, 100], [0, 1, 2, 3])
-    np.testing.assert_allclose(trace["error_x"]["arrayminus"], 10)
-    names = grid["layouts"][0]["yaxis"]["ticktext"]
-    joined = unescape(names[2].replace("<br>", "")).replace(" ", "").replace("\N{NO-BREAK SPACE}", "")
-    assert joined == f"{HOSTILE}, attack.magnitude = 1 m".replace(" ", "")
-    assert "<script" not in names[2]
+    """A row a cell that has a share, named by what is swept."""
+    drawn = plots.unrecovered_rows(jaxnet.open(folder))
+    assert [row["unrecovered"] for row in drawn["panels"]] == [0.25, 0.5, 0.75, 1.0]
+    assert [row["cells"] for row in drawn["panels"]] == [[1], [2], [4], [5]]
+    assert drawn["panels"][2]["title"] == f"{HOSTILE}, ā\xa0=\xa01\xa0m"
 
 
 def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
     with mpl.rc_context(style.RC):
-        paths = list(figures.save(jaxnet.open(folder), "shares", unrecovered.rows(jaxnet.open(folder))))
+        results = jaxnet.open(folder)
+        drawn = unrecovered.rows(results, results.study.cells)
+        paths = list(figures.save(results, "shares", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
@@ -328,21 +326,6 @@ def test_missing_files_leave_their_sections_out(folder, tmp_path):
     command = unescape(section(text, "violations"))
     assert f"jaxnet fit '{bare}'" in command
     assert "jaxnet replay" in section(text, "lanes")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A Chromium that is told to ask nobody for anything."""
-    if BROWSER is None:
-        pytest.skip("no Chromium is installed")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        chromium = driver.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
-        )
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture
@@ -369,22 +352,44 @@ def opened(browser, folder, html):
     assert complaints == []
 
 
+def read_through(shown) -> None:
+    """Scroll from top to bottom, as plots are drawn once they come near."""
+    for top in range(0, shown.evaluate("document.scrollingElement.scrollHeight"), 600):
+        shown.evaluate(f"scrollTo(0, {top})")
+        settle(shown)
+
+
+def settle(shown) -> None:
+    """Wait for what is drawn with the next frames."""
+    shown.evaluate(FRAMES)
+
+
+FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done))))"
+
+
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1400, "light")])
 def test_every_plot_is_drawn_and_nothing_overflows(opened, width, scheme):
-    """Plots of two groups in three sections and the plane have traces; text is read on its own ground."""
+    """Two groups' curves, six cells' bands, two groups' shares, a lane's three; text is read on its own
+    ground; nothing hinders who sees or points otherwise (axe-core).
+    """
+    from axe_playwright_python.sync_playwright import Axe
+
     shown = opened(width, scheme)
+    read_through(shown)
     points = shown.eval_on_selector_all(
-        ".plot", "plots => plots.map(p => p.querySelectorAll('.main-svg .trace path').length)"
+        ".plot", "plots => plots.map(p => p.querySelectorAll('.main-svg :is(.trace path, image)').length)"
     )
-    assert len(points) == 7
+    assert len(points) == 2 + 6 + 2 + 3
     assert min(points) > 0
     assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    assert Axe().run(shown, {"exclude": [[".main-svg"]]}).response["violations"] == []
     ground = "getComputedStyle(document.body).backgroundColor"
-    ink = "getComputedStyle(document.querySelector('.xtick text')).fill"
+    ink = "getComputedStyle(document.querySelector('#lanes .xtick text')).fill"
     assert (np.mean(levels(shown.evaluate(ground))) > 128) == (scheme == "light")
     assert (np.mean(levels(shown.evaluate(ink))) < 128) == (scheme == "light")
     shown.emulate_media(color_scheme="dark" if scheme == "light" else "light")
-    shown.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    shown.locator("#lanes .plane").scroll_into_view_if_needed()
+    settle(shown)
     assert (np.mean(levels(shown.evaluate(ink))) < 128) == (scheme == "dark")
 
 
@@ -414,39 +419,84 @@ def test_the_table_sorts(opened):
     assert low[-2:] == ["–", "–"]
 
 
+def lane_shown(shown, path):
+    """Choose the lane of cell 5 and sample 2; what its store holds."""
+    chosen = shown.locator("#lanes option", has_text="sample 2").filter(has_text="cell 5")
+    shown.locator("#lanes select").select_option(chosen.first.get_attribute("value"))
+    shown.locator("#lanes .stage").scroll_into_view_if_needed()
+    settle(shown)
+    import xarray as xr
+
+    return xr.open_zarr(path / "replays" / "cell-5-sample-2.zarr").isel(lane=0)
+
+
+def drawn(shown, name: str, mode: str = "markers") -> np.ndarray:
+    """Points of the first trace of that name in the plane."""
+    find = f"plot => {{ const t = plot.data.find(t => t.name === '{name}' && t.mode === '{mode}');"
+    return np.array(shown.eval_on_selector("#lanes .plane", find + " return [[...t.x], [...t.y]] }"), float).T
+
+
 def test_the_slider_moves_the_vehicles(opened, folder):
-    """At the start and at the end vehicles stand where the store has them."""
-    import xarray as xr
-
+    """At the start and at the end vehicles stand where the store has them, and heads as it has them."""
     shown = opened(1400, "light")
-    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
-    slider = shown.locator("#lanes input")
-    honest = [0, 2, 3, 5, 6, 8, 9, 11]
+    lane = lane_shown(shown, folder)
+    states, honest = lane["states"].values, [0, 2, 3, 5, 6, 8, 9, 11]
+    np.testing.assert_allclose(drawn(shown, "vehicle"), states[-1, honest, :2], rtol=1e-5)
+    ahead = "plot => plot.data.find(t => t.marker?.symbol === 'diamond-tall').marker.angle"
+    angles = np.array(shown.eval_on_selector("#lanes .plane", ahead))
+    heading, speed = states[-1, honest, 2], states[-1, honest, 3]
+    np.testing.assert_allclose(270 - angles, np.degrees(heading + np.pi * (speed < 0)), rtol=1e-4)
+    shown.locator("#lanes input").press("Home")
+    np.testing.assert_allclose(drawn(shown, "vehicle"), states[0, honest, :2], rtol=1e-5)
+    assert shown.locator("#lanes .stage output").inner_text() == "t = 0.00 s"
+    shown.locator("#lanes .stage").press("ArrowRight")
+    assert shown.locator("#lanes .stage output").inner_text() == "t = 0.10 s"
+    cursors = "plots => plots.map(plot => plot.layout.shapes[0].x0)"
+    np.testing.assert_allclose(
+        shown.eval_on_selector_all("#lanes :is(.errors, .raster)", cursors), 0.1, rtol=1e-6
+    )
 
-    def places():
-        return np.array(shown.eval_on_selector("#lanes .plot", "plot => [plot.data[3].x, plot.data[3].y]")).T
 
-    np.testing.assert_allclose(places(), states[-1, honest, :2], rtol=1e-5)
-    slider.focus()
-    slider.press("Home")
-    np.testing.assert_allclose(places(), states[0, honest, :2], rtol=1e-5)
-    assert shown.locator("#lanes output").inner_text() == "t = 0.0 s"
-    assert shown.eval_on_selector("#lanes .plot", "plot => plot.data[4].text") == [
-        f"vehicle {n}" for n in (2, 5, 8, 11)
-    ]
-    assert "--cell 5 --sample 2" in shown.locator("#lanes code").inner_text()
-
-
-def test_triangles_show_where_vehicles_go(opened, folder):
-    """Along its path from the instant before, but for the turn since."""
-    import xarray as xr
-
+def test_what_is_told_and_retained_is_the_stores(opened, folder):
+    """The place told is the true one and the attack; the raster and the links are those of `kept`."""
     shown = opened(1400, "light")
-    states = xr.open_zarr(folder / "replays" / "cell-5-sample-2.zarr")["states"].values[0]
-    going = np.array(shown.eval_on_selector("#lanes .plot", "plot => plot.data[6].marker.angle"))
-    step = (states[-1] - states[-2])[[0, 2, 3, 5, 6, 8, 9, 11], :2]
-    path = np.degrees(np.arctan2(step[:, 1], step[:, 0]))
-    assert (abs((270 - going - path + 180) % 360 - 180) < 10).all()
+    stored = lane_shown(shown, folder)
+    for place in (0, 4, 10):
+        shown.locator("#lanes input").fill(str(place))
+        settle(shown)
+        hold_against(shown, stored.isel(time=place), place)
+
+
+def hold_against(shown, lane, place: int) -> None:
+    """What is drawn at one output time against what is stored of it."""
+    attacked = [1, 4, 7, 10]
+    told = lane["states"].values[attacked, :2] + lane["attack"].values[attacked]
+    np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-5)
+    rows = shown.eval_on_selector("#lanes .raster", f"plot => plot.data[0].text.map(row => row[{place}])")
+    said = {tuple(map(int, re.findall(r"\d+", row.replace("the navigator", "0"))[:2])): row for row in rows}
+    weights = lane["kept"].values
+    assert len(said) == 36
+    assert {link for link, row in said.items() if ": retained" in row} == {
+        (i + 1, j) for i, j in np.argwhere(weights > 0)
+    }
+    assert {j for (_, j), row in said.items() if "attacked" in row} == {2, 5, 8, 11}
+    assert len(drawn(shown, "retained link", "lines")) == 3 * (weights > 0).sum()
+    assert len(drawn(shown, "dropped link", "lines")) == 3 * (36 - (weights > 0).sum())
+
+
+@pytest.mark.parametrize(
+    ("topology", "threat", "of_navigator", "replaced"),
+    [("star", "adds", True, False), ("path", "replaces", False, True), ("path", "adds", False, False)],
+)
+def test_what_is_falsified_depends_on_the_attack(tmp_path, topology, threat, of_navigator, replaced):
+    """What is heard of the navigator where no vehicle hears another; a word instead of another's."""
+    attack = {"kind": "bias", "magnitude": 3, "threat": threat}
+    study = systems.study(
+        engine="exact", topology=topology, attack=attack, horizon=0.5, tail=0.1, save={"trajectories": "all"}
+    )
+    (lane,), stored = trajectories.lanes(jaxnet.run(study, tmp_path / "out"))
+    assert stored == 1
+    assert (lane["heard_from_navigator"], lane["replaced"]) == (of_navigator, replaced)
 
 
 def test_headings_are_the_states_or_the_paths():
@@ -462,15 +512,37 @@ def test_headings_are_the_states_or_the_paths():
     assert trajectories.headings(known.assign_coords(state=list("xyvw"))).tolist() == [[90, 90]] * 2
 
 
-def test_a_lane_replayed_by_hand_is_not_called_worst(folder, monkeypatch):
-    """The study asks for no worst lanes; were it to ask, those would come first, whatever their errors."""
+def test_lanes_say_why_they_are_shown(folder, monkeypatch):
+    """The median or the worst of its cell, else stored or replayed; a study's own worst are first."""
+    from jaxnet.runs import watched
+
     results = jaxnet.open(folder)
-    (lane,) = trajectories.lanes(results)
-    assert lane["label"].startswith("replayed: ")
-    assert sections.worst_section(results).title == "Replayed lanes"
-    monkeypatch.setattr(trajectories, "worst_of", lambda results: [(5, 2)])
-    assert trajectories.lanes(results)[0]["label"].startswith("worst: ")
-    assert sections.worst_section(results).title == "Worst lanes"
+    each = watched.watched(results)
+    assert len(each) == 18  # the one that is replayed besides being stored counts once
+    for cell, mine in results.lanes.sort_values("tail_mean").groupby("cell"):
+        why = {one.sample: one.why for one in each if one.cell == cell}
+        least, median, worst = mine["sample"]
+        assert (why[median], why[worst]) == ("median of its cell", "worst of its cell")
+        assert why[least] in ("stored", "replayed")
+    monkeypatch.setattr(watched, "worst_of", lambda results: [(5, 2)])
+    first = watched.watched(results)[0]
+    assert first[:3] == (5, 2, "worst of the study")
+
+
+def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
+    """The median and the worst lane, of the ends if two of three cells are looked at; no lane twice."""
+    from jaxnet.runs import watched
+
+    monkeypatch.setattr(watched, "MOST_REPLAYED", 2)
+    sweep = {"attack.magnitude": [1, 2, 3]}
+    study = systems.study(engine="exact", samples=3, horizon=0.5, tail=0.1, sweep=sweep)
+    results = jaxnet.run(study, tmp_path / "out")
+    paths = list(watched.replay_watched(results))
+    ranked = results.lanes.sort_values("tail_mean").groupby("cell")["sample"]
+    wanted = [(cell, sample) for cell in (0, 2) for sample in ranked.get_group(cell).tolist()[1:]]
+    assert {path.stem for path in paths} == {f"cell-{cell}-sample-{sample}" for cell, sample in wanted}
+    before = [(path / "zarr.json").stat().st_mtime_ns for path in paths]
+    assert [(path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)] == before
 
 
 def test_cells_are_named_by_how_many_they_are(html):
@@ -488,6 +560,7 @@ def test_cells_are_named_by_how_many_they_are(html):
 def test_paper_cuts_nothing(opened):
     """In the dark too: light, tables in full and unscrolled, plots within a sheet; then all is as before."""
     shown = opened(1400, "dark")
+    read_through(shown)
     widths = "plots => plots.map(plot => plot.querySelector('.main-svg').clientWidth)"
     before = shown.eval_on_selector_all(".plot", widths)
     shown.set_viewport_size({"width": 703, "height": 900})
@@ -497,21 +570,124 @@ def test_paper_cuts_nothing(opened):
     assert max(shown.eval_on_selector_all(".box, .plot", boxes)) <= 0
     assert max(shown.eval_on_selector_all(".plot", widths)) <= 703
     assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
-    ink = "getComputedStyle(document.querySelector('.xtick text')).fill"
+    ink = "getComputedStyle(document.querySelector('#lanes .xtick text')).fill"
     assert np.mean(levels(shown.evaluate(ink))) < 128
     shown.set_viewport_size({"width": 1400, "height": 900})
     shown.emulate_media(media="screen", color_scheme="dark")
     shown.evaluate("dispatchEvent(new Event('afterprint'))")
+    read_through(shown)
     assert shown.eval_on_selector_all(".plot", widths) == before
     assert np.mean(levels(shown.evaluate(ink))) > 128
 
 
-def test_choosing_another_size_redraws(opened):
-    """The bands of ā = 10 m end higher than those without an attack."""
+def numbers_of(shown, table: str) -> list[int]:
+    """Numbers of the cells in the rows that are seen."""
+    return [int(text) for text in shown.locator(f"{table} tbody tr:visible td:first-child").all_inner_texts()]
+
+
+def titles(shown, section: str) -> list[str]:
+    """Of the plots that are seen."""
+    return [text.replace("\xa0", " ") for text in shown.locator(f"{section} h3:visible").all_inner_texts()]
+
+
+def test_the_choice_shows_just_its_cells(opened):
+    """In tables, plots and lanes; it stands in the address, and one that has nothing says so."""
     shown = opened(1400, "light")
-    last = "plots => plots.map(plot => plot.calcdata[3].at(-1).y)"
-    before = np.array(shown.eval_on_selector_all("#bands .plot", last))
-    shown.locator("#bands select").select_option("ā = 10 m")
-    after = np.array(shown.eval_on_selector_all("#bands .plot", last))
-    assert before.shape == (2,)
-    assert (before != after).all()
+    shown.locator(".filter summary").click()
+    star, size = (shown.locator(".filter select").nth(n) for n in range(2))
+    size.select_option("ā\xa0=\xa010\xa0m")
+    assert numbers_of(shown, "#summary") == [2, 5]
+    assert titles(shown, "#bands") == [f"{name}, ā = 10 m" for name in ("star", HOSTILE)]
+    star.select_option("star")
+    assert numbers_of(shown, "#summary") == [2]
+    assert titles(shown, "#ultimate") == ["star"]
+    assert shown.locator("#lanes .stage option").count() == 3
+    assert shown.locator("#violations caption").inner_text() == "No row is about these cells."
+    assert "Cells shown: 1 of 6" in shown.locator(".filter summary").inner_text()
+    shown.reload()
+    assert numbers_of(shown, "#summary") == [2]
+    size.select_option("ā\xa0=\xa00\xa0m", force=True)
+    assert "nothing to draw of these cells" in shown.locator("#unrecovered output").inner_text()
+    shown.locator(".filter summary").click()
+    shown.locator(".filter button").click()
+    assert numbers_of(shown, "#summary") == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_curve_is_hidden_everywhere(opened):
+    """By its key, on all plots of its section, and shown again."""
+    shown = opened(1400, "light")
+    shown.locator("#ultimate .grid").scroll_into_view_if_needed()
+    settle(shown)
+    entry = shown.locator("#ultimate .key button", has_text="peak gain")
+    curves = "plots => plots.map(plot => plot.data.filter(t => t.name === 'peak gain').length)"
+    assert shown.eval_on_selector_all("#ultimate .plot", curves) == [1, 1]
+    entry.click()
+    assert shown.eval_on_selector_all("#ultimate .plot", curves) == [0, 0]
+    assert entry.get_attribute("aria-pressed") == "false"
+    entry.click()
+    assert shown.eval_on_selector_all("#ultimate .plot", curves) == [1, 1]
+
+
+def test_what_is_saved_of_a_plot(opened, folder, tmp_path):
+    """The numbers of cells.csv to the last digit, and a picture; both named after the plot."""
+    shown = opened(1400, "dark")
+    panel = shown.locator("#ultimate .panel").first
+
+    def saved(what: str):
+        panel.locator(".menu summary").click()
+        with shown.expect_download() as found:
+            panel.get_by_text(what).click()
+        return found.value
+
+    table = saved("Save data as CSV")
+    assert table.suggested_filename == "test_star.csv"
+    table.save_as(tmp_path / "star.csv")
+    given = pd.read_csv(tmp_path / "star.csv").set_index("attack.magnitude")
+    stored = pd.read_csv(folder / "cells.csv")[1:3].set_index("attack.magnitude")
+    columns = [name for name in given if name.startswith("tail_max_")]
+    assert len(columns) == 7
+    pd.testing.assert_frame_equal(given[columns], stored[columns], check_dtype=False, rtol=1e-15)
+    assert given["peak gain"].tolist() == [12, 120]
+    picture = saved("Save as SVG")
+    picture.save_as(tmp_path / "star.svg")
+    text = (tmp_path / "star.svg").read_text()
+    assert picture.suggested_filename == "test_star.svg"
+    assert "peak gain" in text
+    assert "rgb(230, 233, 237)" not in text  # the ink of the dark
+
+
+def test_all_of_many_cells_are_reached(browser, tmp_path):
+    """Page by page, the last has the last; no name has digits of rounding."""
+    sweep = {"attack.frequency": [0.1, 1 / 3], "attack.magnitude": {"geomspace": [0.1, 100, 16]}}
+    study = systems.study(
+        engine="exact",
+        vehicles=3,
+        attack={"kind": "rotating", "vehicles": [2]},
+        horizon=0.5,
+        tail=0.1,
+        sweep=sweep,
+        save={"errors": True},
+    )
+    path = page.write_page(jaxnet.run(study, tmp_path / "out"))
+    shown = browser.new_page()
+    shown.goto(path.as_uri())
+    first = titles(shown, "#bands")
+    shown.locator("#bands .pager button", has_text="Next").click()
+    assert shown.locator("#bands .pager output").inner_text() == "25 to 32 of 32"
+    assert shown.locator("#bands .pager button", has_text="Next").is_disabled()
+    last = titles(shown, "#bands")
+    assert (len(first), len(last), len({*first, *last})) == (24, 8, 32)
+    assert not [title for title in first + last if re.search(r"\d\.\d{5}", title)]
+    shown.close()
+
+
+def test_the_run_is_told_in_words(html):
+    """Vehicles, network, attack, defence, engine; each network drawn with its own links."""
+    text = unescape(re.sub("<.*?>", "", section(html, "run").replace(HOSTILE, "ring")))
+    assert "12 two_wheeled vehicles follow a lissajous navigator for 1 s" in text
+    assert "rotating on 2, 5, 8, 11 in what they hear of the navigator or rotating on 2, 5, 8, 11 in" in text
+    assert "no attack or ā = 1 m or ā = 10 m" in text
+    star, ring = re.findall(r"<figure>.*?</figure>", section(html, "run"))
+    kinds = ["attacked link", "trusted link", "other link", "attacked vehicle", "vehicle"]
+    assert [star.count(f'class="{kind}"') for kind in kinds] == [4, 8, 0, 4, 8]
+    assert [ring.count(f'class="{kind}"') for kind in kinds] == [8, 12, 16, 4, 8]

@@ -5,8 +5,21 @@ import sys
 import time
 import types
 
+import numpy as np
+import pandas as pd
+
 import jaxnet
-from jaxnet.view.text import progress
+from jaxnet.engine import batch
+from jaxnet.runs.tally import Done, Sums, Tally, sums_of
+from jaxnet.view.text import progress, standing
+from tests import systems
+
+
+def tally_of(done: int, total: int) -> Tally:
+    """Of a study of one cell."""
+    tally = Tally(systems.study().cells, total, recovery=False)
+    tally.under_way = done
+    return tally
 
 
 def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypatch):
@@ -20,10 +33,14 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
             said = (capsys.readouterr().err.splitlines() or [""])[-1]
         return said
 
-    with progress.reporting() as report:
-        report(0, 100, 0)
-        assert line_of("0/100") == "0/100 lanes  0 failed  unknown time left"
-        report(50, 100, 2)
+    with progress.reporting(True) as report:
+        report(tally := tally_of(0, 100))
+        assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
+        batch.COMPILING.add(0)
+        assert line_of("0/100 lanes  compiling") == "0/100 lanes  compiling  0 failed  unknown time left"
+        batch.COMPILING.clear()
+        tally.there([Done(0, 0, Sums(50, 48, 0, 0.0, 0.0))])
+        report(tally)
         assert " lanes/s  2 failed  0:00:" in line_of("50/100 lanes")
     capsys.readouterr()
     time.sleep(0.15)
@@ -41,8 +58,10 @@ class Terminal(io.StringIO):
 def said_of(monkeypatch, stream: io.StringIO, given) -> str:
     """What is written of ten lanes with this `progress` and this standard error."""
     monkeypatch.setattr(sys, "stderr", stream)
-    with progress.reporting_to(given) as report:
-        report(10, 10, 1)
+    with progress.reporting(given) as report:
+        tally = tally_of(0, 10)
+        tally.there([Done(0, 0, Sums(10, 9, 0, 0.0, 0.0))])
+        report(tally)
     return stream.getvalue()
 
 
@@ -68,3 +87,50 @@ def test_a_run_reports_by_default_on_a_terminal(monkeypatch):
         monkeypatch.setattr(sys, "stderr", terminal := Terminal())
         jaxnet.simulate(keys, progress=given)
         assert ("1/1" in terminal.getvalue()) == said
+
+
+def test_a_tally_has_the_mean_and_interval_of_all_rows_however_they_came():
+    """Shards told twice, the second time with more rows, in parts; as pandas and the t interval say."""
+    cells, random = systems.study(sweep={"attack.magnitude": [0, 2]}).cells, np.random.default_rng(0)
+    errors = random.exponential(1.0, 40)
+    rows = pd.DataFrame({"status": ["ok"] * 39 + ["singular"], "tail_mean": [*errors[:39], np.nan]})
+    tally = Tally(cells, 80, recovery=True)
+    tally.under_way = 25
+    for shard, part in ((0, rows[:10]), (1, rows[25:]), (0, rows[:25])):
+        tally.there([Done(shard, 1, sums_of(cells[1], part, tau=0.5))])
+    (told,) = tally.standing()
+    assert (told.cell, told.lanes, tally.done, tally.failed, tally.under_way) == (1, 40, 40, 1, 0)
+    ok = rows["tail_mean"].dropna()
+    assert abs(told.mean - ok.mean()) < 1e-12
+    assert abs(told.half - 2.0243941639 * ok.sem()) < 1e-8  # Student's t, 38 degrees of freedom
+    assert told.unrecovered == (ok > 1.0).mean()
+    assert tally.counts.unrecovered.tolist() == [0, (ok > 1.0).sum()]
+
+
+def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
+    """Eight of thirty, with labels too long for a line; fewer in a low terminal, none in a lower one."""
+    label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
+    sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
+    tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)
+    tally.there(Done(n, n, Sums(10, 10, n % 10, 1e3 * n, 2e5 * n**2)) for n in range(30))
+    lines = [str(line) for line in standing.lines(tally, 80, 24)]
+    assert max(map(len, lines)) <= 80
+    told = [int(line.split(":")[0].removeprefix("cell ")) for line in lines[1:-1]]
+    assert told == sorted(sorted(range(30), key=lambda n: (n % 10, n))[-8:])
+    assert lines[-1] == "of 30 cells those with the greatest shares unrecovered"
+    assert len(list(standing.lines(tally, 80, 7))) == 4
+    assert not list(standing.lines(tally, 80, 4))
+
+
+def test_a_bar_shows_cells_while_it_goes_and_not_after(monkeypatch):
+    """What stays on the terminal is the bar alone."""
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    monkeypatch.setenv("TERM", "xterm")
+    with progress.reporting(None) as report:
+        tally = tally_of(0, 10)
+        tally.there([Done(0, 0, Sums(10, 10, 0, 20.0, 41.0))])
+        report(tally)
+        time.sleep(1.5 / progress.REFRESH)
+        assert "2.00 ± 0.24" in terminal.getvalue()
+    last = terminal.getvalue().split("10/10")[-1]
+    assert "±" not in last

@@ -35,10 +35,18 @@ def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, columns):
     assert (legend in lines) == ("mean low" in shown)
 
 
-def test_labels_are_never_left_out():
-    """However long they are; one statistic stays beside them."""
-    label = "a" * 90
-    lines = tables.summary(results_of({"topology": label}, SUMMARY)).splitlines()
-    assert label in lines[1]
-    assert "0.1235" in lines[1]
-    assert "left out: mean low, mean high, median, q95, worst [m]; all are in cells.csv" in lines
+def test_long_labels_are_cut_and_many_left_out_and_that_is_said():
+    """A label of 90 letters keeps as many as fit; of eleven such the first stay, and the mean does."""
+    labels = {f"topology.key{number}": "a" * 90 for number in range(11)}
+    for swept in (1, 2, 11):
+        given = dict(list(labels.items())[:swept])
+        text = tables.summary(results_of(given, SUMMARY | RECOVERY))
+        lines = text.splitlines()
+        assert max(map(len, lines)) <= 80
+        assert "aaaaaaaaa…" in lines[1]
+        assert "0.1235" in lines[1]
+        words = " ".join(lines)
+        gone = [key for key in given if key.rpartition(".")[2] not in lines[0]]
+        assert all(key in words for key in gone)
+        assert bool(gone) == (swept == 11)
+        assert "… stands where a label is cut short; all are in cells.csv" in words

@@ -15,10 +15,12 @@ class Nonlinear(Engine):
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
 
-    solver: Literal["dopri5", "tsit5", "dopri8"] = "dopri5"
-    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = 1e-7
-    atol: Positive = 1e-9
-    max_steps: int = Field(default=100_000, ge=1, le=10**15)
+    solver: Literal["dopri5", "tsit5", "dopri8"] = Field(
+        default="dopri5", description="an explicit Runge–Kutta pair"
+    )
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
+    atol: Positive = Field(default=1e-9, description="absolute, of a step")
+    max_steps: int = Field(default=100_000, ge=1, le=10**15, description="of a lane, refused ones included")
 
     def options(self) -> tuple[Any, ...]:
         """The solver."""

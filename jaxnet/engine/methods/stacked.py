@@ -69,8 +69,8 @@ class Stacked(Engine):
     solver: Annotated[str, AfterValidator(known_solver)] = Field(
         default="Dopri5", description="a class of diffrax, an adaptive ODE solver: Tsit5, Dopri8, Kvaerno5, …"
     )
-    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = 1e-7
-    atol: Positive = 1e-9
+    rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
+    atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(default=100_000, ge=1, le=10**9, description="of a lane, refused ones included")
 
     def options(self) -> tuple[Any, ...]:

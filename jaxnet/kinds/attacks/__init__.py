@@ -26,12 +26,13 @@ Order = Literal[0, 1, 2, 3]
 class DrawnVehicles(Record):
     """So many vehicles, drawn for each lane."""
 
-    random: Annotated[int, Field(ge=1)]
+    random: int = Field(ge=1, description="how many")
 
 
 def named_or_drawn(value: Any) -> str:
     """Whether attacked vehicles are listed or drawn."""
-    return MARK + ("drawn" if isinstance(value, dict | DrawnVehicles) else "listed")
+    drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
+    return MARK + ("drawn" if drawn else "listed")
 
 
 class AnyAttack(Kind):
@@ -122,7 +123,7 @@ class Attack(AnyAttack):
     )
 
     magnitude: NotNegative = Field(
-        default=5.0, description="ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives"
+        default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
     )
     vehicles: Annotated[
         Annotated[list[int], member("listed")] | Annotated[DrawnVehicles, member("drawn")],
@@ -284,7 +285,7 @@ def along(direction: Any) -> Any:
     return xp.stack([xp.cos(direction), xp.sin(direction)])
 
 
-def held(time: Any) -> Any:
+def stepwise(time: Any) -> Any:
     """The one function of what is constant from tick to tick: (4, 1, lanes)."""
     xp = time.__array_namespace__()
     return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])

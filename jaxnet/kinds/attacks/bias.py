@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along
 from jaxnet.kinds.fields import Angle
@@ -14,7 +15,7 @@ class Bias(Attack):
 
     kind = "bias"
 
-    direction: Angle = 0.0
+    direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
     def signal(self) -> Any:
         """A harmonic of no frequency."""

@@ -16,9 +16,9 @@ class Chirp(Attack):
 
     kind = "chirp"
 
-    frequency: Number = Field(default=0.2, description="[rad/s] at t = 0")
-    rate: Number = Field(default=0.05, description="[rad/s²]")
-    phase: Angle = FULL_TURN
+    frequency: Number = Field(default=0.2, description="[rad/s], of the turning at t = 0")
+    rate: Number = Field(default=0.05, description="[rad/s²], by which the frequency grows")
+    phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def basis(self, time: Any) -> Any:
         """Cos ψ and sin ψ; with z = e^{iψ}, z' = iωz, z'' = (ir - ω²)z, z‴ = -(3rω + iω³)z."""

@@ -25,10 +25,10 @@ class Envelope(Attack):
 
     kind = "envelope"
 
-    of: Annotated[AnyAttack, Of("attack")]
-    start: Number = Field(default=0.0, description="[s]")
-    rise: Positive = Field(default=5.0, description="[s]")
-    stop: Number | None = Field(default=None, description="[s]")
+    of: Annotated[AnyAttack, Of("attack"), Field(description="the other attack")]
+    start: Number = Field(default=0.0, description="[s], when it begins to rise")
+    rise: Positive = Field(default=5.0, description="[s], how long it rises, and falls")
+    stop: Number | None = Field(default=None, description="[s], when it begins to fall")
 
     def height(self, time: Any) -> Any:
         """The envelope and its first three derivatives: (4, lanes)."""

@@ -1,11 +1,11 @@
-"""The freeze: denial of service, where the last word heard is held."""
+"""The freeze: denial of service, where the last word heard is stepwise."""
 
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, held
+from jaxnet.kinds.attacks import Attack, stepwise
 from jaxnet.kinds.fields import NotNegative
 
 
@@ -18,7 +18,9 @@ class Freeze(Attack):
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; nothing is scaled to it"
     )
-    threat: Literal["replaces"] = "replaces"  # pyright: ignore[reportIncompatibleVariableOverride]
+    threat: Literal["replaces"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        default="replaces", description="what is sent is replaced"
+    )
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
         """`y_j(0) - y_0(t)`: a constant, and the navigator's two coordinates."""
@@ -34,4 +36,4 @@ class Fixed(NamedTuple):
     def basis(self, time: Any) -> Any:
         """Three functions."""
         xp = time.__array_namespace__()
-        return xp.concatenate([held(time), self.navigator.jets(time)], axis=1)
+        return xp.concatenate([stepwise(time), self.navigator.jets(time)], axis=1)

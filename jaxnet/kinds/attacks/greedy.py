@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, held
+from jaxnet.kinds.attacks import Attack, along, stepwise
 
 
 class Greedy(Attack):
@@ -21,7 +21,7 @@ class Greedy(Attack):
 
     def basis(self, time: Any) -> Any:
         """Held from tick to tick."""
-        return held(time)
+        return stepwise(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1, and no derivatives."""

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, held
+from jaxnet.kinds.attacks import Attack, along, stepwise
 from jaxnet.kinds.fields import FULL_TURN, Angle
 
 
@@ -19,12 +19,12 @@ class Mimic(Attack):
     kind = "mimic"
     strategic: ClassVar[bool] = True
 
-    direction: Angle = FULL_TURN
-    parts: int = Field(default=16, ge=1, le=1000)
+    direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
+    parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
 
     def basis(self, time: Any) -> Any:
         """Held from tick to tick."""
-        return held(time)
+        return stepwise(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1, and no derivatives."""

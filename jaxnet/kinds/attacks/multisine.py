@@ -23,7 +23,7 @@ class Multisine(Attack):
     kind = "multisine"
 
     frequency: Positive = Field(default=0.35, description="[rad/s], the lowest")
-    harmonics: int = Field(default=4, ge=1, le=100)
+    harmonics: int = Field(default=4, ge=1, le=100, description="how many")
     phase: Number = Field(default=FULL_TURN, description="[rad], of each harmonic of each attacker")
     direction: Number = Field(default=FULL_TURN, description="[rad], likewise")
 

@@ -21,8 +21,10 @@ class Replay(Attack):
     magnitude: NotNegative = Field(
         default=5.0, description="[m], what recovery is judged by; the path is not scaled to it"
     )
-    threat: Literal["replaces"] = "replaces"  # pyright: ignore[reportIncompatibleVariableOverride]
-    delay: Positive = Field(default=5.0, description="[s]")
+    threat: Literal["replaces"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        default="replaces", description="what is sent is replaced"
+    )
+    delay: Positive = Field(default=5.0, description="[s], how old the path is")
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
         """One function for each axis."""

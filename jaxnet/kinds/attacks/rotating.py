@@ -15,8 +15,8 @@ class Rotating(Attack):
 
     kind = "rotating"
 
-    frequency: Number = Field(default=0.7, description="[rad/s]")
-    phase: Angle = FULL_TURN
+    frequency: Number = Field(default=0.7, description="[rad/s], of the turning")
+    phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def signal(self) -> Any:
         """Its harmonic."""

@@ -15,9 +15,9 @@ class Sinusoid(Attack):
 
     kind = "sinusoid"
 
-    direction: Angle = 0.0
-    frequency: Number = Field(default=0.7, description="[rad/s]")
-    phase: Angle = FULL_TURN
+    direction: Angle = Field(default=0.0, description="[rad], along which it acts")
+    frequency: Number = Field(default=0.7, description="[rad/s], of the oscillation")
+    phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def signal(self) -> Any:
         """Its harmonic."""

@@ -3,6 +3,7 @@
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along
 from jaxnet.kinds.fields import Angle
@@ -19,7 +20,7 @@ class Spoof(Attack):
     kind = "spoof"
     derived: ClassVar[bool] = False
 
-    direction: Angle = 0.0
+    direction: Angle = Field(default=0.0, description="[rad], of the offset")
 
     def basis(self, time: Any) -> Any:
         """One function, 1 in every order."""

@@ -19,7 +19,7 @@ class GeometricMedian(Defence):
     kind = "geometric_median"
 
     smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")
-    rounds: int = Field(default=8, ge=1, le=1000)
+    rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

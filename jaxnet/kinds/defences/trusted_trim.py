@@ -62,14 +62,16 @@ class TrustedTrim(Defence):
         Annotated[Theta, member("all")] | Annotated[dict[int, Theta], member("each")],
         Discriminator(whole_or_each),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
-    tolerance: NotNegative = Field(default=1e-9, description="[m], SCIENCE O8")
+    tolerance: NotNegative = Field(
+        default=1e-9, description="[m], by which who was dropped last counts as farther (SCIENCE O8)"
+    )
     score: Score = Field(
         default="position",
         description="what is compared: position, the paper's; jets, position, velocity and acceleration;"
         " feedback, what the law makes of them; announced, what sources say drives them",
     )
     filter: Positive | None = Field(
-        default=None, description="[s], time constant of a low-pass filter on scores"
+        default=None, description="[s], time constant of a low-pass filter on scores; none without it"
     )
 
     def needs_ticks(self) -> bool:

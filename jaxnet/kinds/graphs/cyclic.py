@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from jaxnet.kinds.fields import Number, Within, bounds, is_drawn, median
 from jaxnet.kinds.graphs import Graph
@@ -24,7 +24,9 @@ class Cyclic(Graph):
 
     kind = "cyclic"
 
-    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = 0.1
+    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = Field(
+        default=0.1, description="of the navigator's word, the neighbours share the rest"
+    )
 
     def weights(self, vehicles: int) -> Weights:
         """`w_i0`, and `(1 - w_i0) / 2` for each neighbour."""

@@ -15,7 +15,7 @@ from jaxnet.model.graph import Weights
 
 Edge = Annotated[
     tuple[int, int, Annotated[Number, Within(gt=0.0, le=1e9)]],
-    Field(strict=False, description="[i, j, w]: i hears j (0 is the navigator) with weight w"),
+    Field(strict=False),
 ]
 
 
@@ -24,7 +24,9 @@ class Edges(Graph):
 
     kind = "edges"
 
-    edges: Annotated[list[Edge], Len(1)]
+    edges: Annotated[
+        list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
+    ]
 
     def weights(self, vehicles: int) -> Weights:
         """The edges with their weights' medians."""

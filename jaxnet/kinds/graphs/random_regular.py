@@ -1,7 +1,7 @@
 """Random regular graphs."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
@@ -22,8 +22,10 @@ class RandomRegular(Graph):
     kind = "random_regular"
 
     degree: int = Field(default=4, ge=1, description="vehicles that each one hears")
-    navigator_weight: Annotated[float, Field(gt=0, lt=1)] = 0.1
-    seed: int = Field(default=0, ge=0)
+    navigator_weight: float = Field(
+        default=0.1, gt=0, lt=1, description="of the navigator's word, the neighbours share the rest"
+    )
+    seed: int = Field(default=0, ge=0, description="of the graph")
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 
     def weights(self, vehicles: int) -> Weights:

@@ -16,9 +16,9 @@ class Lissajous(Navigator):
 
     kind = "lissajous"
 
-    amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m]")
-    frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s]")
-    phase: Vector = Field(default=[0.0, 0.0], description="[rad]")
+    amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m], of each axis")
+    frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s], of each axis")
+    phase: Vector = Field(default=[0.0, 0.0], description="[rad], of each axis")
 
     def jets(self, time: Any) -> Any:
         """A sine's derivatives."""

@@ -24,7 +24,7 @@ class Car(Vehicle):
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
     units = ("m", "m", "rad", "m/s", "rad", "m/s²")
 
-    wheelbase: Positive = Field(default=0.5, description="[m], between the axles")
+    wheelbase: Positive = Field(default=0.5, description="[m], from axle to axle")
 
     def curvature(self, state: Any) -> Any:
         """`κ = tan δ / L` [1/m]."""

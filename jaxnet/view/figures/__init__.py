@@ -2,3 +2,4 @@
 
 ULTIMATE = ("ultimate", "ultimate_mean")
 NAMES = ("topologies", "tails", "panels", "bands", "unrecovered", *ULTIMATE)
+COLUMNS = {"one": 3.5, "two": 7.16}  # [in] widths that a two-column journal has

@@ -9,18 +9,19 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, MOST_PANELS, Band, bands_span, magnitude_words, scenes
+from jaxnet.statistics.curves import FLOOR, Band, bands_span, magnitude_words, scenes
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
 SIZES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 
 
-def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
-    """A panel per group of cells that differ in ā alone, the first MOST."""
+def figure(cells: Sequence[Cell], bands: Mapping[int, Band], width: float = style.WIDTH) -> Figure:
+    """A panel per group of cells that differ in ā alone, the first that there is room for."""
     there = scenes(cells)
-    groups = there[:MOST_PANELS]
-    drawn, panels = multiples.panels([group.labels for group in groups], "t [s]", r"$\tilde{e}$ [m]")
+    groups = there[: multiples.room([group.labels for group in there], width)]
+    labels = [group.labels for group in groups]
+    drawn, panels = multiples.panels(labels, "t [s]", r"$\tilde{e}$ [m]", width)
     looks: dict[str, Any] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in few(group.cells):
@@ -33,7 +34,12 @@ def figure(cells: Sequence[Cell], bands: Mapping[int, Band]) -> Figure:
     handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
-    drawn.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)
+    drawn.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=multiples.legend_columns(width, 5),
+        handlelength=2.6,
+    )
     sizes = max(len(group.cells) for group in groups)
     multiples.note_left_out(
         drawn,

@@ -1,15 +1,22 @@
 """The figures that a results folder gives, by name, and drawing them as PNG and PDF."""
 
+import hashlib
+import re
 from collections.abc import Iterator, Sequence
 
 import matplotlib as mpl
 from upath import UPath
 
+from jaxnet.config.cells import Cell
+from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
+from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
-from jaxnet.view.figures import NAMES, bands, panels, style, tails, topology, ultimate, unrecovered
+from jaxnet.view.figures import COLUMNS, NAMES, bands, panels, style, tails, topology, ultimate, unrecovered
 from jaxnet.view.figures.style import Figure
+
+LONGEST = 100  # letters of a file's name
 
 in_style = mpl.rc_context(style.RC)
 
@@ -19,63 +26,76 @@ class LackingError(FolderError):
 
 
 class Plots:
-    """The figures of a results folder; one that it has no data for raises FolderError."""
+    """The figures of a results folder; one that it has no data for raises FolderError.
+
+    Each takes `where`, swept keys with the value or the values that are wanted, and `column`, "one" or "two":
+    those of a journal that it is as wide as.
+    """
 
     def __init__(self, results: Results):
         self.results = results
 
     @in_style
-    def topologies(self) -> Figure:
+    def topologies(self, where: Where | None = None, column: str = "two") -> Figure:
         """Each graph, with its weights and its attacked links."""
-        return topology.figure(self.results.study.cells)
+        return topology.figure(*selection(self.results, where, column))
 
     @in_style
-    def tails(self) -> Figure:
+    def tails(self, where: Where | None = None, column: str = "two") -> Figure:
         """The mean error over the tail, a dot per lane and a row per cell."""
-        return tails.figure(self.results)
+        return tails.figure(self.results, *selection(self.results, where, column))
 
     @in_style
-    def panels(self) -> Figure:
+    def panels(self, where: Where | None = None, column: str = "two") -> Figure:
         """The paper's figure: trajectories of each topology, and the errors over time."""
         there = {name: has(self.results, name) for name in ("trajectories", "errors")}
         if not any(there.values()):
             raise lacking(
                 self.results, "errors.zarr or trajectories.zarr", "save.errors=true or save.trajectories=all"
             )
-        return panels.figure(self.results, **there)
+        return panels.figure(self.results, *selection(self.results, where, column), **there)
 
     @in_style
-    def bands(self) -> Figure:
+    def bands(self, where: Where | None = None, column: str = "two") -> Figure:
         """The tracking error over time: median, 5 to 95 % and maximum over the lanes."""
         if not has(self.results, "errors"):
             raise lacking(self.results, "errors.zarr", "save.errors=true")
-        return bands.figure(self.results.study.cells, all_bands(self.results))
+        cells, width = selection(self.results, where, column)
+        return bands.figure(cells, all_bands(self.results, cells), width)
 
     @in_style
-    def unrecovered(self) -> Figure:
+    def unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
         """The share of lanes that do not recover, with its interval."""
-        if not len(shares(self.results)):
+        cells, width = selection(self.results, where, column)
+        if not len(shares(self.results, cells)):
             raise lacking(self.results, "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'")
-        return unrecovered.figure(self.results, curves(self.results))
+        return unrecovered.figure(self.results, cells, curves(self.results, cells), width)
 
     @in_style
-    def ultimate(self) -> Figure:
+    def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
         """The greatest tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_max")
+        return against_magnitude(self.results, "tail_max", *selection(self.results, where, column))
 
     @in_style
-    def ultimate_mean(self) -> Figure:
+    def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
         """The mean tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_mean")
+        return against_magnitude(self.results, "tail_mean", *selection(self.results, where, column))
 
 
-def against_magnitude(results: Results, metric: str) -> Figure:
+def selection(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
+    """The cells that a figure is to show, and its width [in]; raises FolderError."""
+    if column not in COLUMNS:
+        raise FolderError(f"column: {' or '.join(COLUMNS)} (got {column})")
+    return chosen(results.study.cells, where or {}), COLUMNS[column]
+
+
+def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
     """A metric of the tail against ā."""
-    found = curves(results)
+    found = curves(results, cells)
     if not magnitude_is_swept(found):
         remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
         raise lacking(results, "sweep of attack.magnitude", remedy)
-    return ultimate.figure(found, metric)
+    return ultimate.figure(found, metric, width)
 
 
 def has(results: Results, name: str) -> bool:
@@ -88,14 +108,25 @@ def lacking(results: Results, what: str, remedy: str) -> LackingError:
     return LackingError(f"{results.path} has no {what}: run the study with {remedy}")
 
 
-def draw(results: Results, names: Sequence[str] = NAMES) -> Iterator[UPath]:
+def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = untold) -> Iterator[UPath]:
     """Draw those of these figures that the folder has data for; the files written, one after the other."""
-    for name in names:
+    for done, name in enumerate(names):
+        told("figures drawn", done, len(names))
         try:
             drawn = getattr(Plots(results), name)()
         except LackingError:
             continue
         yield from save(results, name, drawn)
+
+
+def file_name(name: str, where: Where, column: str) -> str:
+    """What a figure's files are called: the plain one by its name, others by what they show too."""
+    words = [f"{key}={value}" for key, values in where.items() for value in listed(values)]
+    told = "-".join([name, *words, *(["one-column"] if column == "one" else [])])
+    plain = re.sub(r"[^\w.=-]+", "_", told)
+    if plain == told and len(told) <= LONGEST:
+        return told
+    return f"{plain[:LONGEST]}-{hashlib.sha256(told.encode()).hexdigest()[:6]}"  # as others may be cut to it
 
 
 def save(results: Results, name: str, figure: Figure) -> Iterator[UPath]:

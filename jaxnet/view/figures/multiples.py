@@ -13,19 +13,25 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
+from jaxnet.statistics.curves import MOST_PANELS
+from jaxnet.statistics.groups import MAGNITUDE
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
 PANEL_HEIGHT = 1.45  # [in]
-ACROSS = 4  # panels in a row
+ACROSS = 4  # panels in a row across two columns
+ROW_HEIGHT, LINE = 0.28, 0.13  # [in] of a named row at least, and of each line of its name
+HEADING = 0.7  # [in] for axis and legend
+LETTERS = 17  # of a title, an inch
+Y_LETTERS = 18  # of a line along a panel's height
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def columns(labels: Sequence[dict[str, Any]]) -> int:
+def columns(labels: Sequence[dict[str, Any]], most: int = ACROSS) -> int:
     """How many panels stand in a row: those that share the first swept value, if they are few."""
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
-    return run if 2 <= run <= ACROSS and len(firsts) % run == 0 else min(len(firsts), ACROSS)
+    return run if 2 <= run <= most and len(firsts) % run == 0 else min(len(firsts), most)
 
 
 def title(labels: dict[str, Any]) -> str:
@@ -56,11 +62,12 @@ def as_text(words: str) -> str:
 def called(key: str, value: Any) -> str:
     """One swept value, with its unit if it has one; the two are never on different lines."""
     if value == "none":
-        return f"no {key}"
+        return f"no{NO_BREAK}{key}"
     if key in KINDS:
         return str(value)
     amount = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return NO_BREAK.join(filter(None, [f"{key} =", amount, unit(key)]))
+    name = f"ā{NO_BREAK}=" if key == MAGNITUDE else f"{key} ="
+    return NO_BREAK.join(filter(None, [name, amount, unit(key)]))
 
 
 @functools.cache
@@ -72,7 +79,7 @@ def unit(key: str) -> str:
         base = registry.base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
     models = [model for model in family(base) if name in model.model_fields]
     described = (model.model_fields[name].description or "" for model in models)
-    found = (re.match(r"(?:ā )?\[([^],]+)", words) for words in described)
+    found = (re.match(r"\[([^],]+)", words) for words in described)
     return next((match[1] for match in found if match), "")
 
 
@@ -91,20 +98,58 @@ def note_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> No
 
 
 def note(drawn: Figure, words: str) -> None:
-    """Write a small line above all panels."""
-    drawn.suptitle(words, x=0.01, ha="left", fontsize=7)
+    """Write a small line above all panels, after what stands there already."""
+    told = "; ".join(filter(None, [drawn.get_suptitle().replace("\n", " "), words]))
+    wrapped = textwrap.fill(told, int(1.1 * LETTERS * drawn.get_figwidth()))
+    drawn.suptitle(wrapped, x=0.01, ha="left", fontsize=7)
+
+
+def shared_labels(labels: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What several labels have in common, and so need not say each; one alone says all of its own."""
+    if len(labels) < 2:
+        return {}
+    return {key: value for key, value in labels[0].items() if all(value == each[key] for each in labels)}
+
+
+def told_apart(labels: Sequence[dict[str, Any]]) -> list[str]:
+    """A name of each by what tells it from the others."""
+    common = shared_labels(labels)
+    return [title({key: value for key, value in each.items() if key not in common}) for each in labels]
+
+
+def note_shared(drawn: Figure, labels: Sequence[dict[str, Any]]) -> None:
+    """Have a figure say what its panels or rows have in common, if they are several."""
+    if common := shared_labels(labels):
+        note(drawn, f"all with {as_text(title(common))}")
+
+
+def panels_across(width: float) -> int:
+    """Panels that stand in a row at most."""
+    return max(1, round(ACROSS * width / style.WIDTH))
+
+
+def room(labels: Sequence[dict[str, Any]], width: float, height: float = PANEL_HEIGHT) -> int:
+    """How many of these panels a page has room for: whole rows of them."""
+    rows = int((style.TALLEST - HEADING) / height)
+    return min(len(labels), MOST_PANELS, rows * columns(labels, panels_across(width)))
+
+
+def legend_columns(width: float, most: int) -> int:
+    """Entries of a legend side by side."""
+    return max(2, round(most * width / style.WIDTH))
 
 
 def panels(
-    labels: Sequence[dict[str, Any]], x: str, y: str, height: float = PANEL_HEIGHT
+    labels: Sequence[dict[str, Any]], x: str, y: str, width: float, height: float = PANEL_HEIGHT
 ) -> tuple[Figure, list[Axes]]:
     """A figure with a titled panel for each of these labels, its outer axes named."""
-    across = columns(labels)
+    across = columns(labels, panels_across(width))
     rows = -(-len(labels) // across)
-    drawn = Figure(figsize=(style.WIDTH, height * rows + 0.7))
+    drawn = Figure(figsize=(width, height * rows + HEADING))
+    note_shared(drawn, labels)
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
-    for panel, each in zip(grid, labels, strict=False):
-        wrapped = textwrap.fill(as_text(title(each)), 120 // across)
+    for panel, named in zip(grid, told_apart(labels), strict=False):
+        wrapped = textwrap.fill(as_text(named), int(LETTERS * width) // across)
         panel.set_title(wrapped, pad=3, fontsize=7.5)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
@@ -112,7 +157,36 @@ def panels(
         panel.axis("off")
         grid[number - across].tick_params(labelbottom=True)
     for panel in grid[::across]:
-        panel.set_ylabel(y)
+        panel.set_ylabel(textwrap.fill(y, Y_LETTERS))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
         panel.set_xlabel(x)
     return drawn, grid[: len(labels)]
+
+
+def row_heights(labels: Sequence[dict[str, Any]], width: float) -> tuple[list[str], np.ndarray]:
+    """Names of rows, wrapped to a third of the width, and how high each row must be [in]."""
+    names = [textwrap.fill(as_text(name), int(LETTERS * width / 2.8)) for name in told_apart(labels)]
+    return names, np.array([max(ROW_HEIGHT, LINE * (1 + name.count("\n"))) for name in names])
+
+
+def rows_room(labels: Sequence[dict[str, Any]], width: float, most: int) -> int:
+    """How many of these rows a page has room for, of the first `most`."""
+    heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])  # all are as high as the highest
+    return int(np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.TALLEST - 1.0))
+
+
+def named_rows(labels: Sequence[dict[str, Any]], width: float) -> tuple[Figure, Axes]:
+    """A figure with one panel that has a named row for each of these labels, from the top down."""
+    names, heights = row_heights(labels, width)
+    drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))
+    note_shared(drawn, labels)
+    panel = drawn.add_subplot()
+    panel.set_yticks(range(len(names)) if any(names) else [], names if any(names) else [])
+    panel.set_ylim(len(names) - 0.4, -0.6)
+    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
+    return drawn, panel
+
+
+def axis_name(words: str, width: float) -> str:
+    """The name of an axis that takes most of the width, in as many lines as that needs."""
+    return textwrap.fill(words, int(0.6 * LETTERS * width))

@@ -18,32 +18,43 @@ from jaxnet.view.figures.style import Figure
 
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
-ROW_LETTERS = 30  # that a line along a row's height takes
+KEY_HEIGHT = 0.35  # [in]
+ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 110  # that a line across the page takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
 
 
-def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
-    """Rows are what is swept besides topology, the first MOST of each; the last column has the errors."""
-    whole = layout(results.study.cells)
-    rows = [row[:MOST_A_SIDE] for row in whole[:MOST_A_SIDE]]
-    columns = max(map(len, rows)) if trajectories else 0
-    drawn = Figure(figsize=(style.WIDTH, ROW_HEIGHT * len(rows) + 0.35))
-    widths = [1.0] * columns + ([1.35] if errors else [])
-    grid = GridSpec(len(rows), len(widths), figure=drawn, width_ratios=widths)
+def figure(
+    results: Results, cells: Sequence[Cell], width: float = style.WIDTH, *, trajectories: bool, errors: bool
+) -> Figure:
+    """Rows are what is swept besides topology, the first MOST of each; the errors stand last in each.
+
+    A row of a narrow figure takes several lines, the last for its errors.
+    """
+    whole, narrow = layout(cells), width < style.WIDTH
+    most = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
+    places, widths = places_of_row(most, errors, narrow)
+    lines = 1 + places[-1][0]
+    fitting = int((style.TALLEST - KEY_HEIGHT) / (ROW_HEIGHT * lines))
+    rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
+    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + KEY_HEIGHT))
+    grid = GridSpec(lines * len(rows), len(widths), figure=drawn, width_ratios=widths)
+    spots = [[grid[lines * row + line, column] for line, column in places] for row in range(len(rows))]
     if trajectories:
         data = results.trajectories
-        lanes = {cell.number: first_lane(data, cell) for cells in rows for cell in cells}
+        lanes = {cell.number: first_lane(data, cell) for row in rows for cell in row}
         reach = farthest(lane for lane in lanes.values() if lane is not None)
-        for number, cells in enumerate(rows):
-            draw_trajectories(drawn, grid, number, cells, lanes, reach)
+        for number, row in enumerate(rows):
+            draw_trajectories(drawn, spots[number], number * len(places), row, lanes, reach)
     if errors:
-        for number, cells in enumerate(rows):
-            words = "errors" if trajectories else textwrap.fill(setting(cells[0]), TITLE_LETTERS)
-            title = f"({chr(ord('a') + number * len(widths) + columns)}) {words}"
-            draw_errors(drawn, grid[number, columns], cells, results.errors, title, key=number == 0)
+        for number, row in enumerate(rows):
+            words = "errors" if trajectories else textwrap.fill(setting(row[0]), TITLE_LETTERS)
+            title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
+            draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow)
     if trajectories:
-        drawn.legend(handles=legend(rows), loc="outside lower center", ncols=6, handlelength=2.2)
+        ncols = multiples.legend_columns(width, 6)
+        handles = legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
+        drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.2)
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
     multiples.note_left_out(
         drawn,
@@ -52,6 +63,20 @@ def figure(results: Results, trajectories: bool, errors: bool) -> Figure:
         where=" and ".join(store for store, there in stores.items() if there),
     )
     return drawn
+
+
+def places_of_row(
+    planes: int, errors: bool, narrow: bool
+) -> tuple[list[tuple[int, int | slice]], list[float]]:
+    """Line and column of each plane of a row and, last, of its errors; and how wide the columns are."""
+    places: list[tuple[int, int | slice]]
+    if not narrow:
+        places = [(0, column) for column in range(planes + errors)]
+        return places, [1.0] * planes + [1.35] * errors
+    places = [divmod(place, 2) for place in range(planes + errors)]
+    if errors and planes % 2 == 0:
+        places[-1] = places[-1][0], slice(None)
+    return places, [1.0, 1.0]
 
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
@@ -92,7 +117,7 @@ def name(cell: Cell) -> str:
 def setting(cell: Cell) -> str:
     """What a row is about, in a few words."""
     attack = cell.scenario.attack
-    words = [magnitude_words(cell).replace(" m", f"{multiples.NO_BREAK}m")]
+    words = [magnitude_words(cell).replace(" ", multiples.NO_BREAK)]
     if attack.amplitude() != 0:
         words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
     told = ("topology", "attack", "attack.magnitude")
@@ -102,21 +127,22 @@ def setting(cell: Cell) -> str:
 
 def draw_trajectories(
     drawn: Figure,
-    grid: GridSpec,
-    row: int,
+    spots: Sequence[Any],
+    letters: int,
     cells: Sequence[Cell],
     lanes: Mapping[int, xr.Dataset | None],
     reach: float,
 ) -> None:
     """Paths in the plane, a panel per topology, all from -reach to reach [m]."""
-    for column, cell in enumerate(cells):
-        panel = drawn.add_subplot(grid[row, column])
+    for number, (cell, spot) in enumerate(zip(cells, spots, strict=False)):
+        panel = drawn.add_subplot(spot)
         draw_plane(panel, cell, lanes[cell.number])
-        letter = chr(ord("a") + row * grid.ncols + column)
-        panel.set_title(f"({letter}) {name(cell)}", pad=3)
+        panel.set_title(f"({chr(ord('a') + letters + number)}) {name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
-        if column == 0:
+        if number == 0:
             panel.set_ylabel(f"{textwrap.fill(setting(cell), ROW_LETTERS)}\ny [m]")
+        elif spot.colspan.start == 0:
+            panel.set_ylabel("y [m]")
         else:
             panel.tick_params(labelleft=False)
         panel.set_xlim(-reach, reach)
@@ -166,6 +192,12 @@ def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
     return handles
 
 
+def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
+    """Whose errors are whose, where the panels have no room to say so."""
+    pairs = zip(cells, style.SERIES, strict=False)
+    return [Line2D([], [], **look, label=f"error, {name(cell)}") for cell, look in pairs]
+
+
 def draw_errors(
     drawn: Figure, place: Any, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
 ) -> None:
@@ -187,7 +219,7 @@ def draw_errors(
             panel.tick_params(labelbottom=False)
             panel.set_title(title, pad=3)
             if key:
-                panel.legend(loc="lower left", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
+                panel.legend(loc="upper right", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
         else:
             panel.set_xlabel("t [s]")
             panel.locator_params(axis="x", nbins=4)

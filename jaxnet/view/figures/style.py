@@ -6,7 +6,10 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib import figure
 
-WIDTH = 7.16  # [in], across two columns
+from jaxnet.view.figures import COLUMNS
+
+WIDTH = COLUMNS["two"]  # [in]
+TALLEST = 9.4  # [in] of a figure: what a page has beside a caption
 
 # Okabe and Ito's palette; what must be told apart also differs in line style or marker.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (

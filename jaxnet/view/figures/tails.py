@@ -1,8 +1,11 @@
 """Where the lanes of each cell end: their tail errors, with median and 5 to 95 %."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
+from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import FLOOR
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -13,12 +16,14 @@ MOST_SHOWN = 24  # cells that one figure takes
 DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
 
 
-def figure(results: Results) -> Figure:
-    """`tail_mean` of the ok lanes of the first MOST cells."""
-    cells = results.study.cells[:MOST_SHOWN]
-    drawn = Figure(figsize=(style.WIDTH, 0.28 * len(cells) + 1.0))
-    panel = drawn.add_subplot()
-    for number, lanes in results.by_cell("tail_mean", where=rows.OK, cells=range(len(cells))):
+def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
+    """`tail_mean` of the ok lanes of the first MOST of these cells."""
+    labels = [cell.labels for cell in cells]
+    most = multiples.rows_room(labels, width, MOST_SHOWN)
+    shown = {cell.number: place for place, cell in enumerate(cells[:most])}
+    drawn, panel = multiples.named_rows(labels[:most], width)
+    for cell, lanes in results.by_cell("tail_mean", where=rows.OK, cells=shown):
+        number = shown[cell]
         values = np.maximum(FLOOR, lanes["tail_mean"].to_numpy())
         dots = some(values)
         jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(dots))
@@ -30,17 +35,9 @@ def figure(results: Results) -> Figure:
     panel.autoscale_view()
     multiples.log_ticks(panel.xaxis)
     dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
-    panel.set_xlabel(f"mean error over the tail and the vehicles, {dot} [m]")
-    panel.set_yticks(
-        [cell.number for cell in cells],
-        [multiples.as_text(multiples.title(cell.labels)) for cell in cells],
-    )
-    panel.set_ylim(len(cells) - 0.4, -0.6)
-    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
-    title = "median and 5 to 95 %"
-    if len(results.study.cells) > MOST_SHOWN:
-        title += f"; the first {MOST_SHOWN} of {len(results.study.cells)} cells"
-    panel.set_title(title, loc="left")
+    panel.set_xlabel(multiples.axis_name("mean error over the tail and the vehicles [m]", width))
+    multiples.note(drawn, f"{dot}; median and 5 to 95 %")
+    multiples.note_left_out(drawn, (len(shown), len(cells), "cells"), where="lanes/")
     return drawn
 
 

@@ -19,8 +19,10 @@ SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
 CROWD = 16  # more vehicles than this are too many for one circle
 INNER = 0.8  # radius of a crowd's second circle
 EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
+SMALLEST = 6.0  # [pt] type that can be read in print
 NODE = 11.0  # [pt] diameter of a node where there is room for it
-LEGIBLE = 8.0  # [pt] diameter of a node whose number can be read
+KEY_HEIGHT = 0.55  # [in]
+LEGIBLE = 9.5  # [pt] diameter of a node whose number can be read
 APART = 18.0  # [pt] from one node to the next that panels grow for
 MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
 
@@ -30,36 +32,44 @@ ATTACKED = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
 LINKS = {"trusted link": TRUSTED, "attacked link": ATTACKED, "other link": PLAIN}
 
 
-def figure(cells: Sequence[Cell]) -> Figure:
-    """One panel per graph, each with the most attacked links that the study has on it.
+def figure(cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
+    """One panel per graph, as a page has room for, each with the most attacked links that the study has.
 
     Weights that are drawn lane by lane are those of the graph of their medians.
     """
+    there = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
+    across = side_by_side([network.weights for _, network in there], width)
+    columns = min(across, len(there))
+    size = width / max(columns, min(3, across))
+    shown = there[: columns * max(1, int((style.TALLEST - KEY_HEIGHT) / size))]
+    weights = [network.weights for _, network in shown]
+    rows = -(-len(shown) // columns)
+    drawn = Figure(figsize=(width, size * rows + KEY_HEIGHT))
+    for number, (cell, network) in enumerate(shown):
+        draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
+    handles, ncols = legend(shown), multiples.legend_columns(width, 5)
+    drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.4)
+    words = left_out(weights, 72 * size)
+    if words:
+        multiples.note(drawn, f"There is no room for {' and '.join(words)}")
+    multiples.note_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
+    return drawn
+
+
+def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
+    """Of each graph the cell with the most attacked links."""
     graphs: dict[str, Cell] = {}
     for cell in cells:
         known = graphs.get(name(cell))
         if known is None or attacked_links(cell) > attacked_links(known):
             graphs[name(cell)] = cell
-    shown = [(cell, situation_of(cell.scenario)) for cell in graphs.values()]
-    weights = [network.weights for _, network in shown]
-    across = panels_across(weights)
-    columns = min(across, len(shown))
-    rows = -(-len(shown) // columns)
-    size = style.WIDTH / max(columns, min(3, across))
-    drawn = Figure(figsize=(size * columns if columns >= 3 else style.WIDTH, size * rows + 0.55))
-    for number, (cell, network) in enumerate(shown):
-        draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
-    drawn.legend(handles=legend(shown), loc="outside lower center", ncols=5, handlelength=2.4)
-    words = left_out(weights, 72 * size)
-    if words:
-        multiples.note(drawn, f"There is no room for {' and '.join(words)}")
-    return drawn
+    return list(graphs.values())
 
 
-def panels_across(graphs: Sequence[np.ndarray]) -> int:
+def side_by_side(graphs: Sequence[np.ndarray], width: float) -> int:
     """How many graphs stand in a row: as many as leave APART between the nodes of each."""
     wanted = max(APART / spacing(weights, 1.0) for weights in graphs)
-    return max(1, min(MOST_IN_ROW, int(72 * style.WIDTH / wanted)))
+    return max(1, min(MOST_IN_ROW, int(72 * width / wanted)))
 
 
 def spacing(weights: np.ndarray, size: float) -> float:
@@ -111,10 +121,11 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
         mutual = j > 0 and network.weights[j - 1, i + 1] > 0
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINKS[called])
-    label_weights(panel, network.weights, places)
+    if len(network.weights) <= CROWD or not weight_classes(network.weights):
+        label_weights(panel, network.weights, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
-    panel.set_title(name(cell), pad=2)
+    panel.set_title(heading(cell, network.weights), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")
     panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
@@ -157,15 +168,29 @@ def draw_link(
     panel.add_patch(arrow)
 
 
+def weight_classes(weights: np.ndarray) -> dict[tuple[bool, float], tuple[int, int]]:
+    """Weights of navigator and vehicles where there are few of them, with one link of each; else nothing."""
+    classes: dict[tuple[bool, float], tuple[int, int]] = {}
+    links = np.argwhere(weights > 0)
+    for i, j in links:
+        classes.setdefault((bool(j == 0), round(float(weights[i, j]), 6)), (int(i), int(j)))
+    return classes if len(links) > 8 and len(classes) <= 3 else {}
+
+
 def labelled_links(weights: np.ndarray) -> list[tuple[int, int]]:
     """All links, or where few values recur, one of each from navigator and vehicles; none of too many."""
     links = [(int(i), int(j)) for i, j in np.argwhere(weights > 0)]
-    classes: dict[tuple[bool, float], tuple[int, int]] = {}
-    for i, j in links:
-        classes.setdefault((j == 0, round(float(weights[i, j]), 6)), (i, j))
-    if len(links) > 8 and len(classes) <= 3:
-        return list(classes.values())
-    return links if len(links) <= MOST_WEIGHTS else []
+    return list(weight_classes(weights).values()) or (links if len(links) <= MOST_WEIGHTS else [])
+
+
+def heading(cell: Cell, weights: np.ndarray) -> str:
+    """A graph's name; in a crowd, where no label is clear of the nodes, with the weights that recur."""
+    words = [
+        f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
+        for navigator, weight in weight_classes(weights)
+    ]
+    crowded = len(weights) > CROWD and words
+    return f"{name(cell)}\nweights: {', '.join(words)}" if crowded else name(cell)
 
 
 def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
@@ -175,7 +200,7 @@ def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
         mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
-        x, y = middle + (0.22 if mutual and len(weights) <= CROWD else 0.12) * aside
+        x, y = middle + (0.22 if mutual else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 
@@ -201,7 +226,16 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
         zorder=2.5 if lies else 2,
     )
     if across >= LEGIBLE:
-        panel.text(x, y, str(source), fontsize=0.6 * across, ha="center", va="center", color=text, zorder=3)
+        panel.text(
+            x,
+            y,
+            str(source),
+            fontsize=max(SMALLEST, 0.6 * across),
+            ha="center",
+            va="center",
+            color=text,
+            zorder=3,
+        )
 
 
 def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D]:

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxnet.statistics.curves import BOUND_NAMES, MOST_PANELS, Curve, axis_ends
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, axis_ends
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -24,13 +24,13 @@ POINT: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}
 LONG: dict[str, Any] = POINT | {"markersize": 6}
 
 
-def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
-    """A panel per group, the first MOST: quantiles over lanes, bounds, and the fitted proportion."""
-    shown = found[:MOST_PANELS]
+def figure(found: Sequence[Curve], metric: str = "tail_max", width: float = style.WIDTH) -> Figure:
+    """A panel per group, as there is room for: quantiles over lanes, bounds, and the fitted proportion."""
+    shown = found[: multiples.room([curve.group.labels for curve in found], width)]
     low, high = axis_ends(found, metric)
     word = "greatest" if metric == "tail_max" else "mean"
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", f"{word} tail error [m]")
+    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", f"{word} tail error [m]", width)
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)
@@ -38,7 +38,12 @@ def figure(found: Sequence[Curve], metric: str = "tail_max") -> Figure:
     panels[0].autoscale_view(scaley=False)
     multiples.log_ticks(panels[0].xaxis)
     multiples.log_ticks(panels[0].yaxis)
-    drawn.legend(handles=legend(shown, metric), loc="outside lower center", ncols=4, handlelength=2.6)
+    drawn.legend(
+        handles=legend(shown, metric, low),
+        loc="outside lower center",
+        ncols=multiples.legend_columns(width, 4),
+        handlelength=2.6,
+    )
     multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
@@ -66,15 +71,16 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     panel.plot(sizes, greatest, "_", **LONG)
 
 
-def legend(shown: Sequence[Curve], metric: str) -> list[Line2D]:
+def legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
     """What is what, of what is there."""
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
         Line2D([], [], marker="o", label="median of lanes", **POINT),
         Line2D([], [], marker="|", label="5 to 95 %", **LONG),
         Line2D([], [], marker="_", label="maximum", **LONG),
-        Line2D([], [], marker="v", label="median below the axis", **POINT),
     ]
+    if any((curve.spread(metric, "median")[0] <= floor).any() for curve in shown):
+        handles.append(Line2D([], [], marker="v", label="median below the axis", **POINT))
     if any(curve.fit(metric) for curve in shown):
         handles.append(Line2D([], [], label="least squares s·ā", **FITTED))
     return handles + [

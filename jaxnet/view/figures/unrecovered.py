@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import MOST_PANELS, Curve, magnitude_is_swept, shares
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.multiples import as_text, title
 from jaxnet.view.figures.style import Figure
 
+HEIGHT = 1.15  # [in] of a panel
 LOOK: dict[str, Any] = {
     "color": style.BLUE,
     "ecolor": style.BLUE,
@@ -22,19 +23,21 @@ LOOK: dict[str, Any] = {
 }
 
 
-def figure(results: Results, found: Sequence[Curve]) -> Figure:
-    """Against ā, a panel per group, where ā is swept; else a row per cell; the first MOST."""
+def figure(
+    results: Results, cells: Sequence[Cell], found: Sequence[Curve], width: float = style.WIDTH
+) -> Figure:
+    """Against ā, a panel per group, where ā is swept; else a row per cell; the first there is room for."""
     if not magnitude_is_swept(found):
-        return rows(results)
-    shown = found[:MOST_PANELS]
+        return rows(results, cells, width)
+    shown = found[: multiples.room([curve.group.labels for curve in found], width, HEIGHT)]
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", height=1.15)
+    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", "unrecovered [%]", width, HEIGHT)
     for panel, curve in zip(panels, shown, strict=True):
         draw_share(panel, curve)
     panels[0].set_xscale("log")
     panels[0].autoscale_view()
     multiples.log_ticks(panels[0].xaxis)
-    panels[0].set_ylim(-4, 104)
+    panels[0].set_ylim(-5, 108)
     multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
@@ -46,20 +49,17 @@ def draw_share(panel: Axes, curve: Curve) -> None:
     panel.errorbar(sizes, share, np.stack([share - low, high - share]), **LOOK)
 
 
-def rows(results: Results) -> Figure:
+def rows(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
     """A row per cell."""
-    there = shares(results)
-    found = there.head(MOST_PANELS)
+    asked = {cell.number: cell for cell in cells}
+    there = shares(results, cells)
+    labels = [asked[int(number)].labels for number in there.index]
+    found = there.head(multiples.rows_room(labels, width, MOST_PANELS))
     share, low, high = (100 * found[name].to_numpy() for name in found)
     places = np.arange(len(found))
-    drawn = Figure(figsize=(style.WIDTH, 0.28 * len(found) + 0.7))
-    panel = drawn.add_subplot()
+    drawn, panel = multiples.named_rows(labels[: len(found)], width)
     panel.errorbar(share, places, xerr=np.stack([share - low, high - share]), **LOOK)
-    names = [title(results.study.cells[int(number)].labels) for number in found.index]
-    panel.set_yticks(places, [as_text(name) for name in names])
-    panel.set_ylim(len(found) - 0.4, -0.6)
     panel.set_xlim(-2, 102)
     panel.set_xlabel("lanes unrecovered, with interval [%]")
-    panel.grid(True, axis="x", color="0.9", linewidth=0.5)
     multiples.note_left_out(drawn, (len(found), len(there), "cells"), where="cells.csv")
     return drawn

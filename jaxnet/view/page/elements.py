@@ -1,13 +1,11 @@
-"""What the page's sections are made of: tables that sort, places for plots, keys to what is drawn in them."""
+"""What the page's sections are made of: tables that sort, numbers as they are read, text that opens."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.view.figures.multiples import columns, title
 from jaxnet.view.text import tables
 
 # Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
@@ -20,10 +18,15 @@ def folded(name: str, text: str) -> str:
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 
-def sortable(rows: pd.DataFrame, scales: Mapping[str, np.ndarray] | None = None) -> str:
+def sortable(
+    rows: pd.DataFrame,
+    cells: Iterable[Sequence[int]] | None = None,
+    scales: Mapping[str, np.ndarray] | None = None,
+) -> str:
     """Rows as a table that sorts; numbers to four digits, and in full for the sorting.
 
-    Columns with scales, one of each row, hold errors: what is rounding to its scale is shown as such.
+    Each row may be about some cells, by which the reader chooses. Columns with scales, one of each row, hold
+    errors: what is rounding to its scale is shown as such.
     """
     scales = scales or {}
     numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
@@ -41,7 +44,10 @@ def sortable(rows: pd.DataFrame, scales: Mapping[str, np.ndarray] | None = None)
         ]
         for n, number in enumerate(numeric)
     ]
-    lines = "\n".join(f"<tr>{''.join(line)}</tr>" for line in zip(*by_column, strict=True))
+    lines = "\n".join(
+        f'<tr data-cells="{" ".join(map(str, about))}">{"".join(line)}</tr>'
+        for about, *line in zip([()] * len(rows) if cells is None else cells, *by_column, strict=True)
+    )
     return (
         f'<div class="box" tabindex="0"><table><thead><tr>{heads}</tr></thead>'
         f"<tbody>{lines}</tbody></table></div>"
@@ -67,35 +73,3 @@ def measured(value: float, scale: float = 1.0) -> str:
     if 0 < abs(value) < ROUNDING * known:
         return "0 (rounding)"
     return "∞" if value == np.inf else tables.number(value)
-
-
-def grid(labels: Sequence[dict[str, Any]], choose: str = "", choices: Sequence[str] = ()) -> str:
-    """Places for small multiples, and a choice of what they show if there is one."""
-    select = ""
-    if len(choices) > 1:
-        options = "".join(f"<option>{escape(choice)}</option>" for choice in choices)
-        select = f'<div class="controls"><label>{choose} <select>{options}</select></label></div>'
-    panels = "".join(
-        f'<div class="panel"><h3>{escape(title(each))}</h3>'
-        f'<div class="plot" role="img" aria-label="{escape(title(each)) or "all cells"}"></div></div>'
-        for each in labels
-    )
-    return f'{select}<div class="grid" style="--columns: {columns(labels)}">{panels}</div>'
-
-
-def key(entries: Sequence[tuple[str, str]]) -> str:
-    """What is what: a drawing and a name each."""
-    return (
-        '<ul class="key">'
-        + "".join(
-            f'<li><svg viewBox="0 0 34 14" aria-hidden="true">{drawing}</svg>{name}</li>'
-            for name, drawing in entries
-        )
-        + "</ul>"
-    )
-
-
-def stroke(color: str, dash: str = "solid", width: float = 1.6) -> str:
-    """A line in a key."""
-    dashes = "" if dash == "solid" else f' stroke-dasharray="{dash.replace("px", "")}"'
-    return f'<path d="M0 7H34" fill="none" stroke="var({color})" stroke-width="{width}"{dashes}/>'

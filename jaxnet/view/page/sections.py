@@ -10,28 +10,18 @@ import pandas as pd
 
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
+from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics import recovery
-from jaxnet.statistics.curves import (
-    BOUND_NAMES,
-    FLOOR,
-    METRICS,
-    MOST_PANELS,
-    Curve,
-    all_bands,
-    curves,
-    magnitude_is_swept,
-    magnitude_words,
-    scenes,
-    shares,
-)
+from jaxnet.statistics.curves import BOUND_NAMES, FLOOR, Curve, bands_of, curves, magnitude_is_swept, shares
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results, read_table
-from jaxnet.view.page import findings, plots, trajectories
-from jaxnet.view.page.elements import folded, grid, key, sortable, stroke
+from jaxnet.view.page import findings, networks, plots, trajectories
+from jaxnet.view.page.elements import folded, sortable
 from jaxnet.view.text import check, tables
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200
+DRAWN = '<div class="drawn"></div>'  # where the script draws
 
 
 class Section(NamedTuple):
@@ -57,7 +47,7 @@ def every(results: Results) -> list[Section]:
         ultimate_section(results, found),
         bands_section(results),
         unrecovered_section(results, found),
-        worst_section(results),
+        lanes_section(results),
         violations_section(results),
         failed(results),
     ]
@@ -101,11 +91,10 @@ def run_section(results: Results) -> Section:
     }
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
     certificates = check.certificates(study.cells)
-    networks = check.count(len(certificates), "network")
     body = (
-        f"<dl>{rows}</dl>"
+        f"<p>{escape(networks.words(study))}</p>{networks.drawing(study.cells)}<dl>{rows}</dl>"
         + folded("The study, every default written out", (results.path / "study.yaml").read_text())
-        + folded(f"Certificates of {networks}", "\n\n".join(certificates))
+        + folded(f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates))
     )
     return Section("run", "What was run", body)
 
@@ -123,37 +112,16 @@ def summary_section(results: Results) -> Section:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     shown = rows.head(MOST_ROWS)
     scales = dict.fromkeys(tables.SUMMARY.values(), findings.scales(results)[: len(shown)])
-    return Section("summary", "Summary", note + sortable(shown, scales))
-
-
-MEDIAN_KEY = [
-    (
-        "median, 5 to 95 %",
-        '<path d="M17 0V14" stroke="var(--black)"/><circle cx="17" cy="7" r="3" fill="var(--black)"/>',
-    ),
-    ("maximum", '<path d="M12 7H22" stroke="var(--black)" stroke-width="2"/>'),
-    ("mean, 95 % interval", '<path d="M17 3l4 4-4 4-4-4z" fill="none" stroke="var(--muted)"/>'),
-    ("median below the axis", '<path d="M13 4H21L17 11z" fill="var(--black)"/>'),
-]
+    return Section("summary", "Summary", note + sortable(shown, ([cell] for cell in shown["cell"]), scales))
 
 
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
     """δ̂(ā), and its slopes as a table."""
     name = "Ultimate error δ̂(ā)"
     if not magnitude_is_swept(found):
-        return Section("ultimate", name, "<p>attack.magnitude is not swept: there is no δ̂(ā) to draw.</p>")
-    shown = found[:MOST_PANELS]
-    present = {bound for curve in shown for bound in curve.limits("tail_max")}
-    entries = MEDIAN_KEY + [
-        (BOUND_NAMES[bound], stroke(look["color"], look["dash"]))
-        for bound, look in plots.BOUND_LINES.items()
-        if bound in present
-    ]
-    if any(curve.fit("tail_max") for curve in shown):
-        entries += [
-            ("least squares s·ā", stroke(**plots.FITTED)),
-            ("95 % of lanes s·ā", stroke(**plots.FITTED_95)),
-        ]
+        return Section(
+            "ultimate", name, "<p>No two cells differ in ā &gt; 0 alone: there is no δ̂(ā) to draw.</p>"
+        )
     note = (
         "<p>Error over the tail against the attack's magnitude. Bounds of the worst vehicle (of the mean over"
         " vehicles for the mean error), where they say something. Cells with ā = 0 have no place on a log"
@@ -161,10 +129,7 @@ def ultimate_section(results: Results, found: list[Curve]) -> Section:
     )
     if not any(curve.bounds for curve in found):
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
-    choices = [f"{words} ({metric})" for metric, words in METRICS.items()]
-    body = note + key(entries) + grid([curve.group.labels for curve in shown], "Show the", choices)
-    body += more(len(found), "groups") + slopes_html(found)
-    return Section("ultimate", name, body, plots.ultimate(found, shown))
+    return Section("ultimate", name, note + DRAWN + slopes_html(found), plots.ultimate(found))
 
 
 def slopes_html(found: Sequence[Curve]) -> str:
@@ -180,11 +145,12 @@ def slopes_html(found: Sequence[Curve]) -> str:
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
     slopes, ones = shown.columns.difference(list(found[0].group.labels)), np.ones(len(shown))
+    about = [[cell.number for cell in curve.group.cells] for curve in found]
     same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"), dict.fromkeys(slopes, ones))
+        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"), about, dict.fromkeys(slopes, ones))
     )
 
 
@@ -192,24 +158,11 @@ def bands_section(results: Results) -> Section | None:
     """ẽ(t)."""
     if not (results.path / "errors.zarr").exists():
         return None
-    found, groups = all_bands(results), scenes(results.study.cells)
+    found = bands_of(results, results.study.cells)
     if not found:
         return None
-    shown = groups[:MOST_PANELS]
-    choices = list(dict.fromkeys(magnitude_words(cell) for group in shown for cell in group.cells))
-    entries = [
-        ("median of lanes", stroke("--blue", width=2.0)),
-        ("5 to 95 %", '<path d="M0 2H34V12H0z" fill="var(--band)"/>'),
-        ("maximum", stroke("--red", "5px,3px")),
-    ]
     note = f"<p>Mean error of the fleet over time; what is below {FLOOR:g} m is rounding and drawn there.</p>"
-    body = note + key(entries) + grid([group.labels for group in shown], "Attack magnitude", choices)
-    return Section(
-        "bands",
-        "Error over time ẽ(t)",
-        body + more(len(groups), "groups"),
-        plots.bands(shown, found, choices),
-    )
+    return Section("bands", "Error over time ẽ(t)", note + DRAWN, plots.bands(results.study.cells, found))
 
 
 def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | None:
@@ -220,28 +173,13 @@ def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | N
     note = (
         f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
     )
-    if magnitude_is_swept(found):
-        shown = found[:MOST_PANELS]
-        body = grid([curve.group.labels for curve in shown]) + more(len(found), "groups")
-        drawn = plots.unrecovered(found, shown)
-    else:
-        body = grid([{}]) + more(len(shares(results)), "cells")
-        drawn = plots.unrecovered_rows(results, MOST_PANELS)
-    return Section("unrecovered", "Lanes that do not recover", note + body, drawn)
+    drawn = plots.unrecovered(found) if magnitude_is_swept(found) else plots.unrecovered_rows(results)
+    return Section("unrecovered", "Lanes that do not recover", note + DRAWN, drawn)
 
 
-def more(count: int, noun: str) -> str:
-    """What is left out of a figure."""
-    return (
-        f"<p>The first {MOST_PANELS} of {count:,} {noun}; all are in the tables.</p>"
-        if count > MOST_PANELS
-        else ""
-    )
-
-
-def worst_section(results: Results) -> Section:
-    """The replayed lanes, with a slider over time."""
-    name, found = "Worst lanes", trajectories.lanes(results)
+def lanes_section(results: Results) -> Section:
+    """Lanes in motion."""
+    name, (found, many) = "Lanes in motion", trajectories.lanes(results)
     if not found:
         ended = worst_of_cells(results, 1)
         if ended.empty:
@@ -249,33 +187,18 @@ def worst_section(results: Results) -> Section:
         row: Any = ended.loc[ended["tail_mean"].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
-    options = "".join(f"<option>{escape(lane['label'])}</option>" for lane in found)
-    worst = {lane["worst"] for lane in found}
-    name = {(True,): "Worst lanes", (False,): "Replayed lanes"}.get(tuple(worst), "Worst and replayed lanes")
-    body = (
-        f"<p>{name}, of each the greatest tail error per ā first;"
-        " a triangle points where a vehicle moves.</p>"
-        f'<div class="controls"><label>Lane <select>{options}</select></label></div>{LANE_KEY}'
-        '<div class="controls"><button type="button">Play</button>'
-        '<input type="range" min="0" value="0" step="1" aria-label="time"><output></output></div>'
-        '<div class="plot plane" role="img" aria-label="trajectories in the plane"></div>'
-        "<p>Again, with everything stored: <code></code></p>"
+    report = escape(shlex.join(["jaxnet", "report", str(results.path)]))
+    again = escape(results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0"))
+    note = (
+        f"<p>{check.count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
+        f" <code>{again} --cell C --sample S</code>, then <code>{report}</code>. {CHOSEN}</p>"
     )
-    return Section("lanes", name, body, found)
+    return Section("lanes", name, note + DRAWN, found)
 
 
-LANE_KEY = key(
-    [
-        (
-            "navigator",
-            stroke("--black", "2 3") + '<path d="M12 2H22V12H12z" fill="none" stroke="var(--black)"/>',
-        ),
-        ("vehicle", stroke("--sky", width=1.2) + '<circle cx="17" cy="7" r="4" fill="var(--blue)"/>'),
-        (
-            "attacked vehicle",
-            stroke("--red", "6 2", 1.4) + '<path d="M17 2l5 5-5 5-5-5z" fill="var(--red)"/>',
-        ),
-    ]
+CHOSEN = (
+    f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most, spread"
+    " evenly over the study, and the worst lanes of the study if it asks for recovery."
 )
 
 
@@ -308,7 +231,7 @@ def failed(results: Results) -> Section:
 def listed(rows: pd.DataFrame, count: int) -> str:
     """Lanes as a table, and how many there are in all."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
-    return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows)
+    return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows, ([cell] for cell in rows["cell"]))
 
 
 def fit_command(results: Results) -> str:

@@ -1,16 +1,14 @@
-"""The replayed lanes' trajectories, packed for the page's slider."""
+"""Lanes with their trajectories, packed for the page's lane viewer."""
 
-import re
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
-from upath import UPath
+from jaxtyping import Bool, Float
 
-from jaxnet.runs.replay import worst_of
-from jaxnet.statistics.curves import size_of
-from jaxnet.store.arrays import open_store
+from jaxnet.config.cells import Cell
+from jaxnet.config.scenario import situation_of
+from jaxnet.runs.watched import Watched, watched
 from jaxnet.store.results import Results
 from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles
@@ -18,63 +16,85 @@ from jaxnet.view.page import findings
 from jaxnet.view.page.elements import measured
 from jaxnet.view.page.plots import packed
 
-MOST_FRAMES = 100
-MOST_LANES = 60
+BUDGET = 1_200_000  # bytes of the page that lanes take, at most
+MOST_LANES = 30
+MOST_FRAMES, FEWEST_FRAMES = 601, 51
+LETTERS = 4 / 3  # per byte
 
 
-def lanes(results: Results) -> list[dict[str, Any]]:
-    """Trajectories of replayed lanes, at MOST_FRAMES instants at most.
-
-    The worst, which the report asks for, come first and then those that someone else replayed; of each, the
-    greatest tail error per ā first.
-    """
-    found: list[tuple[Any, ...]] = []
-    for path in sorted(file.parent for file in results.path.glob("replays/cell-*.zarr/zarr.json")):
-        named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
-        row = results.row(int(named[1]), int(named[2])) if named else None
-        if named and row is not None:
-            cell, sample, error = int(row["cell"]), int(row["sample"]), float(row["tail_mean"])
-            found.append((relative(results, cell, error), cell, sample, named[3], error, path))
-    worst = set(worst_of(results)) if found else set()
-    found.sort(key=lambda each: (each[1:3] not in worst, -each[0], *each[1:3]))
-    return [lane(results, each[1:3] in worst, *each[1:]) for each in found[:MOST_LANES]]
+def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
+    """As many lanes as the page has room for, and how many have a trajectory in all."""
+    found = watched(results)
+    most = max((frame_bytes(results.study.cells[each.cell]) for each in found[:MOST_LANES]), default=1.0)
+    room = BUDGET / most
+    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
+    frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
+    return [lane(results, each, frames) for each in found[:count]], len(found)
 
 
-def relative(results: Results, cell: int, error: float) -> float:
-    """An error per ā, so that lanes of all ā compare; 0 where nobody is attacked or the lane failed."""
-    amount = size_of(results.study.cells[cell])
-    return error / amount if isinstance(amount, int | float) and amount and np.isfinite(error) else 0.0
+def frame_bytes(cell: Cell) -> float:
+    """What one instant of a lane takes on the page: four numbers a vehicle, two an attacked, a bit a link."""
+    links = np.count_nonzero(situation_of(cell.scenario).weights)
+    return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * len(attacked_vehicles(cell))) + links / 8)
 
 
-def lane(
-    results: Results, worst: bool, number: int, sample: int, engine: str | None, error: float, path: UPath
-) -> dict[str, Any]:
-    """One lane's trajectory."""
-    cell, data = results.study.cells[number], open_store(path).isel(lane=0)
-    times = data.sizes["time"]
-    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES)).round().astype(int))
-    ahead = headings(data["states"])[frames]
-    states = data["states"].values[frames, :, :2]
-    navigator = data["navigator"].values[frames]
-    where = f"{title(cell.labels)}, " if cell.labels else ""
-    by = f", {engine} engine" if engine else ""
-    scale = float(findings.scales(results)[number])
-    told = f"{measured(error, scale)} m" if not np.isnan(error) else "none, it failed"
-    which = "worst" if worst else "replayed"
-    return {
-        "worst": worst,
-        "label": f"{which}: {where}sample {sample}: tail mean {told} (cell {number}{by})",
-        "command": results.replay_command(number, sample, engine),
-        "vehicles": states.shape[1],
-        "attacked": attacked_vehicles(cell),
-        "time": packed(data["time"].values[frames]),
-        "x": packed(states[..., 0]),
-        "y": packed(states[..., 1]),
-        "ahead": packed(ahead),
+def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
+    """One lane at so many instants at most, and at the last."""
+    cell, data = results.study.cells[one.cell], one.arrays()
+    outputs = np.arange(data.sizes["time"])
+    data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
+    situation, attacked = situation_of(cell.scenario), attacked_vehicles(cell)
+    links = links_of(results, one, cell)
+    places, navigator = data["states"].values[..., :2], data["navigator"].values
+    heard = np.argwhere(links)
+    given = {
+        "cells": [one.cell],
+        "sample": one.sample,
+        "label": label(results, one, cell),
+        "command": results.replay_command(one.cell, one.sample, one.engine),
+        "outputs": len(outputs),
+        "vehicles": places.shape[1],
+        "attacked": attacked,
+        "heard_from_navigator": bool(situation.attacked[:, 0].any()),
+        "replaced": cell.scenario.attack.replaces(),
+        "links": [[int(i) + 1, int(j), bool(attacked) and bool(situation.attacked[i, j])] for i, j in heard],
+        "time": packed(data["time"].values),
+        "x": packed(places[..., 0]),
+        "y": packed(places[..., 1]),
+        "ahead": packed(headings(data["states"])),
         "navigator_x": packed(navigator[:, 0]),
         "navigator_y": packed(navigator[:, 1]),
-        "reach": 1.05 * float(max(np.nanmax(np.abs(states), initial=1.0), np.abs(navigator).max())),
+        "error": packed(np.linalg.norm(places - navigator[:, None], axis=-1)),
+        "attack": packed(data["attack"].values[:, np.array(attacked, int) - 1]),
     }
+    if cell.scenario.defence.decides:
+        given["kept"] = packed(np.packbits(data["kept"].values[:, heard[:, 0], heard[:, 1]] > 0), "u1")
+    return given
+
+
+def links_of(results: Results, one: Watched, cell: Cell) -> Bool[np.ndarray, "m n"]:
+    """Who hears whom in a lane, whose graph may be its own."""
+    if not cell.scenario.topology.differs():
+        return situation_of(cell.scenario).weights > 0
+    from jaxnet.lanes.jobs import job
+
+    made = job(cell.scenario, results.study.config.seed, [one.sample])
+    sources = np.asarray(made.network.hearing.sources)
+    links = np.zeros((sources.shape[1], sources.shape[1] + 1), bool)
+    slots, listeners = np.nonzero(np.asarray(made.inputs.lane.weights[0]))
+    links[listeners, sources[slots, listeners]] = True
+    return links
+
+
+def label(results: Results, one: Watched, cell: Cell) -> str:
+    """How the choice of lanes names one."""
+    row = results.row(one.cell, one.sample)
+    error = float("nan") if row is None else float(row["tail_mean"])
+    where = f"{title(cell.labels)}, " if cell.labels else ""
+    by = f", {one.engine} engine" if one.engine else ""
+    size = float(findings.scales(results)[one.cell])
+    told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
+    return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
 
 
 def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:

@@ -1,6 +1,8 @@
 """What `jaxnet check` prints: the cells, and for each network what it promises. No JAX."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -16,25 +18,60 @@ from jaxnet.model.safety import Safe
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
 from jaxnet.theory import certificate
+from jaxnet.view.text.width import WIDTH, clipped
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
-MOST_CELLS = 60
+MOST_CELLS = 20  # told one by one; of more, what is swept
+MOST_WHOLE = 4  # networks told in full; of more, what is not as in the first
+MOST_NETWORKS = 20
+SOME = 12  # values or cells that are named one by one
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 
 
 def text(study: Study) -> str:
     """The whole report."""
-    parts = [head(study), cell_list(study.cells), *certificates(study.cells)]
+    parts = [head(study), cell_list(study.cells), *networks(study.cells)]
     return "\n\n".join(part for part in parts if part)
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
     """What each network promises, with the cells that share it."""
+    return [network_text(title(group, len(group)), network_rows(group)) for group in alike(cells)]
+
+
+def networks(cells: Sequence[Cell]) -> list[str]:
+    """The same for a terminal, of which as much is said once: of many the first, and how others differ."""
+    found: dict[Any, list[Cell]] = {}
+    for group in alike(cells):
+        key = group[0].scenario.topology.kind, tuple(network_rows(group).items())
+        found.setdefault(key, []).extend(group)
+    (_, first), *_ = found
+    texts = []
+    for (_, rows), group in list(found.items())[:MOST_NETWORKS]:
+        told = rows if len(found) <= MOST_WHOLE or rows == first else set(rows) - set(first)
+        lines = {name: line for name, line in rows if (name, line) in told}
+        texts.append(network_text(title(group, SOME) + ": as the first, but" * (told is not rows), lines))
+    if len(found) > MOST_NETWORKS:
+        texts.append(f"… {len(found) - MOST_NETWORKS} more networks")
+    return [wrapped(text) for text in texts]
+
+
+def wrapped(text: str) -> str:
+    """Lines no wider than a terminal; those that go on stand under where they began."""
+    lines = []
+    for line in text.splitlines():
+        under = re.match(r"  \S.*?  +|", line)
+        lines.append(fill(line, WIDTH, subsequent_indent=" " * (under.end() if under else 0)))
+    return "\n".join(lines)
+
+
+def alike(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """Cells that share a network, in the order of the first of each."""
     groups: dict[Any, list[Cell]] = {}
     for cell in cells:
         groups.setdefault(network_key(cell), []).append(cell)
-    return [network_text(group) for group in groups.values()]
+    return list(groups.values())
 
 
 def head(study: Study) -> str:
@@ -45,7 +82,7 @@ def head(study: Study) -> str:
     disk = layout.disk_bytes(settled, study.cells, lanes)
     cells = count(len(study.cells), "cell")
     most = "at most " if isinstance(settled.samples, Sequential) else ""
-    return (
+    return wrapped(
         f"{settled.name}: {cells} × {most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
         f"about {size(memory)} of memory; at most {size(float(disk))} on disk"
@@ -53,11 +90,18 @@ def head(study: Study) -> str:
 
 
 def cell_list(cells: Sequence[Cell]) -> str:
-    """The cells, one a line."""
-    lines = [str(cell) for cell in cells[:MOST_CELLS]]
-    if len(cells) > MOST_CELLS:
-        lines.append(f"… {len(cells) - MOST_CELLS} more")
-    return "\n".join(lines) if cells[0].labels else ""
+    """The cells, one a line; where they are many, what is swept."""
+    if not cells[0].labels:
+        return ""
+    if len(cells) <= MOST_CELLS:
+        return "\n".join(clipped(cell, WIDTH) for cell in cells)
+    lines, longest = [], max(map(len, cells[0].labels))
+    for key in cells[0].labels:
+        values = list(dict.fromkeys(str(cell.labels[key]) for cell in cells))
+        if len(values) > SOME:
+            values = [*values[: SOME - 1], f"… {values[-1]} ({len(values)} values)"]
+        lines.append(f"  {key:<{longest}}  {', '.join(values)}")
+    return wrapped("\n".join(["swept, the last fastest:", *lines]))
 
 
 def network_key(cell: Cell) -> Any:
@@ -68,13 +112,26 @@ def network_key(cell: Cell) -> Any:
     return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, scenario.horizon
 
 
-def network_text(cells: Sequence[Cell]) -> str:
+def title(cells: Sequence[Cell], most: int) -> str:
+    """Which network, and the cells that have it, or the first of them."""
+    named = cells_named(sorted(cell.number for cell in cells)[:most])
+    more = f" and {len(cells) - most} more" if len(cells) > most else ""
+    return f"{cells[0].scenario.topology.kind}, {named}{more}"
+
+
+def network_text(title: str, rows: Mapping[str, str]) -> str:
+    """A line per row, under the title."""
+    width = max(map(len, rows), default=0)
+    return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
+
+
+def network_rows(cells: Sequence[Cell]) -> dict[str, str]:
     """Certificate of the network that these cells share, where weights are drawn the one of their medians."""
     scenario = cells[0].scenario
     weights, attacked, trusted, _ = situation_of(scenario)
     facts = certificate.certify(weights, attacked)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
-    rows = {
+    return {
         "graph": graph_line(scenario, facts),
         "reach": "the navigator reaches every vehicle",
         "‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}",
@@ -87,9 +144,6 @@ def network_text(cells: Sequence[Cell]) -> str:
         "safe": safe_line(scenario.defence.safe(weights, attacked, trusted)),
         **drawn_lines(cells),
     }
-    title = f"{scenario.topology.kind}, {cells_named([cell.number for cell in cells])}"
-    width = max(map(len, rows))
-    return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
 
 def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:

@@ -6,12 +6,17 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.store import search
+from jaxnet.view.text.width import as_lines
 
 
 def listing(root: str) -> str:
-    """All of them; empty if there is none."""
-    rows = [row(path, manifest) for path, manifest in search.below(root)]
-    return pd.DataFrame(rows).to_string(index=False) if rows else ""
+    """All of them; empty if there is none. The path is last, whole, for it is there to be copied."""
+    found = list(search.below(root))
+    if not found:
+        return ""
+    table = as_lines(pd.DataFrame([row(path, manifest) for path, manifest in found])).splitlines()
+    paths = ["results", *(str(path) for path, _ in found)]
+    return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
 
 
 def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
@@ -20,7 +25,6 @@ def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
     finished = manifest.get("finished", False)
     lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
     return {
-        "results": str(path),
         "cells": cells or "-",
         "lanes": cells * manifest["samples"] if cells else "-",
         "ok": lanes["ok"],

@@ -1,12 +1,11 @@
-"""The summary for other programs: CSV with all digits, Markdown and LaTeX as people read them."""
+"""Tables for other programs: CSV with all digits, Markdown and LaTeX as people read them."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pandas as pd
 
-from jaxnet.store.results import Results
-from jaxnet.view.text import tables
+from jaxnet.view.text.width import number
 
 LATEX = str.maketrans(
     {
@@ -18,27 +17,25 @@ LATEX = str.maketrans(
 )
 
 
-def in_format(results: Results, name: str) -> str:
-    """The summary in the format of that name."""
-    return WRITERS[name](results).rstrip("\n")
+def in_format(table: pd.DataFrame, name: str) -> str:
+    """A table in the format of that name."""
+    return WRITERS[name](table).rstrip("\n")
 
 
-def csv(results: Results) -> str:
+def csv(table: pd.DataFrame) -> str:
     """All rows, with all digits."""
-    return tables.summary_rows(results).to_csv(index=False)
+    return table.to_csv(index=False)
 
 
-def markdown(results: Results) -> str:
+def markdown(table: pd.DataFrame) -> str:
     """A table as GitHub, pandoc and notebooks read it."""
-    table = tables.summary_rows(results)
     rule = ["---:" if pd.api.types.is_numeric_dtype(table[name]) else "---" for name in table]
     names, *rows = ([cell.replace("|", r"\|") for cell in row] for row in shown(table))
     return "\n".join(f"| {' | '.join(row)} |" for row in (names, rule, *rows))
 
 
-def latex(results: Results) -> str:
+def latex(table: pd.DataFrame) -> str:
     """A `tabular` between plain rules, which needs no package."""
-    table = tables.summary_rows(results)
     sides = "".join("r" if pd.api.types.is_numeric_dtype(table[name]) else "l" for name in table)
     names, *rows = (f"{' & '.join(cell.translate(LATEX) for cell in row)} \\\\" for row in shown(table))
     start, end = rf"\begin{{tabular}}{{{sides}}}", r"\end{tabular}"
@@ -56,12 +53,7 @@ def entry(value: Any) -> str:
     """A number to four digits, a dash for none, a label as it is."""
     if not isinstance(value, float):
         return str(value)
-    return "-" if pd.isna(value) else tables.number(value)
+    return "-" if pd.isna(value) else number(value)
 
 
-WRITERS: dict[str, Callable[[Results], str]] = {
-    "text": tables.summary,
-    "csv": csv,
-    "markdown": markdown,
-    "latex": latex,
-}
+WRITERS: dict[str, Callable[[pd.DataFrame], str]] = {"csv": csv, "markdown": markdown, "latex": latex}

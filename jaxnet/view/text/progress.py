@@ -1,105 +1,168 @@
-"""How far a run is, on stderr: a live bar on a terminal or in a notebook, or a line each half minute."""
+"""How far a run or other long work is, on stderr: live where one may look, or a line each half minute."""
 
 import contextlib
 import importlib.util
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import Literal
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from jaxnet.statistics.steps import Steps
+from jaxnet.view.text import standing
+
+if TYPE_CHECKING:
+    from jaxnet.runs.tally import Tally
 
 HEARTBEAT = 30.0  # [s]
 REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
 
-Report = Callable[[int, int, int], None]
+Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
+Report = Callable[["Tally"], None]
 
 
 @contextlib.contextmanager
-def reporting() -> Iterator[Report]:
-    """A function to tell of lanes done, lanes in all, lanes failed."""
-    with bar() if sys.stderr.isatty() else heartbeat() as report:
-        yield report
+def reporting(progress: Progress | bool | None) -> Iterator[Report]:
+    """A function to tell how a run stands, who passes it on to the one given.
 
-
-@contextlib.contextmanager
-def reporting_to(progress: Report | Literal[False] | None) -> Iterator[Report]:
-    """The function given; for None a live bar where somebody may look at it; else one that tells nobody."""
+    For None that is a live bar where somebody may look at it, and else nobody; for True a line each half
+    minute there; for False nobody.
+    """
     if callable(progress):
-        yield progress
-    elif progress is not False and (sys.stderr.isatty() or in_ipython()):
+        yield lambda tally: progress(tally.done, tally.total, tally.failed)
+    elif progress is not False and looked_at():
         with bar() as report:
             yield report
+    elif progress:
+        with heartbeat() as report:
+            yield report
     else:
-        yield lambda done, total, failed: None
+        yield lambda tally: None
 
 
-def in_ipython() -> bool:
-    """Whether IPython runs this, as it does a notebook's cells."""
-    return "IPython" in sys.modules and sys.modules["IPython"].get_ipython() is not None
+def looked_at() -> bool:
+    """Whether stderr is a terminal's or a notebook's."""
+    ipython = "IPython" in sys.modules and sys.modules["IPython"].get_ipython() is not None
+    return sys.stderr.isatty() or ipython
 
 
 @contextlib.contextmanager
 def bar() -> Iterator[Report]:
-    """A live bar."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    """A live bar, and below it how the cells stand."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     columns = [
         TextColumn("lanes"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[speed]}"),
         TextColumn("{task.fields[failed]} failed"),
         TimeRemainingColumn(),
     ]
+    speed, now = Speed(), list["Tally"]()
+
+    def below() -> Iterable[Any]:
+        if now:
+            live.update(task, speed=speed.words(now[0]))
+            yield from standing.lines(now[0], live.console.width, live.console.height)
+
+    live = live_bar(columns, below)
+    task = live.add_task("lanes", total=None, speed="", failed=0)
+
+    def report(tally: "Tally") -> None:
+        now[:] = [tally]
+        speed.note(tally.done)
+        live.update(task, completed=tally.done, total=tally.aim, failed=tally.failed)
+
+    with live:
+        yield report
+        now.clear()  # the summary comes next
+
+
+def live_bar(columns: Iterable[Any], below: Callable[[], Iterable[Any]]) -> Any:
+    """A bar of these columns, drawn twice a second, and what is `below` it then."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    class Live(Progress):
+        """With more than bars."""
+
+        def get_renderables(self) -> Iterable[Any]:
+            """What is below is asked for first, for it may change the bar."""
+            beneath = list(below())
+            yield from super().get_renderables()
+            yield from beneath
+
     console = Console(stderr=True)
     if console.is_jupyter and not importlib.util.find_spec("ipywidgets"):  # which rich would ask for
         console = Console(stderr=True, force_jupyter=False, force_terminal=True)
-    with Progress(*columns, console=console, refresh_per_second=REFRESH) as progress:
-        task = progress.add_task("lanes", total=None, rate="", failed=0)
-        speed = Speed()
-
-        def report(done: int, total: int, failed: int) -> None:
-            speed.note(done)
-            progress.update(task, completed=done, total=total, failed=failed, rate=speed.text())
-
-        yield report
+    return Live(*columns, console=console, refresh_per_second=REFRESH)
 
 
 @contextlib.contextmanager
 def heartbeat() -> Iterator[Report]:
     """A line each half minute, also while nothing comes to its end."""
-    speed, ended, now = Speed(), threading.Event(), (0, 0, 0)
+    speed, now = Speed(), list["Tally"]()
 
-    def report(done: int, total: int, failed: int) -> None:
-        nonlocal now
-        speed.note(done)
-        now = done, total, failed
+    def report(tally: "Tally") -> None:
+        now[:] = [tally]
+        speed.note(tally.done)
+
+    def line() -> str:
+        if not now:
+            return ""
+        tally = now[0]
+        left = f"{speed.left(tally.aim - tally.done)} left"
+        return "  ".join(
+            [f"{tally.done}/{tally.aim} lanes", speed.words(tally), f"{tally.failed} failed", left]
+        )
+
+    with beating(line):
+        yield report
+
+
+@contextlib.contextmanager
+def beating(line: Callable[[], str]) -> Iterator[None]:
+    """Write a line to stderr each half minute, unless it is empty."""
+    ended = threading.Event()
 
     def beat() -> None:
         while not ended.wait(HEARTBEAT):
-            done, total, failed = now
-            words = [
-                f"{done}/{total} lanes",
-                speed.text(),
-                f"{failed} failed",
-                f"{speed.left(total - done)} left",
-            ]
-            print("  ".join(filter(None, words)), file=sys.stderr, flush=True)
+            if said := line():
+                print(said, file=sys.stderr, flush=True)
 
-    beating = threading.Thread(target=beat, daemon=True)
-    beating.start()
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
     try:
-        yield report
+        yield
     finally:
         ended.set()
-        beating.join()
+        thread.join()
+
+
+@contextlib.contextmanager
+def stepping() -> Iterator[Steps]:
+    """A function to tell of the steps of work other than a run's; nothing of it stays on a terminal."""
+    if not sys.stderr.isatty():
+        now = [""]
+
+        def note(what: str, done: int, total: int) -> None:
+            now[:] = [f"{what}: {done}/{total}"]
+
+        with beating(lambda: now[0]):
+            yield note
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+
+    live = live_bar([TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()], list)
+    live.live.transient = True
+    task = live.add_task("", total=None, visible=False)
+
+    def show(what: str, done: int, total: int) -> None:
+        live.update(task, description=what, completed=done, total=total, visible=True)
+
+    with live:
+        yield show
 
 
 class Speed:
@@ -117,9 +180,11 @@ class Speed:
         elif now > self.start[0]:
             self.rate = (done - self.start[1]) / (now - self.start[0])
 
-    def text(self) -> str:
-        """The speed in words."""
-        return f"{self.rate:.3g} lanes/s" if self.rate else ""
+    def words(self, tally: "Tally") -> str:
+        """The speed, or what is waited for."""
+        if tally.compiling:
+            return "compiling"
+        return f"{self.rate:.3g} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, lanes: int) -> str:
         """Time for so many lanes, as minutes and seconds."""

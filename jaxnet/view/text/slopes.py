@@ -1,5 +1,7 @@
 """What `jaxnet fit` prints: the ultimate error per ā as simulated and fitted, and what theory allows."""
 
+from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -8,12 +10,18 @@ import pandas as pd
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
 from jaxnet.statistics.fits import envelope_share, whole_draws
+from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results
+from jaxnet.view.text.tables import lane_named
+from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
 
 MOST_VIOLATIONS = 20
 RECOVERED = 1e-6  # of ā; less is a transient or rounding
 QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": 1.0}
+LEAST_SLOPES = (("p",), ("95 %",), ("median",), ("envelope",))
+LEAST_BOUNDS = tuple((name,) for name in ("printed fleet", "corrected fleet", "best fleet", "printed worst"))
+LEAST_BOUNDS += (("corrected worst",), ("star norm",), ("best worst",))
 # Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
 BOUNDS = {
     "static": ("static", "worst"),
@@ -34,25 +42,40 @@ def text(results: Results) -> str:
 
 def slopes(results: Results) -> str:
     """Slopes of s·ā with their 95 % intervals, and how straight the line is."""
-    fits = stored_table(results, "fit")
+    fits, found = stored_table(results, "fit"), curves(results)
     rows = [
         {**curve.group.labels, "metric": metric}
         | {name: interval(curve.fit(metric, quantile)) for name, quantile in QUANTILES.items()}
         | {"p": interval(exponent(of_group(fits, curve.group.labels), metric))}
-        for curve in curves(results)
+        for curve in found
         for metric in ("tail_mean", "tail_max")
     ]
-    text = (
-        "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p\n"
-        f"{pd.DataFrame(rows).to_string(index=False)}"
+    text = fitting(
+        "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p",
+        pd.DataFrame(rows),
+        found[0].group,
+        LEAST_SLOPES,
+        "fit.csv",
     )
-    draws = min(whole_draws(results, curve.group) for curve in curves(results))
+    draws = min(whole_draws(results, curve.group) for curve in found)
     if draws:
-        text += (
-            f"\nenvelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
+        words = (
+            f"envelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
         )
+        text += f"\n{fill(words, WIDTH)}"
     return text
+
+
+def fitting(
+    title: str, table: pd.DataFrame, group: Group, least_wanted: Sequence[Sequence[str]], file: str
+) -> str:
+    """A table of groups with its title, no wider than a terminal."""
+    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), list(group.labels), least_wanted)
+    lines = [fill(title, WIDTH), as_lines(shown)]
+    if len(table) > MOST_ROWS:
+        lines.append(f"… {len(table) - MOST_ROWS} more lines; all are in {file}")
+    return "\n".join([*lines, *notes(left_out, is_cut, file)])
 
 
 def exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
@@ -84,16 +107,16 @@ def ratio_row(curve: Curve) -> dict[str, float]:
 
 def conservatism(results: Results) -> str:
     """The same as text."""
-    shown = ratios(results).to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
-    return f"each bound over the worst error found, of the worst vehicle or of the whole fleet\n{shown}"
+    title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
+    return fitting(title, ratios(results), curves(results)[0].group, LEAST_BOUNDS, "bounds.csv")
 
 
 def violations(results: Results) -> str:
     """Lanes above a bound that claims to hold for them."""
     found: Any = results.violations
     lines = [
-        f"VIOLATION: {results.study.cells[row.cell]}, sample {row.sample}: tail_max"
-        f" {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m ({row.command})"
+        f"VIOLATION: {lane_named(results, row)}:\n"
+        f"  tail_max {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m\n  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]
     if len(found) > MOST_VIOLATIONS:
@@ -101,5 +124,5 @@ def violations(results: Results) -> str:
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked(results.study.cells)
     if skipped:
-        lines.append(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}")
+        lines.append(fill(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}", WIDTH))
     return "\n".join(lines)

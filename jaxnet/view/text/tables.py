@@ -11,10 +11,9 @@ import pandas as pd
 from jaxnet.config.keys import Sequential
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, Results
+from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
 
-MOST_ROWS = 60
 MOST_FAILURES = 20
-WIDTH = 80
 SUMMARY = {
     "tail_mean_mean": "tail mean [m]",
     "tail_mean_low": "mean low",
@@ -47,35 +46,13 @@ def summary_rows(results: Results) -> pd.DataFrame:
 def summary(results: Results) -> str:
     """The summary table: a line per cell, as many columns as a terminal has room for."""
     table = summary_rows(results)
-    notes = []
+    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), list(results.study.cells[0].labels), LEAST_WANTED)
+    lines = [as_lines(shown)]
     if len(table) > MOST_ROWS:
-        notes.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
-    lines, left_out = narrow(table.head(MOST_ROWS))
-    if "mean low" not in left_out:
-        notes.append("mean low, mean high: 95 % t interval of the mean over lanes")
-    if left_out:
-        notes.append(fill(f"left out: {', '.join(left_out)}; all are in cells.csv", WIDTH))
-    return "\n".join([lines, *notes])
-
-
-def narrow(table: pd.DataFrame) -> tuple[str, list[str]]:
-    """A table without what 80 columns have no room for, the least wanted first; the names of that."""
-    shown = table
-    for names in LEAST_WANTED:
-        if width(shown) <= WIDTH:
-            break
-        shown = shown.drop(columns=list(names), errors="ignore")
-    return as_lines(shown), [name for name in table if name not in shown]
-
-
-def width(table: pd.DataFrame) -> int:
-    """Columns of a terminal that a table takes."""
-    return max(map(len, as_lines(table).splitlines()))
-
-
-def as_lines(table: pd.DataFrame) -> str:
-    """A line per row."""
-    return table.to_string(index=False, float_format=number, na_rep="-")
+        lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
+    if "mean low" in shown:
+        lines.append("mean low, mean high: 95 % t interval of the mean over lanes")
+    return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
 
 
 def html(results: Results) -> str:
@@ -88,11 +65,6 @@ def html(results: Results) -> str:
     head = f"{results.path}: {lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed"
     table = rows.to_html(index=False, max_rows=MOST_ROWS, float_format=number, na_rep="-", border=0)
     return f"<p>{escape(head)}</p>{table}"
-
-
-def number(value: float) -> str:
-    """A number to four significant digits."""
-    return f"{value:.4g}"
 
 
 def what_was_written(results: Results) -> str:
@@ -120,12 +92,14 @@ def next_command(results: Results) -> str:
 
 
 def part(run: Part) -> str:
-    """What a part of a run wrote where."""
-    return (
-        f"{run.simulated} shards simulated, {run.shards - run.simulated} were there; {run.failed} lanes"
-        f" failed; wrote {run.path}: lanes/\n"
-        "when all parts are done, the same command without --shard makes the tables"
-    )
+    """What a part of a run wrote where, or that all of it was there."""
+    if run.simulated:
+        there = run.shards - run.simulated
+        words = f"{run.simulated} shards simulated, {there} were there; {run.failed} lanes failed;"
+        words += f" wrote {run.path}: lanes/"
+    else:
+        words = f"nothing to do: all {run.shards} shards were there, {run.failed} lanes failed"
+    return f"{words}\nwhen all parts are done, the same command without --shard makes the tables"
 
 
 def stopped(results: Results) -> str:
@@ -135,15 +109,13 @@ def stopped(results: Results) -> str:
         return ""
     cells: Any = results.cells
     half = (cells["unrecovered_high"] - cells["unrecovered_low"]).max() / 2
+    words = f"stopped after {results.manifest['samples']} samples a cell: "
     if np.isnan(half):
-        return (
-            f"\nstopped after {results.manifest['samples']} samples a cell: no attacked lane came to its end"
-        )
-    why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
-    return (
-        f"\nstopped after {results.manifest['samples']} samples a cell: the widest interval of the share"
-        f" unrecovered is ± {half:.2g}, {why}"
-    )
+        words += "no attacked lane came to its end"
+    else:
+        why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
+        words += f"the widest interval of the share unrecovered is ± {half:.2g}, {why}"
+    return f"\n{fill(words, WIDTH)}"
 
 
 def failures(results: Results) -> str:
@@ -151,8 +123,7 @@ def failures(results: Results) -> str:
     count, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
     lines = [
-        f"failed: {results.study.cells[row.cell]}, sample {row.sample}: {row.status}"
-        f" ({results.replay_command(row.cell, row.sample)})"
+        f"failed: {lane_named(results, row)}: {row.status}\n  {results.replay_command(row.cell, row.sample)}"
         for row in rows
     ]
     if count > MOST_FAILURES:
@@ -160,11 +131,17 @@ def failures(results: Results) -> str:
     return "\n".join(lines)
 
 
+def lane_named(results: Results, row: Any) -> str:
+    """A lane in a line of its own, with room for a word or two."""
+    return f"{clipped(results.study.cells[row.cell], WIDTH - 40)}, sample {row.sample}"
+
+
 def lane(results: Results, row: Any) -> str:
     """One lane's row, and whether it is the one that the folder holds."""
     stored = results.row(int(row["cell"]), int(row["sample"]))
+    lines = row.map(lambda value: cut(value, WIDTH - 4 - max(map(len, row.index)))).to_string()
     if stored is None:
-        return f"{row.to_string()}\nno such row is stored"
+        return f"{lines}\nno such row is stored"
     apart = stored.compare(row, result_names=("stored", "replayed"))
     verdict = "the same as the stored row" if apart.empty else f"DIFFERS from the stored row:\n{apart}"
-    return f"{row.to_string()}\n{verdict}"
+    return f"{lines}\n{verdict}"

@@ -1,0 +1,125 @@
+"""Write the tables of config.md, from the schema and the kinds: `python docs/site/keys.py`."""
+
+import inspect
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from jaxnet.config.keys import KINDS, Config
+from jaxnet.config.schema import schema
+from jaxnet.kinds import registry
+from jaxnet.kinds.kind import Kind
+
+PAGE = Path(__file__).parents[1] / "config.md"
+MARK = "<!-- From here on written by docs/site/keys.py -->\n"
+HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
+LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
+WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
+DRAWN = ("Uniform", "Normal", "Choice")
+PARTS = {"initial": "Initial", "recovery": "Recovery", "save": "Save", "samples.until": "Criterion"}
+
+
+def main() -> None:
+    """Write the page's tables anew."""
+    PAGE.write_text(current(PAGE.read_text()))
+
+
+def current(page: str) -> str:
+    """The page with its tables as they should be now."""
+    prose, mark, _ = page.partition(MARK)
+    whole = schema()
+    inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
+    parts = [section("Keys of a study", whole, Config.model_fields)]
+    parts += [section(key, each, each["properties"]) for key, each in inner.items()]
+    parts += [part for family in KINDS for part in of_family(family, whole["$defs"])]
+    metrics = (registry.find("metrics", name) for name in registry.names("metrics"))
+    parts += ["## metrics\n", *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics)]
+    return "\n".join([prose + mark, *parts])
+
+
+def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
+    """The kinds of a family: what several share, then each with its own keys."""
+    kinds = {name: registry.find(family, name) for name in registry.names(family)}
+    yield f"## {family}\n"
+    for base in dict.fromkeys(kind.__base__ for kind in kinds.values()):
+        if keys := own(base):
+            without = [f"`{name}`" for name, kind in kinds.items() if kind.__base__ is not base]
+            shown = next(known[kind.__name__] for kind in kinds.values() if kind.__base__ is base)
+            yield section(f"all but {', '.join(without)}", shown, keys, level=3)
+    for name, kind in kinds.items():
+        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, inspect.cleandoc(kind.__doc__ or ""))
+
+
+def own(kind: Any) -> list[str]:
+    """Keys that a class says itself; of what all kinds have, none."""
+    said = inspect.get_annotations(kind)
+    return [] if kind is Kind else [key for key in kind.model_fields if key in said]
+
+
+def section(title: str, model: Any, keys: Iterable[str], level: int = 2, words: str = "") -> str:
+    """A heading, words, and the table of a model's keys, those that must be given first."""
+    required = model.get("required", [])
+    rows = [row(key, model["properties"][key], key in required) for key in keys]
+    rows.sort(key=lambda cells: cells[2] != "required")
+    table = HEAD + "".join(f"| {' | '.join(cells)} |\n" for cells in rows) if rows else ""
+    return "\n\n".join(filter(None, [f"{'#' * level} {title}", words.rstrip(), table.rstrip()])) + "\n"
+
+
+def row(key: str, node: Any, required: bool) -> list[str]:
+    """Cells of a key: what it takes, its default, its meaning with its unit in brackets."""
+    given = node.get("default")
+    default = "its own" if "$ref" in node and isinstance(given, dict) else f"`{plain(given)}`"
+    return [f"`{key}`", takes(node), "required" if required else default, node.get("description", "")]
+
+
+def takes(node: Any) -> str:
+    """What values a part of the schema allows, in words."""
+    limits = ", ".join(each.format(plain(node[name])) for name, each in LIMITS.items() if name in node)
+    return f"{allowed(node)} {limits}".rstrip()
+
+
+def allowed(node: Any) -> str:
+    """The same but for limits."""
+    if "$ref" in node:
+        name = node["$ref"].rpartition("/")[2]
+        return REFERENCES.get(name, f"[{name.lower()}](#{name.lower()})")
+    if choices := node.get("anyOf", node.get("oneOf")):
+        return " or ".join(dict.fromkeys(takes(each) for each in choices if "pattern" not in each))
+    if words := node.get("enum", [node["const"]] if "const" in node else []):
+        return " or ".join(f"`{each}`" for each in words)
+    if "prefixItems" in node:
+        return f"[{', '.join(takes(each) for each in node['prefixItems'])}]"
+    if node.get("type") == "array":
+        many = f"{node['minItems']}" if "maxItems" in node else "any length"
+        return f"list of {many}: {takes(node['items'])}"
+    if node.get("type") == "object":
+        return f"mapping to {takes(node['additionalProperties'])}"
+    kind: str = node.get("type", "anything")
+    return WORDS.get(kind, kind)
+
+
+# What a reference says where it is not the name of a heading.
+REFERENCES = {
+    **dict.fromkeys(DRAWN, "distribution"),
+    "Sequential": "{[until](#samplesuntil): …}",
+    "DrawnVehicles": "{random: n}",
+    "Samples": "{samples: […]}",
+    "Worst": "{worst: K}",
+    "Linspace": "{linspace: [a, b, n]}",
+    "Geomspace": "{geomspace: [a, b, n]}",
+}
+
+
+def plain(value: Any) -> str:
+    """A value as YAML would have it on a line, six digits of a number."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {plain(each)}' for key, each in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(plain, value))}]"
+    if value is None or isinstance(value, bool):
+        return str(value).lower().replace("none", "null")
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""Commands on one lane: simulate it again, see it move."""
+
+import click
+
+import jaxnet
+from jaxnet.cli.errors import user_errors
+
+results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
+cell_option = click.option(
+    "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
+)
+sample_option = click.option(
+    "--sample", type=click.IntRange(0), required=True, help="Number of the draw, from 0."
+)
+
+
+@click.command()
+@results_argument
+@cell_option
+@sample_option
+@click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
+def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
+    """Simulate one lane again, with its full trajectory."""
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.view.text import tables
+
+        again = opened.replay(cell, sample, engine)
+        click.echo(tables.lane(opened, again.row))
+        click.echo(f"wrote {again.path}", err=True)
+
+
+@click.command()
+@results_argument
+@cell_option
+@sample_option
+@click.option("--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
+def animate(results: str, cell: int, sample: int, out: str | None) -> None:
+    """Write a film of one lane: who hears whom, attacked vehicles and what they tell, and the errors.
+
+    It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is simulated again.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_film
+        from jaxnet.view.text import progress
+
+        with progress.stepping() as told:
+            path = write_film(opened, cell, sample, out, told)
+        click.echo(f"wrote {path}", err=True)

@@ -1,0 +1,195 @@
+"""Commands on results: tables, fits, the report, its figures, two studies held against each other."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+import jaxnet
+from jaxnet.cli.errors import user_errors
+from jaxnet.view.figures import COLUMNS, NAMES
+
+FORMATS = ("text", "csv", "markdown", "latex")
+
+results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
+format_option = click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    default="text",
+    show_default=True,
+    help="csv has all digits, the others four.",
+)
+
+
+@click.command()
+@results_argument
+@format_option
+def show(results: str, form: str) -> None:
+    """Print the summary table again, a line per cell.
+
+    As text it is at most 80 columns wide and 60 cells long, and says what it leaves out; the other formats
+    have all of it.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.view.text import formats, tables
+
+        if form == "text":
+            click.echo(tables.summary(opened))
+        else:
+            click.echo(formats.in_format(tables.summary_rows(opened), form))
+
+
+@click.command("list")
+@click.argument("folder", default="results", type=click.Path())
+def list_results(folder: str) -> None:
+    """List the results folders at or below FOLDER (default: results).
+
+    A line each: cells, lanes, how many of them are ok and failed, whether the run is finished, and when it
+    was written.
+    """
+    with user_errors():
+        from jaxnet.view.text import folders
+
+        if lines := folders.listing(folder):
+            click.echo(lines)
+        else:
+            click.echo(f"no results in {folder}", err=True)
+
+
+@click.command()
+@results_argument
+def fit(results: str) -> None:
+    """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
+
+    Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_fits
+        from jaxnet.view.text import progress, slopes
+
+        with progress.stepping() as told:
+            for path in write_fits(opened, told):
+                click.echo(f"wrote {path}", err=True)
+        click.echo(slopes.text(opened))
+
+
+@click.command()
+@results_argument
+@click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
+def report(results: str, shown: bool) -> None:
+    """Write report.html, a page that works offline, and its figures as PNG and PDF.
+
+    Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
+    dozen cells at most, and the worst of the study if it has `recovery`.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_report
+        from jaxnet.view.text import progress
+
+        with progress.stepping() as told:
+            for path in write_report(opened, told):
+                click.echo(f"wrote {path}", err=True)
+        if shown:
+            show_page(opened.path / "report.html")
+
+
+def show_page(page: Any) -> None:
+    """Open a page in the browser, or say that there is none."""
+    import webbrowser
+
+    if not webbrowser.open(page.absolute().as_uri()):
+        click.echo(f"no browser opens {page}", err=True)
+
+
+@click.command()
+@results_argument
+@click.argument("name", type=click.Choice(NAMES))
+@click.option(
+    "--where",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Only cells with this value of a swept key; the same key again: or this one.",
+)
+@click.option(
+    "--column",
+    type=click.Choice(list(COLUMNS)),
+    default="two",
+    show_default=True,
+    help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
+)
+def figure(results: str, name: str, where: tuple[str, ...], column: str) -> None:
+    """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS.
+
+    A choice of cells, and a narrow figure, are told by the files' names.
+    """
+    with user_errors():
+        opened = jaxnet.open(results)
+        from jaxnet.api import write_figure
+
+        for path in write_figure(opened, name, wanted(where), column):
+            click.echo(f"wrote {path}", err=True)
+
+
+def wanted(words: tuple[str, ...]) -> dict[str, list[str]]:
+    """Values by swept key, of words KEY=VALUE."""
+    found: dict[str, list[str]] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            raise click.BadParameter(f"KEY=VALUE (got {word})", param_hint="--where")
+        found.setdefault(key, []).append(value)
+    return found
+
+
+@click.command()
+@click.argument("a", type=click.Path())
+@click.argument("b", type=click.Path())
+@format_option
+@click.option("--out", metavar="DIR", type=click.Path(), help="Where to write.  [default: A-B beside B]")
+def compare(a: str, b: str, form: str, out: str | None) -> None:
+    """Hold the lanes of results B against those of A, paired by their draws.
+
+    Prints what differs between the studies, then B − A cell by cell: the tail errors, and the share of lanes
+    unrecovered with those that changed sides. Writes compare.html, differences.csv, changed.csv and
+    failed.csv.
+    """
+    with user_errors():
+        found = jaxnet.compare(a, b)
+        from jaxnet.api import write_comparison
+        from jaxnet.view.text import comparison, formats
+
+        for path in write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
+            click.echo(f"wrote {path}", err=True)
+        if form == "text":
+            click.echo(comparison.told(found))
+        else:
+            click.echo(formats.in_format(comparison.rows(found), form))
+
+
+def neighbour_of(folder: str, name: str) -> Any:
+    """A folder of this name where another one is."""
+    from jaxnet.store.folder import place
+
+    return place(folder).parent / name
+
+
+@click.command()
+@results_argument
+@click.option(
+    "--mat", is_flag=False, flag_value="", help="A file for MATLAB.  [default: results.mat in RESULTS]"
+)
+def export(results: str, mat: str | None) -> None:
+    """Write results for other programs: --mat [FILE], for MATLAB and Octave.
+
+    It has a structure of columns for the lanes and one for the cells, what is swept, and errors and
+    trajectories where they are stored. Everything else is readable as it is: CSV, Parquet and Zarr.
+    """
+    if mat is None:
+        raise click.UsageError("say for which program: --mat")
+    with user_errors():
+        path = jaxnet.open(results).export(mat or None)
+        click.echo(f"wrote {path}", err=True)

@@ -1,0 +1,176 @@
+"""Commands on a study's config: begin one, check it, run it."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+import jaxnet
+from jaxnet.cli.errors import user_errors
+
+FAILED_LANES = 3
+
+config_arguments = [
+    click.argument("config", type=click.Path(path_type=Path)),
+    click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]..."),
+]
+
+
+def takes_config(command):
+    """Give a command its CONFIG and overrides."""
+    for argument in reversed(config_arguments):
+        command = argument(command)
+    return command
+
+
+class ShardOf(click.ParamType):
+    """`i/n`: shards i, i + n, i + 2n, … counted from 0."""
+
+    name = "i/n"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[int, int]:
+        """The two numbers."""
+        match = re.fullmatch(r"(\d+)/(\d+)", value)
+        if not match or int(match[1]) >= int(match[2]):
+            self.fail(f"{value} is none of 0/n, 1/n, … up to n-1/n", param, ctx)
+        return int(match[1]), int(match[2])
+
+
+@click.command()
+@click.argument("file", default="study.yaml", type=click.Path())
+@click.option("--topology", metavar="KIND", help="Who hears whom.")
+@click.option("--vehicles", type=click.IntRange(1), help="How many.")
+@click.option("--attack", metavar="KIND", help="What attacked vehicles transmit.")
+@click.option("--defence", metavar="KIND", help="Whom vehicles believe.")
+@click.option("--magnitudes", metavar="NUMBERS", help="Sizes of the attack to sweep, as in 0.1,1,10 [m].")
+@click.option("--samples", type=click.IntRange(1), help="Random lanes of each cell.")
+@click.option("--yes", is_flag=True, help="Ask nothing; take the defaults of what is not given.")
+def init(file: str, yes: bool, **given: Any) -> None:
+    """Write a first config, with a comment on every key.
+
+    FILE (default: study.yaml) must not be there yet; the study takes its name. On a terminal, what no option
+    says is asked.
+    """
+    with user_errors():
+        from jaxnet.config import starter
+        from jaxnet.store.folder import FolderError
+
+        if Path(file).exists():
+            raise FolderError(f"{file} is there already: give another FILE")
+        answers = {key: value for key, value in given.items() if value is not None}
+        if not yes and on_terminal():
+            answers |= {key: asked(key) for key in starter.DEFAULTS if key not in answers}
+        if isinstance(answers.get("magnitudes"), str):
+            answers["magnitudes"] = numbers_in(answers["magnitudes"])
+        content = starter.written_out(file, answers)
+        with Path(file).open("x", encoding="utf-8") as opened:
+            opened.write(content)
+        click.echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
+
+
+def on_terminal() -> bool:
+    """Whether somebody can answer."""
+    return sys.stdin.isatty()
+
+
+def asked(key: str) -> Any:
+    """What the user answers; Enter takes the default."""
+    from jaxnet.config import starter
+
+    default = starter.DEFAULTS[key]
+    if key in starter.ASKED:
+        return click.prompt(key, default, type=click.Choice(starter.offered(key)), err=True)
+    if isinstance(default, list):
+        return click.prompt(f"{key} [m]", ",".join(map(str, default)), err=True)
+    return click.prompt(key, default, type=click.IntRange(1), err=True)
+
+
+def numbers_in(words: str) -> list[float]:
+    """Numbers between commas."""
+    try:
+        return [float(word) for word in words.split(",")]
+    except ValueError:
+        raise click.BadParameter(f"numbers between commas (got {words})", param_hint="--magnitudes") from None
+
+
+@click.command()
+@takes_config
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(),
+    help="Results folder, or a URL like s3://bucket/study.  [default: results/NAME]",
+)
+@click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
+@click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
+@click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
+@click.option(
+    "--chunk",
+    type=click.IntRange(1),
+    help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
+)
+@click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
+@click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
+@click.option(
+    "--shard",
+    type=ShardOf(),
+    help="Only every n-th shard, from the i-th on, counted from 0; for job arrays. The same command without"
+    " it simulates what is missing, and makes the tables.",
+)
+def run(
+    config: Path,
+    overrides: tuple[str, ...],
+    out: str | None,
+    fresh: bool,
+    strict: bool,
+    devices: int | None,
+    chunk: int | None,
+    workers: int | None,
+    cluster: str | None,
+    shard: tuple[int, int] | None,
+) -> None:
+    """Simulate a study; an unfinished run of it is resumed.
+
+    KEY=VALUE overrides a key of CONFIG by its dotted name, the value in YAML:
+    attack.magnitude=10 samples=100 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'
+    """
+    if shard and (fresh or workers or cluster):
+        raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
+    with user_errors():
+        study = jaxnet.load(config, overrides)
+        from jaxnet.view.text import tables
+
+        if shard is not None:
+            part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
+            failed = part.failed
+            click.echo(tables.part(part), err=True)
+        else:
+            results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
+            failed = results.manifest["lanes"]["failed"]
+            click.echo(tables.summary(results))
+            done = tables.nothing_to_do if results.found_all else tables.what_was_written
+            said = [done(results), tables.failures(results), tables.next_command(results)]
+            click.echo("\n".join(filter(None, said)), err=True)
+    if failed and strict:
+        sys.exit(FAILED_LANES)
+
+
+@click.command()
+@takes_config
+def check(config: Path, overrides: tuple[str, ...]) -> None:
+    """Validate a config; print its cells and what is known of them before anything moves."""
+    with user_errors():
+        study = jaxnet.load(config, overrides)
+        from jaxnet.view.text import check
+
+        click.echo(check.text(study))
+
+
+@click.command()
+def schema() -> None:
+    """Print the config's JSON schema, for editors."""
+    from jaxnet.config.schema import schema_text
+
+    click.echo(schema_text(), nl=False)

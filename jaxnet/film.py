@@ -1,0 +1,278 @@
+"""One lane as a film: who hears whom, where they drive, what is transmitted falsely, and the errors below."""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from PIL import Image
+from upath import UPath
+
+from jaxnet.config.cells import Cell
+from jaxnet.statistics.curves import FLOOR, magnitude_words
+from jaxnet.statistics.groups import MAGNITUDE
+from jaxnet.statistics.steps import Steps
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.figures.style import Figure
+
+SIZE = (5.6, 7.2)  # [in]
+DPI = 110
+FRAMES_AT_MOST = 150
+RATE = 10  # frames a second
+ARROW = 0.07  # of the frame, that a heading is long
+KINDS_OF_FILE = (".mp4", ".gif")
+
+
+class Film(NamedTuple):
+    """What a film shows at each of its frames."""
+
+    time: Float[np.ndarray, " times"]
+    places: Float[np.ndarray, "times sources 2"]  # of the navigator, then of the vehicles [m]
+    heading: Float[np.ndarray, "times m"]  # [rad]
+    weights: Float[np.ndarray, "times m sources"]  # in force
+    heard: Bool[np.ndarray, "m sources"]  # links of the graph
+    attacked: Bool[np.ndarray, "m sources"]
+    told: Float[np.ndarray, "times false 2"]  # where attacked links say that their sources are [m]
+    truth: Float[np.ndarray, "times false 2"]  # and where these are
+
+    @property
+    def errors(self) -> Float[np.ndarray, "times m"]:
+        """Distance of each vehicle from the navigator [m]."""
+        return np.hypot(*np.moveaxis(self.places[:, 1:] - self.places[:, :1], -1, 0))
+
+
+def film_of(
+    lane: xr.Dataset, cell: Cell, weights: Float[np.ndarray, "m sources"], ahead: Float[np.ndarray, "times m"]
+) -> Film:
+    """A lane's trajectory with its graph and headings [°], at FRAMES_AT_MOST instants at most."""
+    times = lane.sizes["time"]
+    frames = np.unique(np.linspace(0, times - 1, min(times, FRAMES_AT_MOST)).round().astype(int))
+    vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
+    attack, links = cell.scenario.attack, cell.scenario.attack.links(weights)
+    liars = np.array(attacked_vehicles(cell), int) - 1
+    signal = lane["attack"].values[frames][:, liars]
+    about_navigator = bool(links[:, 0].any()) or attack.replaces()
+    truth = np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
+    kept = lane["kept"].values[frames] if "kept" in lane else np.repeat(weights[None], len(frames), axis=0)
+    return Film(
+        lane["time"].values[frames],
+        np.concatenate([navigator[:, None], vehicles], axis=1),
+        np.radians(ahead[frames]),
+        kept,
+        weights > 0,
+        links & bool(len(liars)),
+        truth + signal,
+        vehicles[:, liars] if attack.replaces() and not links[:, 0].any() else truth,
+    )
+
+
+LINKS: dict[str, dict[str, Any]] = {
+    "retained link": {"color": "0.6", "linewidth": 0.7},
+    "retained link, attacked": {"color": style.RED, "linewidth": 0.9},
+    "dropped link": {"color": style.BLUE, "linewidth": 0.7, "linestyle": (0, (1, 1.5))},
+}
+
+
+def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
+    """Ends of the links of each look, in the order of LINKS."""
+    places, kept = film.places[frame], film.heard & (film.weights[frame] > 0)
+    chosen = kept & ~film.attacked, kept & film.attacked, film.heard & ~kept
+    found = [np.argwhere(links) for links in chosen]
+    return [np.stack([places[each[:, 1]], places[each[:, 0] + 1]], axis=1) for each in found]
+
+
+def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
+    """The figure, what moves in it, and what takes that to a frame."""
+    drawn = Figure(figsize=SIZE, dpi=DPI)
+    plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
+    cursor = draw_errors_below(below, film, cell)
+    links = [LineCollection([], zorder=1, **look) for look in LINKS.values()]
+    for each in links:
+        plane.add_collection(each)
+    false_links = LineCollection([], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2)
+    plane.add_collection(false_links)
+    (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
+    plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
+    (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
+    edges = [
+        style.RED if one + 1 in attacked_vehicles(cell) else "0.15" for one in range(film.heard.shape[0])
+    ]
+    vehicles = plane.scatter(
+        *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
+    )
+    frame_plane(plane, film)
+    reach = plane.get_xlim()[1]
+    arrows = plane.quiver(
+        *film.places[0, 1:].T,
+        *(ARROW * reach * direction(film, 0)),
+        color=edges,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=0.004,
+        zorder=3.5,
+    )
+    clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
+    size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
+    named = ", ".join(filter(None, [multiples.title(cell.labels), *size, f"sample {sample}"]))
+    plane.set_title(multiples.as_text(named), loc="left")
+    drawn.legend(handles=legend(film), loc="outside lower center", ncols=3, handlelength=2.2)
+
+    def show(frame: int) -> None:
+        for each, ends in zip(links, links_at(film, frame), strict=True):
+            each.set_segments(list(ends))
+        false_links.set_segments(list(np.stack([film.truth[frame], film.told[frame]], axis=1)))
+        false.set_data(*film.told[frame].T)
+        navigator.set_data(*film.places[frame, :1].T)
+        vehicles.set_offsets(film.places[frame, 1:])
+        arrows.set_offsets(film.places[frame, 1:])
+        arrows.set_UVC(*(ARROW * reach * direction(film, frame)))
+        clock.set_text(f"t = {film.time[frame]:.1f} s")
+        cursor.set_xdata([film.time[frame]] * 2)
+
+    return drawn, [*links, false_links, vehicles, arrows, false, navigator, clock, cursor], show
+
+
+def direction(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
+    """Unit vectors of the headings."""
+    return np.stack([np.cos(film.heading[frame]), np.sin(film.heading[frame])])
+
+
+def frame_plane(plane: Axes, film: Film) -> None:
+    """Axes around all that is ever shown, but for what a lane that failed ran off to."""
+    everything = np.concatenate([film.places, film.told], axis=1)
+    reach = float(np.ceil(1.08 * np.nanmax(np.abs(everything), initial=1.0)))
+    plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
+    plane.set_aspect("equal")
+
+
+def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
+    """The error of each vehicle over time; the line that stands at the moment."""
+    for number, errors in enumerate(film.errors.T):
+        attacked = number + 1 in attacked_vehicles(cell)
+        panel.plot(
+            film.time, np.maximum(FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
+        )
+    panel.set(yscale="log", xlabel="t [s]", ylabel=r"$\|y_i - y_0\|$ [m]", xlim=film.time[[0, -1]])
+    multiples.log_ticks(panel.yaxis)
+    return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
+
+
+def legend(film: Film) -> list[Line2D]:
+    """What is what, of what is ever shown."""
+    node: dict[str, Any] = {"linestyle": "", "markersize": 5}
+    handles = [
+        Line2D([], [], marker="s", color="0.15", label="navigator", **node),
+        Line2D(
+            [], [], marker="o", color="0.15", markerfacecolor="white", label="vehicle and heading", **node
+        ),
+    ]
+    if film.told.size:
+        rim = {"markerfacecolor": "white", "markeredgecolor": style.RED}
+        handles.append(Line2D([], [], marker="o", label="attacked vehicle", **rim, **node))
+        handles.append(
+            Line2D([], [], marker="x", color=style.RED, label="place that is told falsely", **node)
+        )
+    shown = np.array([[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))])
+    ever_shown: Any = shown.any(axis=0)
+    looks = [(called, look) for (called, look), ever in zip(LINKS.items(), ever_shown, strict=True) if ever]
+    return handles + [Line2D([], [], **look, label=called) for called, look in looks]
+
+
+def encoder() -> str | None:
+    """Where ffmpeg is: the system's, or that of the extra `video`; None if there is none."""
+    if found := shutil.which("ffmpeg"):
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        return None
+
+
+def file_kind(out: str | None) -> str:
+    """The ending of a film's file: what is asked for, else .mp4 where ffmpeg is, else .gif."""
+    kind = Path(out).suffix.lower() if out else ".mp4" if encoder() else ".gif"
+    if kind not in KINDS_OF_FILE:
+        raise FolderError(f"out: a film is a file that ends in {' or '.join(KINDS_OF_FILE)} (got {out})")
+    if kind == ".mp4" and not encoder():
+        raise FolderError(
+            f"out: {out} needs ffmpeg, and none is found: install it, or pip install 'jaxnet-sim[video]', or"
+            " ask for a .gif"
+        )
+    return kind
+
+
+def pictures(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
+    """The frames, one after the other: what stands still is drawn once."""
+    drawn, moving, show = figure(film, cell, sample)
+    canvas = FigureCanvasAgg(drawn)
+    for each in moving:
+        each.set_animated(True)
+    canvas.draw()
+    still = canvas.copy_from_bbox(drawn.bbox)
+    for frame in range(len(film.time)):
+        show(frame)
+        canvas.restore_region(still)
+        for each in moving:
+            drawn.draw_artist(each)
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+
+def write_gif(file: Path, frames: Iterator[Image.Image]) -> None:
+    """Write frames as a GIF that begins anew."""
+    reduced = [frame.quantize(128, dither=Image.Dither.NONE) for frame in frames]
+    reduced[0].save(file, save_all=True, append_images=reduced[1:], duration=1000 // RATE, loop=0)
+
+
+def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
+    """Write frames as an MP4 that browsers and slides play."""
+    width, height = (int(inches * DPI) for inches in SIZE)
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {RATE} -i -".split()
+    words = [
+        str(encoder()),
+        "-loglevel",
+        "error",
+        "-y",
+        *raw,
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        str(file),
+    ]
+    with subprocess.Popen(words, stdin=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        for frame in frames:
+            process.stdin.write(frame.tobytes())
+        process.stdin.close()
+    if process.returncode:
+        raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
+
+
+def write_to(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
+    """Draw a film into a file, which has its name once it is whole."""
+
+    def counted() -> Iterator[Image.Image]:
+        for number, frame in enumerate(pictures(film, cell, sample), 1):
+            yield frame
+            told("frames", number, len(film.time))
+
+    with mpl.rc_context(style.RC), tempfile.TemporaryDirectory() as scratch:
+        made = Path(scratch) / name
+        (write_gif if made.suffix.lower() == ".gif" else write_mp4)(made, counted())
+        return folder.put(name, lambda file: file.write(made.read_bytes()))

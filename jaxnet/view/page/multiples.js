@@ -1,0 +1,189 @@
+// Small multiples: a panel a group of cells, page by page, all on the same axes.
+const PAGE = 24; // panels, or rows of one plot
+
+const MEDIAN = { marker: { symbol: "circle", color: "--black" } };
+const MAXIMUM = { marker: { symbol: "line-ew", color: "--black" } };
+const MEAN = { marker: { symbol: "diamond-open", color: "--muted" } };
+const BELOW = { marker: { symbol: "triangle-down", color: "--black" } };
+
+function bars(middle, low, high, color, width = 0) {
+  const above = high.map((value, n) => value - middle[n]), below = low.map((value, n) => middle[n] - value);
+  return { symmetric: false, array: above, arrayminus: below, color, thickness: 1.3, width };
+}
+
+function sizesAxis(panels) {
+  const sizes = panels.flatMap((panel) => panel.size);
+  const range = [Math.log10(Math.min(...sizes) / 1.4), Math.log10(Math.max(...sizes) * 1.4)];
+  const ticks = range[1] - range[0] > 2 ? { dtick: 1 } : { nticks: 5 };
+  return { type: "log", range, ...ticks, title: { text: "attack magnitude ā [m]" } };
+}
+
+// δ̂(ā): what lies below the axis stands on it.
+const ultimate = {
+  choices: (given) => Object.entries(given.metrics).map(([metric, words]) => [`${words} (${metric})`, metric]),
+  curves: (given) => [
+    { name: "median, 5 to 95 %", look: MEDIAN }, { name: "maximum", look: MAXIMUM },
+    { name: "mean, 95 % interval", look: MEAN }, { name: "median below the axis", look: BELOW },
+    ...Object.entries(given.looks).map(([name, line]) => ({ name, look: { line } })),
+  ],
+  figure(given, [panel], metric) {
+    const [floor] = given.ends[metric], words = metric === "tail_max" ? "greatest tail error [m]" : "mean tail error [m]";
+    const lines = Object.entries(panel.lines[metric]).map(([name, slope]) => ({
+      name, x: panel.size, y: panel.size.map((size) => slope * size), mode: "lines",
+      line: { width: 1.6, ...given.looks[name] }, text: `${name}: ${short(slope)} ā`, hoverinfo: "text",
+    }));
+    const there = panel.size.map((_, n) => n).filter((n) => panel[metric].median[n] !== null);
+    return {
+      data: [...lines, ...pointsOf(panel, metric, floor, there)],
+      layout: { xaxis: sizesAxis(given.panels), yaxis: decades(given.ends[metric], words) },
+    };
+  },
+  rows(given, [panel], metric) {
+    const statistics = Object.keys(panel[metric]), lines = Object.entries(panel.lines[metric]);
+    const header = ["attack.magnitude", ...statistics.map((name) => `${metric}_${name}`), ...lines.map(([name]) => name)];
+    return [header, ...panel.size.map((size, n) =>
+      [size, ...statistics.map((name) => panel[metric][name][n]), ...lines.map(([, slope]) => slope * size)])];
+  },
+};
+
+function pointsOf(panel, metric, floor, there) {
+  const raw = (name) => there.map((n) => panel[metric][name][n]);
+  const above = (name) => raw(name).map((value) => Math.max(floor, value ?? floor));
+  const sizes = there.map((n) => panel.size[n]), below = raw("median").map((value) => value <= floor);
+  const text = there.map((n) => {
+    const size = panel.size[n], told = (name) => measured(panel[metric][name][n], size);
+    return `ā = ${short(size)} m<br>median ${told("median")} m<br>5 to 95 %: ${told("q05")} to ${told("q95")} m<br>` +
+      `maximum ${told("max")} m<br>mean ${told("mean")} m (${told("low")} to ${told("high")})`;
+  });
+  const common = { mode: "markers", text, hoverinfo: "text" };
+  const median = (name, wanted, symbol) => {
+    const some = (values) => values.filter((_, n) => below[n] === wanted);
+    return { ...common, name, x: some(sizes), y: some(above("median")), text: some(text), cliponaxis: false,
+      marker: { symbol, size: 6, color: "--black" },
+      error_y: bars(some(above("median")), some(above("q05")), some(above("q95")), "--black") };
+  };
+  return [
+    { ...common, name: "mean, 95 % interval", x: sizes.map((size) => size * 1.1), y: above("mean"),
+      marker: { symbol: "diamond-open", size: 6, color: "--muted" },
+      error_y: bars(above("mean"), above("low"), above("high"), "--muted") },
+    median("median, 5 to 95 %", false, "circle"), median("median below the axis", true, "triangle-down"),
+    { ...common, name: "maximum", x: sizes, y: above("max"),
+      marker: { symbol: "line-ew-open", size: 8, color: "--black", line: { width: 1.6, color: "--black" } } },
+  ];
+}
+
+// ẽ(t): 5 to 95 % filled, median and maximum as lines.
+const MEDIAN_LINE = { color: "--blue", width: 2, dash: "solid" }, MAXIMUM_LINE = { color: "--red", width: 1.4, dash: "5px,3px" };
+const bands = {
+  curves: () => [
+    { name: "median of lanes", look: { line: MEDIAN_LINE } }, { name: "5 to 95 %", look: { area: "--band" } },
+    { name: "maximum", look: { line: MAXIMUM_LINE } },
+  ],
+  figure(given, [panel]) {
+    const time = floats(given.time);
+    const drawn = (name) => floats(panel[name]).map((value) => Math.max(ROUNDING, value));
+    const curve = (name, key, line) => {
+      const text = [...floats(panel[key])].map((value, n) => `${name} ${measured(value)} m at ${short(time[n])} s`);
+      return { name, x: time, y: drawn(key), mode: "lines", line, text, hoverinfo: "text" };
+    };
+    const edge = { name: "5 to 95 %", x: time, mode: "lines", line: { width: 0, color: "--blue" }, hoverinfo: "skip" };
+    return {
+      data: [
+        { ...edge, y: drawn("low"), showlegend: false }, { ...edge, y: drawn("high"), fill: "tonexty", fillcolor: "--band" },
+        curve("maximum", "greatest", MAXIMUM_LINE), curve("median of lanes", "median", MEDIAN_LINE),
+      ],
+      layout: { xaxis: { range: [0, time.at(-1)], title: { text: "t [s]" } }, yaxis: decades(given.ends, "ẽ [m]") },
+    };
+  },
+  rows(given, [panel]) {
+    const columns = [given.time, panel.low, panel.median, panel.high, panel.greatest].map(floats);
+    return [["time", "q05", "median", "q95", "max"], ...Array.from(columns[0], (_, n) => columns.map((column) => column[n]))];
+  },
+};
+
+// The share unrecovered, against ā or a row a cell.
+const shares = {
+  curves: () => [],
+  figure(given, panels) {
+    const column = (name) => panels.flatMap((panel) => panel[name]);
+    const [middle, low, high] = ["unrecovered", "unrecovered_low", "unrecovered_high"].map((name) =>
+      column(name).map((value) => (value === null ? null : 100 * value)));
+    const text = middle.map((value, n) => `${short(value)} % (${short(low[n])} to ${short(high[n])} %)`);
+    const error = bars(middle, low, high, "--blue", 3);
+    const common = { name: "unrecovered", mode: "markers", marker: { color: "--blue", size: 6 }, text, hoverinfo: "text" };
+    const range = [-4, 104], title = { text: "unrecovered [%]" };
+    if (!given.rows)
+      return { data: [{ ...common, x: column("size"), y: middle, error_y: error }],
+        layout: { xaxis: sizesAxis(given.panels), yaxis: { range, title } } };
+    const places = panels.map((_, n) => n);
+    return {
+      data: [{ ...common, x: middle, y: places, error_x: error }],
+      layout: { xaxis: { range, title }, yaxis: { range: [panels.length - 0.4, -0.6], tickvals: places,
+        ticktext: panels.map((panel) => wrapped(panel.title || "all lanes")) } },
+    };
+  },
+  rows(given, panels) {
+    const names = ["unrecovered", "unrecovered_low", "unrecovered_high"];
+    if (given.rows) return [["cell", ...names], ...panels.map((panel) => [panel.cells[0], ...names.map((name) => panel[name])])];
+    return [["attack.magnitude", ...names], ...panels[0].size.map((size, n) => [size, ...names.map((name) => panels[0][name][n])])];
+  },
+};
+
+// A name on several short lines.
+function wrapped(name) {
+  const lines = [""];
+  for (const word of name.split(" ")) {
+    if (lines.at(-1) && lines.at(-1).length + word.length > 26) lines.push("");
+    lines[lines.length - 1] += (lines.at(-1) && " ") + word;
+  }
+  return lines.map(escaped).join("<br>");
+}
+
+// How many stand in a row: those that share the first swept value, if they are few.
+function columnsOf(panels) {
+  const first = (panel) => data.cells[panel.cells[0]][0];
+  const run = panels.filter((panel) => first(panel) === first(panels[0])).length;
+  return run >= 2 && run <= 4 && panels.length % run === 0 ? run : Math.min(panels.length, 4);
+}
+
+function showMultiples(section, given, kind) {
+  const place = section.querySelector(".drawn"), grid = element("div", { class: "grid" }), hidden = new Set();
+  const told = element("output"), step = (by) => () => { page += by; show(); };
+  const back = element("button", { type: "button", click: step(-1) }, "Previous");
+  const next = element("button", { type: "button", click: step(1) }, "Next");
+  const pager = element("div", { class: "controls pager" }, told, back, next);
+  const choices = kind.choices?.(given) ?? [];
+  let page = 0, choice = choices[0]?.[1];
+  const redrawAll = () => grid.querySelectorAll(".plot").forEach(redraw);
+  const panelOf = (panels, title) => plotOf(title, () => {
+    const { data, layout: axes } = kind.figure(given, panels, choice);
+    return { data: visible(data, hidden), layout: layout(axes) };
+  }, () => kind.rows(given, panels, choice));
+  const show = () => {
+    const all = given.panels.filter((panel) => anyChosen(panel.cells));
+    page = Math.max(0, Math.min(page, Math.ceil(all.length / PAGE) - 1));
+    const shown = all.slice(page * PAGE, (page + 1) * PAGE);
+    pager.hidden = all.length <= PAGE && shown.length > 0;
+    told.textContent = shown.length ? `${page * PAGE + 1} to ${page * PAGE + shown.length} of ${all.length}`
+      : "There is nothing to draw of these cells.";
+    back.disabled = page === 0;
+    next.disabled = (page + 1) * PAGE >= all.length;
+    [...grid.children].forEach(forget);
+    const panels = !given.rows ? shown.map((panel) => panelOf([panel], panel.title)) : shown.length ? [panelOf(shown, "")] : [];
+    grid.replaceChildren(...panels);
+    grid.style.setProperty("--columns", given.rows ? 1 : shown.length ? columnsOf(shown) : 1);
+    if (given.rows && shown.length) grid.querySelector(".plot").style.height = `${90 + 34 * shown.length}px`;
+  };
+  const curves = kind.curves(given);
+  if (curves.length) place.append(keyOf(curves, hidden, redrawAll));
+  if (choices.length) {
+    const options = choices.map(([words, value]) => element("option", { value }, words));
+    const select = element("select", { change: (event) => { choice = event.target.value; redrawAll(); } }, ...options);
+    place.append(element("div", { class: "controls" }, element("label", {}, "Show the ", select)));
+  }
+  place.append(pager, grid);
+  followers.push(() => { page = 0; show(); });
+  show();
+}
+for (const [id, kind] of Object.entries({ ultimate, bands, unrecovered: shares }))
+  if (data.sections[id]) showMultiples(document.getElementById(id), data.sections[id], kind);

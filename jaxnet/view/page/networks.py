@@ -1,0 +1,124 @@
+"""What was run, in words, and the networks drawn."""
+
+from collections.abc import Callable, Sequence
+from html import escape
+
+import numpy as np
+
+from jaxnet.config.cells import Cell
+from jaxnet.config.scenario import Situation, situation_of
+from jaxnet.config.study import Study
+from jaxnet.model.wording import count, ranges
+from jaxnet.statistics.curves import magnitude_words
+from jaxnet.view.figures.panels import attacked_vehicles, name
+from jaxnet.view.figures.topology import link_names, most_attacked, positions
+
+MOST_DRAWN = 6
+MOST_NAMED = 6
+NODE = 11.0  # greatest radius, where vehicles stand on a circle of 100
+BEND = 0.15
+
+
+def words(study: Study) -> str:
+    """The study in a few sentences."""
+    cells = study.cells
+
+    def among(say: Callable[[Cell], str]) -> str:
+        found = list(dict.fromkeys(map(say, cells)))
+        others = [count(len(found) - MOST_NAMED, "other")] if len(found) > MOST_NAMED else []
+        return " or ".join(found[:MOST_NAMED] + others)
+
+    vehicles = among(lambda cell: count(cell.scenario.vehicles, f"{cell.scenario.vehicle.kind} vehicle"))
+    return (
+        f"{vehicles} follow a {among(lambda cell: cell.scenario.navigator.kind)} navigator"
+        f" for {among(lambda cell: f'{cell.scenario.horizon:g} s')}, from random starts."
+        f" Network: {among(name)}. Attack: {among(attack_words)}; {among(magnitude_words)}."
+        f" Defence: {among(defence_words)}."
+        f" The {among(lambda cell: cell.scenario.engine.reference())} engine follows them, with ticks"
+        f" {among(lambda cell: f'{cell.scenario.tick:g} s')} apart. The last"
+        f" {among(lambda cell: f'{cell.scenario.tail:g} s')} are the tail, from which errors are told."
+    )
+
+
+def attack_words(cell: Cell) -> str:
+    """Who is attacked, and where."""
+    if not attacked_vehicles(cell):
+        return "none"
+    from_navigator = situation_of(cell.scenario).attacked[:, 0].any()
+    where = "what they hear of the navigator" if from_navigator else "what they transmit"
+    return f"{cell.scenario.attack.describe()} on {ranges(sorted(cell.scenario.attack.targets()))} in {where}"
+
+
+def defence_words(cell: Cell) -> str:
+    """The defence with its number."""
+    defence = cell.scenario.defence
+    given = {"ϑ": getattr(defence, "theta", None), "F": getattr(defence, "F", None)}
+    told = [f"{symbol} = {value}" for symbol, value in given.items() if value is not None]
+    return ", ".join([str(cell.labels.get("defence", defence.label or defence.kind)), *told])
+
+
+def drawing(cells: Sequence[Cell]) -> str:
+    """The first few networks before anybody trims, with a key to what is drawn."""
+    graphs = most_attacked(cells)
+    shown = [(cell, situation_of(cell.scenario)) for cell in graphs[:MOST_DRAWN]]
+    called = [
+        "navigator",
+        "vehicle",
+        *["attacked vehicle"] * any(attacked_vehicles(cell) for cell, _ in shown),
+    ]
+    called += sorted({link for each in shown for link in link_names(*each).values()})
+    key = "".join(f"<li>{sample(each)}{each}</li>" for each in called)
+    left = len(graphs) - len(shown)
+    note = f"<p>{count(left, 'more network')}, as certificates below.</p>" if left else ""
+    networks = "".join(network(*each) for each in shown)
+    return f'<ul class="key">{key}</ul><div class="networks">{networks}</div>{note}'
+
+
+def sample(called: str) -> str:
+    """An entry of the key."""
+    link = called.endswith("link")
+    drawn = f'<path d="M0 7H34" class="{called}"/>' if link else node(called, np.array([17, 7]), 5.0)
+    return f'<svg class="network" viewBox="0 0 34 14" aria-hidden="true">{drawn}</svg>'
+
+
+def node(called: str, place: np.ndarray, radius: float) -> str:
+    """The navigator is square."""
+    (x, y), across = place, 2 * radius
+    if called == "navigator":
+        corner = f'x="{x - radius:.1f}" y="{y - radius:.1f}"'
+        return f'<rect {corner} width="{across:.1f}" height="{across:.1f}" class="{called}"/>'
+    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" class="{called}"/>'
+
+
+def network(cell: Cell, situation: Situation) -> str:
+    """One network; arrows run from the source to the vehicle that hears it."""
+    places = 100 * positions(situation.weights) * [1, -1]
+    gaps = np.hypot(*(places[:, None] - places[None]).T) + np.diag(np.full(len(places), np.inf))
+    radius = min(NODE, 0.4 * float(gaps.min()))
+    drawn = []
+    for (i, j), called in link_names(cell, situation).items():
+        mutual = j > 0 and situation.weights[j - 1, i + 1] > 0
+        drawn.append(arrow(places[j], places[i + 1], radius, BEND * mutual, called))
+    attacked = attacked_vehicles(cell)
+    for source, place in enumerate(places):
+        called = ("attacked vehicle" if source in attacked else "vehicle") if source else "navigator"
+        number = f'x="{place[0]:.1f}" y="{place[1]:.1f}" font-size="{1.1 * radius:.1f}"'
+        drawn += [node(called, place, radius), f"<text {number}>{source}</text>"]
+    (left, top), (width, height) = places.min(axis=0) - 20, np.ptp(places, axis=0) + 40
+    title, box = escape(name(cell)), f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
+    return (
+        f'<figure><svg class="network" viewBox="{box}" role="img" aria-label="network {title}">'
+        f"{''.join(drawn)}</svg><figcaption>{title}</figcaption></figure>"
+    )
+
+
+def arrow(source: np.ndarray, listener: np.ndarray, radius: float, bend: float, called: str) -> str:
+    """From rim to rim, bent by a part of its length, so that two that run both ways stand apart."""
+    length = np.hypot(*(listener - source))
+    along = (listener - source) / length
+    left = np.array([along[1], -along[0]])
+    middle = 0.5 * (source + listener) + bend * length * left
+    start, end = source + along * radius, listener - along * radius
+    barbs = [end - 5 * along + side * left for side in (2.2, -2.2)]
+    a, b, c, d, e = (f"{x:.1f} {y:.1f}" for x, y in (start, middle, end, *barbs))
+    return f'<path d="M{a}Q{b} {c}M{d}L{c}L{e}" class="{called}"/>'

@@ -1,0 +1,154 @@
+"""Studies held against each other: differences of the same draws, counted as one by one would."""
+
+import itertools
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jaxnet
+from jaxnet.statistics import pairs
+from jaxnet.store.folder import FolderError
+from jaxnet.view.page import comparison as page
+from jaxnet.view.text import comparison
+from tests import systems
+
+KEYS = {
+    "engine": "exact",
+    "samples": 12,
+    "horizon": 20.0,
+    "tail": 2.0,
+    "recovery": {"tau": 0.3},
+    "sweep": {"topology": ["cyclic", "path"], "attack.magnitude": [1, 5]},
+}
+
+
+@pytest.fixture(scope="module")
+def without():
+    """No defence."""
+    return jaxnet.simulate(systems.study(**KEYS, defence="none"))
+
+
+@pytest.fixture(scope="module")
+def trimmed():
+    """Trimming, of fewer samples, and cells of which one is in no other study."""
+    sweep = {"attack.magnitude": [5, 1, 2], "topology": ["path", "cyclic"]}
+    return jaxnet.simulate(systems.study(**KEYS | {"samples": 10, "sweep": sweep}))
+
+
+def test_differences_are_those_counted_lane_by_lane(without, trimmed):
+    """Whatever the order of the cells; mean, t interval, sides and McNemar's p by hand."""
+    found = jaxnet.compare(without, trimmed)
+    a, b = without.lanes, trimmed.lanes
+    assert len(found.cells) == 4
+    sides = 0
+    for row in found.cells.to_dict("records"):
+        mine = [
+            {
+                lane["sample"]: lane
+                for lane in lanes.to_dict("records")
+                if lane["topology"] == row["topology"] and lane["attack.magnitude"] == row["attack.magnitude"]
+            }
+            for lanes in (a, b)
+        ]
+        common = sorted(set(mine[0]) & set(mine[1]))
+        assert row["pairs"] == len(common) == 10
+        for metric in ("tail_mean", "tail_max"):
+            apart = [mine[1][s][metric] - mine[0][s][metric] for s in common]
+            mean = math.fsum(apart) / 10
+            half = 2.262157 * math.sqrt(math.fsum((d - mean) ** 2 for d in apart) / 9 / 10)
+            given = [row[f"{metric}_{name}"] for name in ("difference", "low", "high")]
+            np.testing.assert_allclose(given, [mean, mean - half, mean + half], rtol=1e-5, atol=1e-12)
+        limit = 0.3 * row["attack.magnitude"]
+        bad = [[lanes[s]["tail_mean"] > limit for s in common] for lanes in mine]
+        saved = sum(x and not y for x, y in zip(*bad, strict=True))
+        lost = sum(y and not x for x, y in zip(*bad, strict=True))
+        assert (row["saved"], row["lost"]) == (saved, lost)
+        assert row["unrecovered"] == pytest.approx((sum(bad[1]) - sum(bad[0])) / 10)
+        ways = itertools.product([0, 1], repeat=saved + lost)
+        as_far = [abs(2 * sum(way) - saved - lost) >= abs(saved - lost) for way in ways]
+        assert row["p"] == pytest.approx(sum(as_far) / len(as_far))
+        sides += saved + lost
+    assert sides > 3, "a study that tests nothing"
+    assert len(found.changed) == sides
+    assert (found.changed["unrecovered_A"] != found.changed["unrecovered_B"]).all()
+    assert [name.partition(" (")[2] for name in found.alone] == [
+        "attack.magnitude=2, topology=path) of B",
+        "attack.magnitude=2, topology=cyclic) of B",
+    ]
+    told = comparison.told(found)
+    assert "defence.kind: none in A, trusted_trim in B" in told
+    assert all(len(line) <= 80 for line in told.splitlines() if "not compared" not in line)
+    assert f"saved: {found.changed['unrecovered_A'].astype(bool).sum()} lanes" in told
+    assert "defence.kind" in page.html(found)
+
+
+def test_a_study_differs_from_itself_by_nothing(without):
+    """Exactly, and nobody changed sides."""
+    found = jaxnet.compare(without, without)
+    for metric in ("tail_mean", "tail_max"):
+        assert (found.cells[[f"{metric}_{name}" for name in ("difference", "low", "high")]] == 0).all(
+            axis=None
+        )
+    assert (found.cells[["saved", "lost", "unrecovered"]] == 0).all(axis=None)
+    assert (found.cells["p"] == 1).all()
+    assert found.changed.empty
+    assert found.settings.empty
+    assert "they are the same study" in comparison.told(found)
+
+
+def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
+    """In whichever study it failed."""
+    whole = jaxnet.compare(without, trimmed)
+    pair = pairs.paired_cells(without, trimmed)[0]
+    lanes = pairs.joined(without, trimmed, pair)
+    lanes.loc[3, ["status_B", "tail_mean_B", "tail_max_B"]] = ["max_steps", np.nan, np.nan]
+    judged = pairs.judge(lanes, pair, [0.3, 0.3])
+    row = pairs.row_of(pair, judged)
+    assert (row["pairs"], row["failed"]) == (9, 1)
+    kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
+    assert row["tail_mean_difference"] == pytest.approx(kept.mean())
+    named = pairs.listed_lanes([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
+    said = comparison.told(whole._replace(failed=named))
+    assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
+
+
+def test_the_interval_of_a_difference_of_shares_holds_as_often_as_it_says():
+    """Of paired outcomes drawn with a known difference, in at least 93 of 100 samples of 40."""
+    random = np.random.default_rng(0)
+    for chances in ([0.5, 0.3, 0.1, 0.1], [0.6, 0.1, 0.25, 0.05], [0.9, 0.02, 0.06, 0.02]):
+        true = chances[2] - chances[1]
+        draws = random.choice(4, (2000, 40), p=chances)
+        found = [pairs.shift(np.isin(each, (1, 3)), np.isin(each, (2, 3))) for each in draws]
+        held = np.mean([each.unrecovered_low <= true <= each.unrecovered_high for each in found])
+        assert held >= 0.93, (chances, held)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"seed": 1}, "seed: 0 in .*, 1 in "),
+        (
+            {"sweep": {"topology": ["star"], "attack.magnitude": [5]}},
+            "topology is cyclic, path in .*, star in ",
+        ),
+        ({"sweep": {"topology": ["cyclic"]}}, "sweep: attack.magnitude is swept in .* and not in "),
+    ],
+)
+def test_what_cannot_be_paired_is_refused(without, keys, words):
+    """Another seed, no cell in common, several cells for one."""
+    other = jaxnet.simulate(systems.study(**KEYS | {"horizon": 1.0, "tail": 0.5, "samples": 1} | keys))
+    with pytest.raises(FolderError, match=words):
+        jaxnet.compare(without, other)
+
+
+def test_lanes_without_recovery_have_no_sides(without):
+    """Blank where one study does not say when a lane has recovered."""
+    assert pd.isna(pairs.row_of(*unjudged(without))["p"])
+
+
+def unjudged(results):
+    """A pair of cells, and its lanes judged without a threshold."""
+    pair = (results.study.cells[0],) * 2
+    return pair, pairs.judge(pairs.joined(results, results, pair), pair, [np.nan, 0.3])

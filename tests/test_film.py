@@ -1,0 +1,118 @@
+"""Films of a lane: what they show is what the engine did, and they end up whole or not at all."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jaxnet
+from jaxnet import film as animation
+from jaxnet.config.scenario import situation_of
+from jaxnet.runs.replay import stored_trajectory, trajectory_of
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.view.page.trajectories import headings
+from tests import systems
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Star and cyclic networks, the first sample's trajectories stored."""
+    study = systems.study(
+        engine="exact",
+        samples=2,
+        horizon=2.0,
+        tail=0.5,
+        sweep={"topology": ["star", "cyclic"], "attack.threat": ["adds", "replaces"]},
+        save={"errors": True, "trajectories": {"samples": [0]}},
+    )
+    return jaxnet.run(study, tmp_path_factory.mktemp("film") / "out")
+
+
+def film(results, cell):
+    """What the film of a cell's first lane shows."""
+    lane, weights = trajectory_of(results, cell, 0)
+    return animation.film_of(lane, results.study.cells[cell], weights, headings(lane["states"])), lane
+
+
+@pytest.mark.parametrize("cell", range(4))
+def test_a_film_shows_the_lane(results, cell):
+    """The errors are those stored, headings the states', weights the graph's; links are kept or dropped."""
+    shown, lane = film(results, cell)
+    tracking = results.errors["tracking"].values[cell, 0]
+    np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
+    np.testing.assert_allclose(np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12)
+    situation = situation_of(results.study.cells[cell].scenario)
+    np.testing.assert_array_equal(shown.heard, situation.weights > 0)
+    retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*links(shown), strict=True))
+    assert retained + lied + dropped == len(shown.time) * np.count_nonzero(situation.weights)
+    assert lied > 0
+    assert (dropped > 0) == (cell >= 2)
+
+
+def links(shown):
+    """Links by look, frame by frame."""
+    return [animation.links_at(shown, frame) for frame in range(len(shown.time))]
+
+
+@pytest.mark.parametrize("cell", range(4))
+def test_what_is_told_falsely_is_off_by_the_attack(results, cell):
+    """By the bound ā at most: from the vehicle itself where an attack adds, from the navigator elsewhere."""
+    shown, lane = film(results, cell)
+    liars = [1, 4, 7, 10]
+    star_or_replaces = cell != 2
+    source = shown.places[:, :1] if star_or_replaces else shown.places[:, 1:][:, liars]
+    np.testing.assert_allclose(shown.told - source, lane["attack"].values[:, liars], atol=1e-12)
+    assert np.hypot(*np.moveaxis(shown.told - source, -1, 0)).max() <= 5 + 1e-9
+
+
+def test_a_stored_lane_is_not_simulated_again(results):
+    """And another is, with the same states as by the run."""
+    assert stored_trajectory(results, 3, 0) is not None
+    assert not (results.path / "replays" / "cell-3-sample-0.zarr").exists()
+    assert stored_trajectory(results, 3, 1) is None
+    lane, _ = trajectory_of(results, 3, 1)
+    assert stored_trajectory(results, 3, 1) is not None
+    error = np.hypot(*np.moveaxis(lane["states"].values[..., :2] - lane["navigator"].values[:, None], -1, 0))
+    tracking = results.errors["tracking"].values[3, 1]
+    np.testing.assert_allclose(error.mean(axis=1), tracking, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["gif", "mp4"])
+def test_films_are_written(results, tmp_path, kind):
+    """A frame for each output; something moves; nothing else is left behind."""
+    path = results.animate(2, 0, tmp_path / f"film.{kind}")
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    if kind == "mp4":
+        content = path.read_bytes()
+        assert content[4:8] == b"ftyp"
+        assert len(content) > 10_000
+        return
+    with Image.open(path) as image:
+        assert image.n_frames == 21
+        first = np.asarray(image.convert("RGB")).astype(int)
+        image.seek(20)
+        assert np.abs(np.asarray(image.convert("RGB")) - first).max() > 100
+
+
+def test_an_interrupt_leaves_no_torn_film(results, tmp_path):
+    """Nor what was there before."""
+    shown, _ = film(results, 2)
+
+    def interrupt(what, done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    (tmp_path / "film.gif").write_text("before")
+    with pytest.raises(KeyboardInterrupt):
+        animation.write_to(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("film.gif", "before")]
+
+
+def test_without_ffmpeg_films_are_gifs(monkeypatch):
+    """And an .mp4 is refused with the remedy."""
+    assert animation.file_kind(None) == ".mp4"
+    monkeypatch.setattr(animation, "encoder", lambda: None)
+    assert animation.file_kind(None) == ".gif"
+    with pytest.raises(FolderError, match=r"pip install 'jaxnet-sim\[video\]', or ask for a \.gif"):
+        animation.file_kind("x.mp4")
+    with pytest.raises(FolderError, match=r"ends in \.mp4 or \.gif \(got x\.avi\)"):
+        animation.file_kind("x.avi")
