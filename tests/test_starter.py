@@ -44,9 +44,9 @@ def test_kinds_are_offered_by_the_registry(monkeypatch):
 def test_comments_are_those_of_the_models():
     """Units and meanings; lines that are too long have them above."""
     text = starter.written_out("s.yaml", {})
-    assert "  frequency: 0.7                # [rad/s]\n" in text
+    assert "  frequency: 0.7                # [rad/s], of the turning\n" in text
     assert (
-        "  # ā [m, m/s, m/s², m/s³], the bound on the signal and its three derivatives\n  magnitude" in text
+        "  # [m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives\n  magnitude" in text
     )
     assert max(map(len, text.splitlines())) <= starter.LINE_LENGTH
 

@@ -60,11 +60,13 @@ def fleets(job: Job) -> list[Fleet]:
     return [fleet(lane, *map(np.asarray, job.network.hearing)) for lane in lanes]
 
 
-def fleet(lane: Any, sources: np.ndarray, speakers: np.ndarray, attacked: np.ndarray) -> Fleet:
+def fleet(
+    lane: Any, sources: np.ndarray, speakers: np.ndarray, attacked: np.ndarray, signals: np.ndarray
+) -> Fleet:
     """A lane of these slots, and by how much each harmonic is received."""
     assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
     assert (speakers == sources).all(), "the peers know attacks that add alone"
-    laplacian, from_navigator, added = links(lane.weights, sources, attacked)
+    laplacian, from_navigator, added = links(lane.weights, sources, attacked, signals)
     # What is received is the real part of these vectors times exp(i frequency t).
     vectors: Any = np.zeros((3, *lane.initial[:2].shape), complex)
     path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)
@@ -76,16 +78,17 @@ def fleet(lane: Any, sources: np.ndarray, speakers: np.ndarray, attacked: np.nda
     return Fleet(lane.initial, laplacian, inverse, lane.gain, frequency, vectors.real, -vectors.imag)
 
 
-def links(weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray) -> tuple[np.ndarray, ...]:
+def links(
+    weights: np.ndarray, sources: np.ndarray, attacked: np.ndarray, signals: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """From weights by slot: L, a0, and with what weight each vehicle (row) receives each attack (column)."""
     m = sources.shape[1]
     laplacian, from_navigator, added, everyone = np.eye(m), np.zeros(m), np.zeros((m, m)), np.arange(m)
-    for source, carries, weight in zip(sources, attacked, weights, strict=True):
+    for source, carries, signal, weight in zip(sources, attacked, signals, weights, strict=True):
         vehicle = source > 0
-        attacker = np.where(vehicle, source - 1, everyone)
-        laplacian[everyone, attacker] -= np.where(vehicle, weight, 0.0)
+        laplacian[everyone, np.where(vehicle, source - 1, everyone)] -= np.where(vehicle, weight, 0.0)
         from_navigator += np.where(vehicle, 0.0, weight)
-        added[everyone, attacker] += np.where(carries, weight, 0.0)
+        added[everyone, signal] += np.where(carries, weight, 0.0)
     return laplacian, from_navigator, added
 
 

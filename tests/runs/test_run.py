@@ -304,7 +304,7 @@ def test_no_lane_to_be_chosen(config, tmp_path):
     keys = {"engine": {"max_steps": 1}, "sweep": {}, "save.trajectories": {"worst": 1}}
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
     assert results.trajectories["states"].shape == (0, 21, 12, 6)
-    panels.figure(results, trajectories=True, errors=False)
+    panels.figure(results, results.study.cells, trajectories=True, errors=False)
 
 
 def test_saving_more_later_keeps_the_rows(config, tmp_path):

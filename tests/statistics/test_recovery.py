@@ -185,11 +185,11 @@ def test_no_two_looks_share_their_part_of_the_error():
 
 @pytest.mark.parametrize("share", [0.001, 0.03, 0.5])
 def test_the_last_interval_of_a_run_covers(share):
-    """2,000 runs, one after the other as `Run` does it, on lanes that fail with a known probability."""
+    """1,000 runs, one after the other as `Run` does it, on lanes that fail with a known probability."""
     random, half_width = np.random.default_rng(1), 0.3 * share if share < 0.5 else 0.02
     cells, held = jaxnet.load({}).cells, 0
     criterion = config.Criterion(half_width=half_width)
-    for _ in range(2000):
+    for _ in range(1000):
         failed = ended = 0
         for samples in recovery.looks(0, 100_000):
             failed += random.binomial(samples - ended, share)
@@ -200,7 +200,7 @@ def test_the_last_interval_of_a_run_covers(share):
         confidence = recovery.confidence_of(config.Sequential(until=criterion), ended)
         low, high = recovery.clopper_pearson(*counts, confidence)
         held += bool(low[0] <= share <= high[0])
-    assert held >= 0.95 * 2000
+    assert held >= 0.95 * 1000
 
 
 def test_an_easy_case_is_done_at_the_first_look(tmp_path):

@@ -83,10 +83,7 @@ def test_a_violation_is_named_with_its_command(folder):
     rows.to_parquet(shard)
     text = invoke("fit", folder)
     shard.write_bytes(whole)
-    assert (
-        "VIOLATION: cell 1 (topology=star, attack=bias, attack.magnitude=1), sample 3: tail_max 1.01 m"
-        in text
-    )
+    assert "VIOLATION: cell 1: star, bias, 1, sample 3:\n  tail_max 1.01 m" in text
     assert f"jaxnet replay {folder} --cell 1 --sample 3" in text
     assert jaxnet.open(folder).violations["bound"].tolist() == ["static"]
     assert results.study.config.name == "test"
@@ -97,7 +94,8 @@ def test_what_was_derived_from_rows_goes_when_rows_are_added(folder):
     invoke("fit", folder)
     jaxnet.run(systems.study(samples=8, **KEYS), folder)
     assert (folder / "fit.csv").exists()
-    jaxnet.run(systems.study(samples=9, **KEYS), folder)
+    with pytest.warns(UserWarning, match="removing what was made of the rows before: fit.csv, bounds.csv"):
+        jaxnet.run(systems.study(samples=9, **KEYS), folder)
     assert not [name for name in ("fit.csv", "bounds.csv", "violations.csv") if (folder / name).exists()]
     assert not (folder / "figures").exists()
     with pytest.raises(FolderError, match=r"has no fit.csv: jaxnet fit .* makes it"):

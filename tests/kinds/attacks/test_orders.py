@@ -12,8 +12,8 @@ BETA = 8.0  # 1 + k0 + k1 + k2
 
 
 def worst_at_the_end(engine, attack, **keys):
-    """Greatest error over ā of each topology, after a minute and a half."""
-    clock = {"horizon": 90.0, "tail": 0.0, "output_step": 0.5, "tick": 0.5}
+    """Greatest error over ā of each topology, after 50 s."""
+    clock = {"horizon": 50.0, "tail": 0.0, "output_step": 0.5, "tick": 0.5}
     study = systems.study(engine=engine, attack=attack, defence="none", sweep=RING_AND_PATH, **clock, **keys)
     outcome = systems.simulate(systems.lanes(study, 1, ()))
     assert (outcome.status == 0).all()
@@ -28,7 +28,7 @@ def test_a_constant_in_every_order_attains_the_peak_gain(engine, accuracy):
     np.testing.assert_allclose(found, known, rtol=0, atol=accuracy)
 
 
-@pytest.mark.parametrize("orders", [[0], [1], [3], [0, 2]])
+@pytest.mark.parametrize("orders", [[1], [0, 2]])
 def test_a_constant_in_some_orders(orders):
     """Each order counts by its gain, over k0."""
     share = sum([1.0, 3.0, 3.0, 1.0][k] for k in orders)
@@ -37,12 +37,11 @@ def test_a_constant_in_some_orders(orders):
     np.testing.assert_allclose(found, known, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-6), ("nonlinear", 1e-5)])
-def test_a_position_alone_that_rotates_is_filtered(engine, accuracy):
+def test_a_position_alone_that_rotates_is_filtered():
     """`(1 + ω²)^(-3/2)` of what the consistent one does: 0.5498 at 0.7 rad/s."""
     attack = {"kind": "rotating", "frequency": 0.7, "phase": 0.0, "magnitude": 2.0}
-    alone = worst_at_the_end(engine, {**attack, "orders": [0]})
-    np.testing.assert_allclose(alone / worst_at_the_end(engine, attack), 1.49**-1.5, rtol=0, atol=accuracy)
+    alone, whole = (worst_at_the_end("exact", {**attack, **only}) for only in ({"orders": [0]}, {}))
+    np.testing.assert_allclose(alone / whole, 1.49**-1.5, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-7), ("nonlinear", 1e-5), ("stacked", 1e-5)])
