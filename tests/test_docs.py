@@ -35,7 +35,7 @@ SHORT = {"horizon": "1.0", "tail": "0.5", "engine": "exact"}
 
 
 def small(text):
-    """The same with four samples, also where their number depends on an interval's width, and two topologies."""
+    """The same with two topologies and four samples, also where their number depends on a width."""
     text = re.sub(r"(\bsamples\"?[:=] ?)\d+", r"\g<1>4", text)
     text = re.sub(r"half_width: [\d.]+", "half_width: 0.49, at_most: 4", text)
     return text.replace("[star, cyclic, path]", "[star, cyclic]")
