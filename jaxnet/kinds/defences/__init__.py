@@ -14,15 +14,26 @@ from jaxnet.model.safety import Safe
 
 
 class Neighbourhood(NamedTuple):
-    """What vehicles know of their surroundings, by slot (`model.hearing`), when they decide."""
+    """What vehicles know of their surroundings when they decide, by slot.
 
-    sources: Any  # (slots, m), the number of the source, 0 the navigator
-    weights: Any  # (slots, m, lanes), of the graph; 0 in an empty slot
-    trusted: Any  # (slots, m)
-    gain: Any  # (3, lanes), on ε, ε̇, ε̈
-    time: Any  # (lanes,) [s]
-    shared: Any  # what the defence's `shared` has made
-    announced: Any = ()  # what each slot's source announces, attacked or not: (2, slots, m, lanes)
+    A vehicle has as many slots as the busiest listener has sources; one left over holds itself, with weight 0.
+
+    - `sources` (slots, m): the number of the source, 0 the navigator
+    - `weights` (slots, m, lanes): of the graph
+    - `trusted` (slots, m): whether the listener trusts it
+    - `gain` (3, lanes): on ε, ε̇, ε̈
+    - `time` (lanes,): [s]
+    - `shared`: what the defence's `shared` has made
+    - `announced` (2, slots, m, lanes): what each slot's source announces, attacked or not
+    """
+
+    sources: Any
+    weights: Any
+    trusted: Any
+    gain: Any
+    time: Any
+    shared: Any
+    announced: Any = ()
 
 
 class AnyDefence(Kind):

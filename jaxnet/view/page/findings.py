@@ -138,7 +138,7 @@ def tightest(results: Results, found: Sequence[Curve], fit: str) -> str:
     if of_rounding:
         words.append(f"In {count(of_rounding, 'group')} the worst found is 0 (rounding).")
     if silent:
-        words.append(f"In {count(silent, 'group')} no bound, or no lane, says anything.")
+        words.append(f"{count(silent, 'group')} with no lane, or no bound, to compare.")
     return " ".join([*words, *violated(results)])
 
 
@@ -164,7 +164,7 @@ def certainty(results: Results) -> str:
     place: Any = errors.idxmax()
     worst, scale = cells.iloc[place], float(scales(results)[place])
     mean, low, high = (measured(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high"))
-    where = "the worst cell's mean" if len(errors) > 1 else "the mean"
+    where = "the mean of the worst cell per ā" if len(errors) > 1 else "the mean"
     if np.isnan(worst["tail_mean_low"]):
         return f"{samples}: no interval of {where}, {mean} m, from {count(int(worst['ok']), 'ok lane')}."
     lanes = count(int(worst["ok"]), "ok lane")

@@ -14,6 +14,12 @@ from jaxnet.store.results import Part, Results
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
 
 MOST_FAILURES = 20
+REASONS = {
+    "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
+    "singular": "a vehicle stood still, where the law is singular",
+    "max_steps": "more steps than engine.max_steps, or one too small to move time",
+    "nonfinite": "a number that is none",
+}
 SUMMARY = {
     "tail_mean_mean": "tail mean [m]",
     "tail_mean_low": "mean low",
@@ -128,6 +134,7 @@ def failures(results: Results) -> str:
     ]
     if count > MOST_FAILURES:
         lines.append(f"… {count - MOST_FAILURES} more; see the column status in lanes/")
+    lines += [f"{status}: {REASONS[status]}" for status in failed["status"].unique() if status in REASONS]
     return "\n".join(lines)
 
 
