@@ -132,7 +132,8 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     assert "least, <b>0.5 ā</b>, in ā\xa0=\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
-        "3 samples of each cell: the mean of the worst cell per ā is 2 m, 95 % interval 1 to 3 m, of 3 ok lanes."
+        "3 samples of each cell: the mean of the worst cell per ā is 2 m, 95 % interval 1 to 3 m,"
+        " of 3 ok lanes."
     )
 
 

@@ -16,7 +16,7 @@ from jaxnet.model.safety import Safe
 class Neighbourhood(NamedTuple):
     """What vehicles know of their surroundings when they decide, by slot.
 
-    A vehicle has as many slots as the busiest listener has sources; one left over holds itself, with weight 0.
+    A vehicle has as many slots as the busiest listener has sources; one left over holds itself, of weight 0.
 
     - `sources` (slots, m): the number of the source, 0 the navigator
     - `weights` (slots, m, lanes): of the graph
