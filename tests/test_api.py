@@ -18,6 +18,7 @@ from upath import UPath
 import jaxnet
 from jaxnet import ConfigError, FolderError
 from jaxnet.config.study import native
+from jaxnet.runs import watched
 from jaxnet.statistics import fits
 from jaxnet.view.figures import every
 
@@ -243,6 +244,7 @@ def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
 def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
     monkeypatch.setattr(fits, "RESAMPLES", 50)  # the intervals are tested elsewhere
+    monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # and so are the lanes shown
     with pytest.raises(FolderError, match=r"or Results.fit\(\)"):
         _ = results.bounds
     table = results.fit()
