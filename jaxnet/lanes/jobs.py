@@ -135,8 +135,9 @@ def attack_of(
 
     `navigator` is the one drawn, `start` the states at t = 0.
     """
-    chosen, sources = scenario.attack.chosen(draw), sources_of(scenario)
+    chosen = scenario.attack.chosen(draw)
     if scenario.attack.by_link():
+        sources = sources_of(scenario)
         chosen = chosen[hearing.of_transmitters(sources).T.ravel()]
         draw = EachLink(draw, len(sources))
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")

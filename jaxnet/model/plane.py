@@ -19,8 +19,11 @@ def cross(a: Any, b: Any) -> Any:
 
 
 def length(vectors: Any) -> Any:
-    """Euclidean length."""
-    return vectors.__array_namespace__().sqrt(vectors[0] ** 2 + vectors[1] ** 2)
+    """Euclidean length, of vectors of any number of components."""
+    squares = vectors[0] ** 2
+    for component in vectors[1:]:
+        squares = squares + component**2
+    return squares.__array_namespace__().sqrt(squares)
 
 
 def pace(jets: Any) -> tuple[Any, Any]:

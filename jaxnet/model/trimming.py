@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.model.plane import length
+
 Mask = Bool[Array, "slots m lanes"]
 Scores = Float[Array, "slots m lanes"]
 
@@ -28,14 +30,6 @@ def deviation(
 def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) -> Scores:
     """Scores with a tolerance [m] added to those of who were dropped last."""
     return score + jnp.where(retained, 0.0, tolerance[None, None])
-
-
-def length(vectors: Float[Array, "axes slots m lanes"]) -> Scores:
-    """Their norms, component by component added up."""
-    squares = vectors[0] ** 2
-    for component in vectors[1:]:
-        squares = squares + component**2
-    return jnp.sqrt(squares)
 
 
 def filtered(

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.model.plane import length
 
 
 class Greedy(Attack):
@@ -41,7 +42,7 @@ class Greedy(Attack):
             weights = seen.in_force(vectors_of(direction))
             share = jnp.where(seen.attacked[None, :, :, None], weights, 0.0).sum(axis=1)
             pulled = seen.errors[0] + share * direction[:, None, None] * seen.amplitude[None, None]
-            return jnp.sqrt((pulled**2).sum(axis=0)).sum(axis=0)
+            return length(pulled).sum(axis=0)
 
         unit = jnp.asarray(along(2 * np.pi * np.arange(self.directions) / self.directions).T)
         worst = unit[jax.lax.map(harm, unit).argmax(axis=0)].T  # (2, lanes)

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.model.plane import length
 
 
 class Clipping(Defence):
@@ -24,7 +25,6 @@ class Clipping(Defence):
     ) -> tuple[Any, Any]:
         """Weights, which are normalised afterwards."""
         xp = own[0].__array_namespace__()
-        away = received[0] - own[0][:, None]
-        distance = xp.sqrt(away[0] ** 2 + away[1] ** 2)
-        share = self.radius / xp.maximum(distance, self.radius)
+        radius = self.radius[None, None]
+        share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
         return around.weights * xp.where(around.trusted[:, :, None], 1.0, share), memory

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.model.plane import length
 
 
 class GeometricMedian(Defence):
@@ -27,8 +28,7 @@ class GeometricMedian(Defence):
         """Weights, which are normalised afterwards."""
         xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
         for _ in range(self.rounds):
-            middle = (weights * position).sum(axis=1) / weights.sum(axis=0)
-            away = position - middle[:, None]
-            distance = xp.sqrt(away[0] ** 2 + away[1] ** 2)
-            weights = around.weights / xp.maximum(distance, self.smoothing)
+            middle = (weights[None] * position).sum(axis=1) / weights.sum(axis=0)[None]
+            apart = length(position - middle[:, None])
+            weights = around.weights / xp.maximum(apart, self.smoothing[None, None])
         return weights, memory

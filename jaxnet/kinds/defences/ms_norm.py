@@ -5,13 +5,13 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.model.plane import length
 
 
 class MSNorm(Defence):
     """Drop the F sources that are farthest from one's own position; trusted ones are never dropped.
 
-    Source: LeBlanc et al., 2013, for numbers; of vectors by their distance, Yan, Mo, Li and Wen, Resilient
-    consensus through event-based communication, 2020.
+    The mean-subsequence rule of W-MSR's kin, with distances in place of numbers on a line.
     """
 
     kind = "ms_norm"
@@ -24,8 +24,7 @@ class MSNorm(Defence):
         """By counting who is farther out; of equal distances the one in the lower slot is dropped first."""
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~around.trusted[:, :, None]
-        away = received[0] - own[0][:, None]
-        distance = away[0] ** 2 + away[1] ** 2
+        distance = length(received[0] - own[0][:, None])
         order = xp.arange(len(distance))
         first = (order[:, None] < order[None])[:, :, None, None]  # the other slot before this one
         other, this = distance[:, None], distance[None]

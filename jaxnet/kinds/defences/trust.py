@@ -6,6 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.model.plane import length
 
 
 class Trust(Defence):
@@ -13,8 +14,8 @@ class Trust(Defence):
 
     `α = radius / (radius + Δ)` of the distance Δ to what is received of the first trusted source, or to
     oneself where there is none: over 1/2 within the radius, else under it. Trusted sources are always
-    retained. Source: Yemini, Nedić, Goldsmith and Gil, Characterizing trust and resilience in distributed
-    consensus for cyberphysical systems, 2022.
+    retained. The sums are those of Yemini, Nedić, Goldsmith and Gil, Characterizing trust and resilience in
+    distributed consensus for cyberphysical systems, 2022; this α is ours, and nothing is proved of it.
     """
 
     kind = "trust"
@@ -31,9 +32,9 @@ class Trust(Defence):
         """By the sums so far."""
         xp = own[0].__array_namespace__()
         trusts = (around.weights > 0) & around.trusted[:, :, None]
-        first = trusts & (xp.cumsum(trusts, axis=0) == 1)
-        there = xp.where(trusts.any(axis=0), (first * received[0]).sum(axis=1), own[0])
-        away = received[0] - there[:, None]
-        distance = xp.sqrt(away[0] ** 2 + away[1] ** 2)
-        memory = memory + self.radius / (self.radius + distance) - 0.5
+        first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
+        word = xp.where(first[None], received[0], 0.0).sum(axis=1)
+        there = xp.where(trusts.any(axis=0)[None], word, own[0])
+        distance = length(received[0] - there[:, None])
+        memory = memory + radius / (radius + distance) - 0.5
         return trusts | (memory >= 0), memory

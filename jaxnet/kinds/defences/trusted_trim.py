@@ -12,6 +12,7 @@ from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distr
 from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
 from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Links, Weights
+from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe
 from jaxnet.model.wording import ranges
@@ -112,7 +113,7 @@ class TrustedTrim(Defence):
         trusts = heard & around.trusted[:, :, None]
         trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
         if self.score == "announced":
-            score = trimming.length(around.announced)
+            score = length(around.announced)
         else:
             compared = self.compared(received, around.gain)
             score = trimming.deviation(compared, trusts, around.shared.references)

@@ -67,13 +67,14 @@ def geometric_median(around, smoothing=0.5, rounds=4):
 
 
 def coordinate_median(around):
-    """Weights on each axis: whoever is at the lower or upper median of a list with each value 4w times."""
+    """By axis: who is at the lower or upper median of a list with each value 4w times, and the trusted."""
     by_axis = []
     for axis in (0, 1):
         value = [y[axis] for y in around.received]
         copies = [value[k] for k in around.heard for _ in range(round(4 * around.weights[k]))]
         medians = statistics.median_low(copies), statistics.median_high(copies)
-        by_axis.append([w if value[k] in medians else 0.0 for k, w in enumerate(around.weights)])
+        kept = [around.trusted[k] or value[k] in medians for k in range(SLOTS)]
+        by_axis.append([w if keep else 0.0 for w, keep in zip(around.weights, kept, strict=True)])
     return by_axis
 
 
