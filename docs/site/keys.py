@@ -103,6 +103,7 @@ REFERENCES = {
     **dict.fromkeys(DRAWN, "distribution"),
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
+    **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
     "Samples": "{samples: […]}",
     "Worst": "{worst: K}",
     "Linspace": "{linspace: [a, b, n]}",

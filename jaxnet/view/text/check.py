@@ -161,7 +161,7 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     attack = scenario.attack
     if not attack.present:
         return "none"
-    who = f"{attack.describe()} on {ranges(sorted(attack.targets()))}"
+    who = f"{attack.describe()} on {attack.whom()}"
     if not facts.attacked_links:
         return f"{who}, heard by nobody"
     if any(source == 0 for _, source in facts.attacked_links):
