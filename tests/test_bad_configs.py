@@ -191,7 +191,7 @@ DISTRIBUTIONS = [
     ),
     Bad("attack: {→phase: {gaussian: [0, 1]}}", "attack.phase", '(got {"gaussian": [0, 1]})'),
     Bad("attack: {→phase: {}}", "attack.phase", "(got {})"),
-    Bad("attack: {→phase: [0, 1]}", "attack.phase", "must be a number"),
+    Bad("attack: {→phase: [0, 1]}", "attack.phase", "a list has a number for each vehicle"),
     Bad("attack: {phase: {→uniform: [1, 0]}}", "attack.phase.uniform", "lower bound stands first"),
     Bad("attack: {phase: {→uniform: [1]}}", "attack.phase.uniform", "2 entries (got [1])"),
     Bad("attack: {phase: {→uniform: 1}}", "attack.phase.uniform", "must be a list (got 1)"),
