@@ -114,11 +114,11 @@ ASSUMPTIONS: list[tuple[str, dict[str, Any]]] = [
     ("none", {}),
     ("A1: two bad links, ϑ = 1", {"attack": {**BIAS, "vehicles": [3, 4], "direction": 0.0}}),
     ("A2: the bad link is trusted", {"defence": {**ANNOUNCED, "trusted": {1: [4]}}}),
-    ("A3: hears no more than ϑ", {"defence": {**ANNOUNCED, "theta": {1: 3, 2: 3}}}),
-    ("A4: not reached, for 1 and 2 trust each other", {"defence": TRUSTING}),
-    ("B1: the law need not have a solution", UNJOINED),
-    ("B2: a liar announces 0", {"defence": Hushed(score="announced", theta={1: 1, 2: 1})}),
-    ("B3: R(a) is 0 at every tick", {"attack": between_ticks(TICK), "defence": WAKING}),
+    ("A1: ϑ = 3, so that nobody trims", {"defence": {**ANNOUNCED, "theta": {1: 3, 2: 3}}}),
+    ("A3: 1 and 2 trust each other, ϑ = 2", {"defence": TRUSTING}),
+    ("A3: 2 and 3 may both drop 1", UNJOINED),
+    ("B1: a liar announces 0", {"defence": Hushed(score="announced", theta={1: 1, 2: 1})}),
+    ("B2: R(a) is 0 at every tick", {"attack": between_ticks(TICK), "defence": WAKING}),
 ]
 
 

@@ -52,6 +52,10 @@ class AnyAttack(Kind):
         """How many vehicles are attacked."""
         return len(self.targets())
 
+    def on(self, vehicles: list[int]) -> "AnyAttack":
+        """The same on other vehicles."""
+        return self.model_copy(update={"vehicles": vehicles})
+
     def amplitude(self) -> Any:
         """ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0

@@ -9,7 +9,7 @@ from pydantic import Field
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, safety
 from jaxnet.model.graph import Links, Weights
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import AnySubset, any_untrusted
 from jaxnet.model.safety import Safe
 
 
@@ -83,9 +83,20 @@ class AnyDefence(Kind):
         """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
         return None
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
-        """Vehicles that end on the navigator whatever attackers say; by default those out of their reach."""
-        return Safe("untouched", safety.untouched(weights > 0, attacked))
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """How many it drops of whom, at most; by default every untrusted source, and never a trusted one."""
+        return self.retained(weights, trusted) or any_untrusted(weights, trusted, weights.shape[1])
+
+    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+        """Vehicles that end on the navigator whatever attackers say, by each reason, the strongest first.
+
+        By default those upstream of whom nothing is attacked, and those who drop all upstream that is.
+        """
+        known, none = self.retained(weights, trusted), np.zeros(len(weights), int)
+        reasons = [Safe("untouched", safety.greatest(self.may_drop(weights, trusted), attacked, none))]
+        if known is not None:
+            reasons.append(Safe("by trust", safety.greatest(known.believed(), attacked, none)))
+        return reasons
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what it promises on this graph under this attack."""
