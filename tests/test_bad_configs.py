@@ -98,7 +98,8 @@ KINDS = [
     Bad(
         "→topology: ring",
         "topology|topology.kind",
-        'one of cyclic, edges, figure1, path, random_regular, star, or module:Class (got "ring")',
+        "one of circulant, complete, cyclic, edges, erdos_renyi, figure1, file, grid, lattice, path,"
+        ' random_regular, small_world, star, or module:Class (got "ring")',
     ),
     Bad("→topology: 3", "topology", "(got 3)"),
     Bad("→topology: []", "topology", "(got [])"),
@@ -113,7 +114,7 @@ KINDS = [
         "did you mean 'cyclic'?",
     ),
     Bad("topology: {→kind: [star]}", "topology.kind", '(got ["star"])'),
-    Bad("topology: {→kind: true}", "topology.kind", "random_regular, star, or module:Class (got true)"),
+    Bad("topology: {→kind: true}", "topology.kind", "small_world, star, or module:Class (got true)"),
     Bad("topology: {→kind:}", "topology.kind", "(got null)"),
     Bad("topology: {kind: star, →navigator_weight: 0.1}", "topology.navigator_weight", "unknown"),
     Bad("topology: {→navigator_weight: 0}", "topology.navigator_weight", "greater than 0 (got 0)"),
@@ -168,7 +169,7 @@ KINDS = [
         "must be a whole number (got 1.5)",
     ),
     Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
-    Bad("defence: {→trusted: [1]}", "defence.trusted", "must be a mapping (got [1])"),
+    Bad("defence: {→trusted: [1]}", "defence.trusted", "must be none, {vehicle: [sources]}, {share: s} or"),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
     Bad("→engine: flt", "engine|engine.kind", 'exact, nonlinear, stacked, or module:Class (got "flt")'),
     Bad("→engine: exat", "engine|engine.kind", "did you mean 'exact'?"),

@@ -59,6 +59,14 @@ class Kind(Record):
         cls, folder = type(self), folder_of(type(self).__module__)
         return rebuilt, (folder, cls.__module__, cls.__qualname__, self.__dict__)
 
+    @classmethod
+    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+        """What a config says of one, with what the file at its `path`, from this folder, says too.
+
+        Raises KindError.
+        """
+        return given
+
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """What is wrong with a scenario that has this kind, besides what single keys show."""
         yield from ()
