@@ -130,6 +130,7 @@ def reader(tmp_path, monkeypatch):
     monkeypatch.setattr(every, "draw", lambda *_, **__: iter(()))
     monkeypatch.setattr(watched, "replay_watched", lambda *_, **__: iter(()))
     monkeypatch.setattr(sys, "path", [*sys.path])  # where modules beside the config are found
+    monkeypatch.delitem(sys.modules, "my_kinds", raising=False)  # of another test
     monkeypatch.chdir(tmp_path)
     yield Reader(tmp_path)
     sys.modules.pop("my_kinds", None)

@@ -1,0 +1,95 @@
+"""Which defence holds where: attacks × defences × graphs × frequencies, and what each defence costs.
+
+First configs/zoo.yaml, a share of lanes that do not recover for each of its cells; of each graph and defence
+the greatest, with its exact 95 % interval, and where it is. Then attacks that have no frequency, the paper's
+Fig. 1, and no attack at all: how long the fleet takes until its mean error is below 1 m.
+
+Run it with `python experiments/zoo.py`; with `--samples 8` to try it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import jaxnet
+from jaxnet.runs.cache import enable
+from jaxnet.store.results import Results
+
+CONFIG = Path(__file__).parents[1] / "configs" / "zoo.yaml"
+RESULTS = Path("results")
+ON = {"magnitude": 10, "vehicles": [2, 7]}
+STEADY = [
+    {"kind": "bias", **ON},
+    {"kind": "spoof", **ON},
+    {"kind": "spoof", **ON, "orders": [3], "label": "third derivative alone"},
+    {"kind": "multisine", **ON},
+    {"kind": "replay", **ON},
+    {"kind": "mimic", **ON},
+    {"kind": "greedy", **ON},
+]
+PERIODIC = [
+    {"kind": "rotating", **ON, "vehicles": [4]},
+    {"kind": "sinusoid", **ON, "vehicles": [4]},
+]
+CLOSE = 1.0  # [m]
+
+
+@click.command()
+@click.option("--samples", default=256, show_default=True, help="Lanes of each cell.")
+def main(samples: int) -> None:
+    """Run all four, and print a line for each graph and defence."""
+    enable()
+    study = jaxnet.load(CONFIG, {"samples": samples})
+    sweep: dict[str, Any] = dict(study.config.sweep)
+    fixed = {key: sweep[key] for key in ("topology", "defence")}
+    worst("frequencies from 0.1 to 16 rad/s", simulate(study, "zoo"))
+    steady = {**fixed, "attack": STEADY}
+    worst("without a frequency", simulate(varied(samples, steady), "zoo-steady"))
+    periodic = {
+        "defence": fixed["defence"],
+        "attack": PERIODIC,
+        "attack.frequency": sweep["attack.frequency"],
+    }
+    fig1 = varied(samples, {"topology": ["figure1"], **periodic}, vehicles=5)
+    worst("Fig. 1, vehicle 4 attacked", simulate(fig1, "zoo-figure1"))
+    quiet = varied(samples, fixed, attack="none", recovery=None, **{"save.errors": True})
+    transient(simulate(quiet, "zoo-quiet"))
+
+
+def varied(samples: int, sweep: dict[str, Any], **keys: Any) -> jaxnet.Study:
+    """The study with another sweep."""
+    return jaxnet.load(CONFIG, {"samples": samples, **keys, "sweep": sweep})
+
+
+def simulate(study: jaxnet.Study, name: str) -> Results:
+    """Run a study into a folder of that name."""
+    return jaxnet.run(study, RESULTS / name, progress=True)
+
+
+def worst(question: str, results: Results) -> None:
+    """The cell in which most lanes did not recover, of each graph and defence, and how many were failed."""
+    print(f"\n{question}: the greatest share unrecovered, where, and failed lanes of all")
+    for (graph, defence), cells in results.cells.groupby(["topology", "defence"], sort=False):
+        row = cells.loc[cells["unrecovered"].fillna(-1.0).idxmax()]
+        share = f"{row['unrecovered']:6.1%} ({row['unrecovered_low']:.1%} to {row['unrecovered_high']:.1%})"
+        where = " ".join(str(row[key]) for key in ("attack", "attack.frequency") if key in row)
+        failed = f"{cells['failed'].sum():6} of {cells['lanes'].sum()}"
+        print(f"{graph:10} {defence:18} {share:28} {where:26} {failed}")
+
+
+def transient(results: Results) -> None:
+    """Until when the mean error is over a metre, where nobody is attacked."""
+    print("\nno attack: the last time [s] at which the mean error is over 1 m, median and 95 % of the lanes")
+    errors = results.errors["tracking"]
+    time = np.concatenate([[0.0], errors["time"].values])
+    for cell in results.study.cells:
+        far = ~(errors.sel(cell=cell.number).values < CLOSE)
+        last = time[(far * np.arange(1, len(time))).max(axis=1)]
+        median, most = np.quantile(last, [0.5, 0.95])
+        print(f"{cell.labels['topology']:10} {cell.labels['defence']:18} {median:6.1f} {most:6.1f}")
+
+
+if __name__ == "__main__":
+    main()
