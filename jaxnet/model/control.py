@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from jaxnet.model.hearing import AxisWeights, Hearing
 
 Gain = Float[Array, "3 *lanes"]
-AT_ONCE = 4  # of a product that are added in one pass
+AT_ONCE = 4  # columns of a product, or rows that eliminate, in one pass over the rest
 
 
 def feedback(gain: Gain, jets: Any) -> Any:
@@ -54,8 +54,7 @@ def product(
 
     XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
     """
-    m = len(columns)
-    at_once = max(n for n in range(1, AT_ONCE + 1) if m % n == 0)
+    m, at_once = len(columns), in_one_pass(len(columns))
 
     def add(block: Any, total: jax.Array) -> jax.Array:
         for number in range(at_once):
@@ -64,6 +63,11 @@ def product(
         return total
 
     return jax.lax.fori_loop(0, m // at_once, add, jnp.zeros_like(vectors))
+
+
+def in_one_pass(m: int) -> int:
+    """How many of m are taken at once."""
+    return max(n for n in range(1, AT_ONCE + 1) if m % n == 0)
 
 
 def solve(
@@ -75,19 +79,24 @@ def solve(
     tells a disconnected graph, where it is of order 1 or not a number.
 
     Gauss and Jordan's elimination, lane beside lane; L is a row diagonally dominant M-matrix, which needs no
-    pivoting. Each row comes first when its turn to eliminate has come and goes last after it.
+    pivoting. Rows come first when their turn to eliminate has come, some at once, for most of the time goes
+    into passing over the others, and go last after it.
     """
-    m, lift = len(matrix), [1] * (matrix.ndim - 2)
+    m, at_once, lift = len(matrix), in_one_pass(len(matrix)), [1] * (matrix.ndim - 2)
     laplacian = jnp.eye(m).reshape(m, m, *lift) - matrix[:, 1:]
     whole = jnp.concatenate([laplacian, right, matrix[:, :1]], axis=1)
 
     def eliminate(rows: jax.Array, _: None) -> tuple[jax.Array, None]:
-        pivot = rows[0, 1:] / rows[0, 0][None]
-        others = rows[1:, 1:] - rows[1:, :1] * pivot[None]
-        done = jnp.concatenate([others, pivot[None]])
-        return jnp.concatenate([done, jnp.zeros_like(done[:, :1])], axis=1), None
+        pivots, others = list(rows[:at_once]), rows[at_once:, at_once:]
+        for n in range(at_once):
+            pivots[n] = pivots[n] / pivots[n][n][None]
+            pivots = [row if k == n else row - row[n][None] * pivots[n] for k, row in enumerate(pivots)]
+        for n, pivot in enumerate(pivots):
+            others = others - rows[at_once:, n : n + 1] * pivot[None, at_once:]
+        done = jnp.concatenate([others, jnp.stack(pivots)[:, at_once:]])
+        return jnp.concatenate([done, rows[:, :at_once]], axis=1), None
 
-    solution = jax.lax.scan(eliminate, whole, None, length=m)[0][:, : right.shape[1] + 1]
+    solution = jax.lax.scan(eliminate, whole, None, length=m // at_once)[0][:, : right.shape[1] + 1]
     return solution[:, :-1], jnp.abs(solution[:, -1] - 1.0).max(axis=0)
 
 

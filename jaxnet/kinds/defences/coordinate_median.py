@@ -20,12 +20,14 @@ class CoordinateMedian(Defence):
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
     ) -> tuple[Any, Any]:
-        """By adding up the weight on either side."""
-        xp, weights = own[0].__array_namespace__(), around.weights
-        other, this = received[0][:, :, None], received[0][:, None]
+        """By adding up the weight on either side, slot by slot, for XLA adds up over an axis one by one."""
+        xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
         below, above = (
-            xp.where(beside, weights[None, :, None], 0.0).sum(axis=1)
-            for beside in (other < this, other > this)
+            sum(
+                xp.where(beside(position[:, k : k + 1], position), weight[None, None], 0.0)
+                for k, weight in enumerate(weights)
+            )
+            for beside in (xp.less, xp.greater)
         )
         most = (HALF * weights.sum(axis=0))[None, None]
         median = (below <= most) & (above <= most) & (weights > 0)[None]

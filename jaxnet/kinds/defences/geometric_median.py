@@ -28,12 +28,21 @@ class GeometricMedian(Defence):
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
     ) -> tuple[Any, Any]:
         """Weights, which are normalised afterwards."""
-        xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
-        for _ in range(self.rounds):
-            middle = (weights[None] * position).sum(axis=1) / weights.sum(axis=0)[None]
+        from jax import lax
+
+        position = received[0]
+
+        def weighed(middle: Any) -> Any:
             apart = length(position - middle[:, None])
-            weights = around.weights / xp.maximum(apart, self.smoothing[None, None])
-        return weights, memory
+            least = apart.__array_namespace__().maximum(apart, self.smoothing[None, None])
+            return around.weights / least
+
+        def mean(weights: Any) -> Any:
+            moment = sum(weight[None] * position[:, slot] for slot, weight in enumerate(weights))
+            return moment / sum(weights)[None]
+
+        middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
+        return weighed(middle), memory
 
     def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
         """Nobody, for no weight is ever 0."""

@@ -30,13 +30,17 @@ class WMSR(Defence):
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]
         candidate = ((around.weights > 0) & ~around.trusted[:, :, None])[None]
-        order = xp.arange(above.shape[1])
-        first = (order[:, None] < order[None])[None, :, :, None, None]  # the other slot before this one
-        other, this = above[:, :, None], above[:, None]
-        same = candidate[:, :, None] & (xp.sign(other) == xp.sign(this)) & (this != 0)
-        beyond = (xp.abs(other) > xp.abs(this)) | ((other == this) & first)
-        dropped = candidate & (above != 0) & ((same & beyond).sum(axis=1) < self.F)
-        return ~dropped, memory
+        size, side = xp.abs(above), xp.where(candidate, xp.sign(above), 0.0)
+        order = xp.arange(above.shape[1])[None, :, None, None]
+
+        def beyond(k: int) -> Any:
+            """Who has the one in this slot farther out on the same side."""
+            other = slice(k, k + 1)
+            first = (above[:, other] == above) & (k < order)
+            return (side[:, other] == side) & ((size[:, other] > size) | first)
+
+        before = sum(xp.where(beyond(k), 1, 0) for k in range(above.shape[1]))
+        return ~((side != 0) & (before < self.F)), memory
 
     def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
         """F on either side."""
