@@ -25,7 +25,7 @@ from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
 from jaxnet.view.figures.style import Figure
 
 SIZE = (5.6, 7.2)  # [in]
@@ -47,6 +47,7 @@ class Film(NamedTuple):
     attacked: Bool[np.ndarray, "m sources"]
     told: Float[np.ndarray, "times false 2"]  # where attacked links say that their sources are [m]
     truth: Float[np.ndarray, "times false 2"]  # and where these are
+    liars: list[int]  # attacked vehicles
 
     @property
     def errors(self) -> Float[np.ndarray, "times m"]:
@@ -61,8 +62,8 @@ def film_of(
     times = lane.sizes["time"]
     frames = np.unique(np.linspace(0, times - 1, min(times, FRAMES_AT_MOST)).round().astype(int))
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
-    attack, links = cell.scenario.attack, cell.scenario.attack.links(weights)
-    liars = np.array(attacked_vehicles(cell), int) - 1
+    attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
+    links, liars = falsified_links(cell, weights, vehicles_attacked), np.array(vehicles_attacked, int) - 1
     signal = lane["attack"].values[frames][:, liars]
     about_navigator = bool(links[:, 0].any()) or attack.replaces()
     truth = np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
@@ -73,9 +74,10 @@ def film_of(
         np.radians(ahead[frames]),
         kept,
         weights > 0,
-        links & bool(len(liars)),
+        links,
         truth + signal,
         vehicles[:, liars] if attack.replaces() and not links[:, 0].any() else truth,
+        vehicles_attacked,
     )
 
 
@@ -107,9 +109,7 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], C
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
     plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
     (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
-    edges = [
-        style.RED if one + 1 in attacked_vehicles(cell) else "0.15" for one in range(film.heard.shape[0])
-    ]
+    edges = [style.RED if one + 1 in film.liars else "0.15" for one in range(film.heard.shape[0])]
     vehicles = plane.scatter(
         *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
     )
@@ -162,7 +162,7 @@ def frame_plane(plane: Axes, film: Film) -> None:
 def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
     """The error of each vehicle over time; the line that stands at the moment."""
     for number, errors in enumerate(film.errors.T):
-        attacked = number + 1 in attacked_vehicles(cell)
+        attacked = number + 1 in film.liars
         panel.plot(
             film.time, np.maximum(FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
         )

@@ -227,7 +227,7 @@ def test_the_tables_of_keys_are_current():
     assert runpy.run_path(str(ROOT / "docs" / "site" / "keys.py"))["current"](page) == page
     whole = json.loads(schema_text())
     spelled = {"Uniform", "Normal", "Choice", "Linspace", "Geomspace", "Samples", "Worst", "Sequential"}
-    spelled.add("DrawnVehicles")
+    spelled |= {"DrawnVehicles", "Apiece", "Shared", "NearestSources", "ShareOfLinks", "ShareOfVehicles"}
     models = [whole, *(model for name, model in whole["$defs"].items() if name not in spelled)]
     for model in models:
         for key, node in model.get("properties", {}).items():

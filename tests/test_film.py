@@ -7,9 +7,14 @@ from PIL import Image
 import jaxnet
 from jaxnet import film as animation
 from jaxnet.config.scenario import situation_of
+from jaxnet.lanes.draws import Draw
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
+from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
+from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.page import networks, trajectories
 from jaxnet.view.page.trajectories import headings
+from jaxnet.view.text import check
 from tests import systems
 
 
@@ -116,3 +121,36 @@ def test_without_ffmpeg_films_are_gifs(monkeypatch):
         animation.file_kind("x.mp4")
     with pytest.raises(FolderError, match=r"ends in \.mp4 or \.gif \(got x\.avi\)"):
         animation.file_kind("x.avi")
+
+
+def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
+    """Where attackers are drawn: in the film, in the panels and on the page, vehicles and links."""
+    study = systems.study(
+        engine="exact",
+        samples=3,
+        horizon=1.0,
+        tail=0.5,
+        attack={"kind": "rotating", "vehicles": {"random": 2}},
+        save={"trajectories": "all"},
+    )
+    results, cell = jaxnet.run(study, tmp_path / "out"), study.cells[0]
+    sets = cell.scenario.attack.chosen(Draw(0, range(3), 12))
+    assert len(np.unique(sets, axis=1).T) == 3
+    for each in watched(results):
+        wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()
+        shown = film_of_sample(results, each.sample)
+        page = trajectories.lane(results, each, 5)
+        assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays()) == wanted
+        said = [(i, j) for i, j, false in page["links"] if false]
+        assert said == [(i + 1, int(j)) for i, j in np.argwhere(shown.attacked)]
+        assert {j for _, j in said} == set(wanted)
+        assert len(said) == 4
+    assert "attacked: 2 drawn for each lane" in networks.drawing(study.cells)
+    assert "rotating on 2 drawn for each lane in what they transmit" in networks.words(study)
+    assert "rotating on 2 drawn for each lane in what they transmit" in check.text(study)
+
+
+def film_of_sample(results, sample):
+    """What the film of a lane of the first cell shows."""
+    lane, weights = trajectory_of(results, 0, sample)
+    return animation.film_of(lane, results.study.cells[0], weights, headings(lane["states"]))

@@ -32,7 +32,8 @@ def test_what_is_written_loads(tmp_path, family, name):
 
 def test_kinds_are_offered_by_the_registry(monkeypatch):
     """A new one too, and not those that need more than a name."""
-    assert set(registry.names("topology")) - set(starter.offered("topology")) == {"edges"}
+    needing = {"circulant", "edges", "file", "grid"}
+    assert set(registry.names("topology")) - set(starter.offered("topology")) == needing
     names, find = registry.names, registry.find
     monkeypatch.setattr(registry, "names", lambda family: [*names(family), "theirs"])
     monkeypatch.setattr(

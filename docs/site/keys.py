@@ -14,6 +14,7 @@ PAGE = Path(__file__).parents[1] / "config.md"
 MARK = "<!-- From here on written by docs/site/keys.py -->\n"
 HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
 LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
+LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
 DRAWN = ("Uniform", "Normal", "Choice")
 PARTS = {"initial": "Initial", "recovery": "Recovery", "save": "Save", "samples.until": "Criterion"}
@@ -41,19 +42,25 @@ def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
     """The kinds of a family: what several share, then each with its own keys."""
     kinds = {name: registry.find(family, name) for name in registry.names(family)}
     yield f"## {family}\n"
-    for base in dict.fromkeys(kind.__base__ for kind in kinds.values()):
+    for base in dict.fromkeys(base for kind in kinds.values() for base in kind.__mro__[1:]):
         if keys := own(base):
-            without = [f"`{name}`" for name, kind in kinds.items() if kind.__base__ is not base]
-            shown = next(known[kind.__name__] for kind in kinds.values() if kind.__base__ is base)
-            yield section(f"all but {', '.join(without)}", shown, keys, level=3)
+            having = [name for name, kind in kinds.items() if issubclass(kind, base)]
+            yield section(titled(having, list(kinds)), known[kinds[having[0]].__name__], keys, level=3)
     for name, kind in kinds.items():
         yield section(f"`{name}`", known[kind.__name__], own(kind), 3, inspect.cleandoc(kind.__doc__ or ""))
 
 
+def titled(names: list[str], among: list[str]) -> str:
+    """Names among others, or these others if they are fewer."""
+    others = [name for name in among if name not in names]
+    shown = ", ".join(f"`{name}`" for name in min(others, names, key=len))
+    return shown if len(names) <= len(others) else f"all but {shown}"
+
+
 def own(kind: Any) -> list[str]:
     """Keys that a class says itself; of what all kinds have, none."""
-    said = inspect.get_annotations(kind)
-    return [] if kind is Kind else [key for key in kind.model_fields if key in said]
+    said = inspect.get_annotations(kind) if issubclass(kind, Kind) and kind is not Kind else {}
+    return [key for key in said if key in kind.model_fields]
 
 
 def section(title: str, model: Any, keys: Iterable[str], level: int = 2, words: str = "") -> str:
@@ -103,7 +110,11 @@ REFERENCES = {
     **dict.fromkeys(DRAWN, "distribution"),
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
+    **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
+    "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",
+    "ShareOfLinks": "{share: s, seed: n}",
+    "ShareOfVehicles": "{share: s}",
     "Worst": "{worst: K}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",

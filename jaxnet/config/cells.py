@@ -41,6 +41,7 @@ class Cell:
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     """The study that a document describes; raises ConfigError with everything that is wrong."""
     name_kinds(document)
+    complete_kinds(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
@@ -108,6 +109,27 @@ def with_kind(field: str, value: Any) -> Any:
     if isinstance(value, dict) and "kind" not in value:
         return {"kind": Scenario.model_fields[field].default.reference(), **value}
     return value
+
+
+def complete_kinds(document: Document) -> None:
+    """Have kinds add what they read from files, in the sweep too."""
+    sweep = document.data.get("sweep")
+    for field in KINDS:
+        if field in document.data:
+            complete(document, field, document.data, (field,))
+        listed = sweep.get(field) if isinstance(sweep, dict) else None
+        for number in range(len(listed) if isinstance(listed, list) else 0):
+            complete(document, field, listed, ("sweep", field, number))
+
+
+def complete(document: Document, field: str, holder: Any, at: Keys) -> None:
+    """Have the kind at a place of a config, in a mapping or list, add what it reads from a file."""
+    if model := model_of(field, holder[at[-1]]):
+        try:
+            holder[at[-1]] = model.completed(holder[at[-1]], document.folder)
+        except KindError as error:
+            key = (*at, "path")
+            document.problems.append(Problem(document.place(key, at), dotted(key), str(error)))
 
 
 def validate(model: type[Any], data: Mapping[str, Any], place: Locate) -> tuple[Any, list[Problem]]:
@@ -234,7 +256,8 @@ def kind_label(kind: Any, among: list[Any]) -> str:
     telling = [
         f"{key}={wording.shown(value)}"
         for key, value in kind.items()
-        if key not in ("kind", "label", "edges") and any(other.get(key) != value for other in alike)
+        if key not in ("kind", "label", "edges", "content")
+        and any(other.get(key) != value for other in alike)
     ]
     name = str(kind["kind"]).rpartition(":")[2]
     return name + (f"({', '.join(telling)})" if telling else "")

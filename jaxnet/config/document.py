@@ -154,15 +154,19 @@ def constructed(kind: str, text: str) -> Any:
 
 
 class Document:
-    """A config as it was written: `data`, the place of everything in it, what is wrong already."""
+    """A config as it was written: `data`, the place of everything in it, what is wrong already.
 
-    def __init__(self, text: str, source: str):
+    What it names by a path is looked for from `folder`.
+    """
+
+    def __init__(self, text: str, source: str, folder: UPath | None = None):
         reader = Reader(source)
         data = reader.read(text)
         if not isinstance(data, dict | None):
             place = reader.places[()]
             raise ConfigError([Problem(place, "", "a config is a mapping of keys to values")])
         self.source, self.places, self.problems = source, reader.places, reader.problems
+        self.folder = folder or UPath()
         self.overridden: list[str] = []  # dotted keys set from the command line
         self.data: dict[str, Any] = data or {}
 
@@ -170,7 +174,7 @@ class Document:
     def read(cls, path: str | Path | UPath) -> "Document":
         """The document in a file."""
         try:
-            return cls(UPath(path).read_text(encoding="utf-8"), str(path))
+            return cls(UPath(path).read_text(encoding="utf-8"), str(path), UPath(path).parent)
         except (OSError, UnicodeDecodeError) as error:
             reason = (error.strerror or str(error)) if isinstance(error, OSError) else "not UTF-8 text"
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error

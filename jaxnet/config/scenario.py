@@ -2,10 +2,14 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
+from jaxnet.model.safety import Safe
 
 
 class Situation(NamedTuple):
@@ -27,6 +31,23 @@ def situation_of(scenario: Scenario) -> Situation:
     trusted = scenario.defence.trusts(weights)
     attacked = scenario.attack.links(weights)
     return Situation(weights, attacked, trusted, scenario.defence.retained(weights, trusted))
+
+
+def safe_in(scenario: Scenario, weights: Weights, attacked: Links) -> list[Safe]:
+    """Vehicles that end on the navigator, by reason, on this graph if these of its links are attacked.
+
+    A sybil is one more attacked source, which itself hears the navigator alone.
+    """
+    m, trusted = len(weights), scenario.defence.trusts(weights)
+    twice = np.flatnonzero(attacked.any(axis=0)).repeat(scenario.attack.identities() - 1)
+    alone = np.eye(1, m + 1 + len(twice)).repeat(len(twice), axis=0)
+
+    def with_sybils(given: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        return np.vstack([np.hstack([given, given[:, twice] * attacked[:, twice]]), rows])
+
+    links = (with_sybils(attacked, alone > 1), with_sybils(trusted, alone > 0))
+    found = scenario.defence.safe(graph.normalised(with_sybils(weights, alone)), *links)
+    return [Safe(why, vehicles[:m]) for why, vehicles in found]
 
 
 def differs_by_lane(scenario: Scenario) -> bool:

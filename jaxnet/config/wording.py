@@ -29,6 +29,7 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
+    "multiple_of": "must be a multiple of {multiple_of:g}",
     "value_error": "{error}",
     "literal_error": "must be {expected}",
 }

@@ -4,10 +4,11 @@ from.
 
 import operator
 import statistics
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, RootModel, Tag
 
 PI = 3.141592653589793
 
@@ -77,19 +78,63 @@ def distribution(value: Any) -> str | None:
     return MARK + names[0] if len(names) == 1 and names[0] in DISTRIBUTIONS else None
 
 
+A_NUMBER = "must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or {choice: [...]}"
+
 if TYPE_CHECKING:
     Number = Any  # a number or a distribution in a config; arrays while lanes are simulated
 else:
-    Number = Annotated[
+    Members = (
         Annotated[float, member("number")]
         | Annotated[Uniform, member("uniform")]
         | Annotated[Normal, member("normal")]
-        | Annotated[Choice, member("choice")],
+        | Annotated[Choice, member("choice")]
+    )
+    Number = Annotated[
+        Members,
+        Discriminator(distribution, custom_error_type="distribution", custom_error_message=A_NUMBER),
+    ]
+
+
+class Apiece(Record):
+    """Drawn for each attacked vehicle."""
+
+    each: Number = Field(description="drawn for each attacked vehicle")
+
+
+class Shared(Record):
+    """Drawn once, for all attacked vehicles."""
+
+    shared: Number = Field(description="drawn once, for all attacked vehicles")
+
+
+class Listed(RootModel[Annotated[list[Number], Len(1)]]):
+    """A number for each attacked vehicle, in the order in which they are listed."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+def way(value: Any) -> str | None:
+    """Which kind of number of vehicles a value means to be."""
+    if isinstance(value, list):
+        return MARK + "root"
+    if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
+        return MARK + next(iter(value))
+    return distribution(value)
+
+
+if TYPE_CHECKING:
+    PerVehicle = Any  # a number that attacked vehicles share, or that each has for itself
+else:
+    PerVehicle = Annotated[
+        Members
+        | Annotated[Apiece, member("each")]
+        | Annotated[Shared, member("shared")]
+        | Annotated[Listed, member("root")],
         Discriminator(
-            distribution,
+            way,
             custom_error_type="distribution",
-            custom_error_message="must be a number, {uniform: [a, b]}, {normal: [mean, sd]} or"
-            " {choice: [...]}",
+            custom_error_message=f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}},"
+            " or a list of them",
         ),
     ]
 
@@ -97,6 +142,17 @@ else:
 def is_drawn(number: Any) -> bool:
     """Whether it is a distribution."""
     return isinstance(number, Uniform | Normal | Choice)
+
+
+def differs(number: Any) -> bool:
+    """Whether vehicles have it each for itself, as the config says."""
+    return isinstance(number, Apiece | Listed)
+
+
+def in_step(*numbers: Any) -> Iterator[tuple[Any, ...]]:
+    """Several numbers vehicle by vehicle: of lists one after the other, the others beside each."""
+    longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
+    return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
 def bounds(number: Any) -> tuple[float, float]:
@@ -108,6 +164,11 @@ def bounds(number: Any) -> tuple[float, float]:
             return (mean, mean) if deviation == 0 else (-float("inf"), float("inf"))
         case Choice(choice=values):
             return min(values), max(values)
+        case Apiece(each=inner) | Shared(shared=inner):
+            return bounds(inner)
+        case Listed(root=numbers):
+            low, high = zip(*map(bounds, numbers), strict=True)
+            return min(low), max(high)
     return number, number
 
 
@@ -162,7 +223,8 @@ class Each:
 
 Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
-Angle = Annotated[Number, Each(), Field(description="[rad]")]
+PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
+Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]
 Amplitude = Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], Len(2, 2)]
 Frequency = Annotated[list[Annotated[float, Field(ge=-100, le=100)]], Len(2, 2)]

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field, model_serializer
 
-from jaxnet.kinds.fields import Each, Record, is_drawn
+from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 
 
 class Fault(NamedTuple):
@@ -58,6 +58,14 @@ class Kind(Record):
         """Another process is told the class by name, and where its module is."""
         cls, folder = type(self), folder_of(type(self).__module__)
         return rebuilt, (folder, cls.__module__, cls.__qualname__, self.__dict__)
+
+    @classmethod
+    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+        """What a config says of one, with what the file at its `path`, from this folder, says too.
+
+        Raises KindError.
+        """
+        return given
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """What is wrong with a scenario that has this kind, besides what single keys show."""
@@ -110,8 +118,8 @@ REFERENCES: dict[type[Kind], str] = {}  # of the classes that `registry` has fou
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number with a decimal point, or a distribution of such."""
-    return isinstance(value, float) or is_drawn(value)
+    """Whether a value is a number with a decimal point, a distribution of such, or one of each vehicle."""
+    return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
 def holds_drawn(value: Any) -> bool:
@@ -120,6 +128,8 @@ def holds_drawn(value: Any) -> bool:
         return any(map(holds_drawn, value))
     if isinstance(value, Kind):
         return bool(value.drawn_keys())
+    if isinstance(value, Apiece | Shared | Listed):
+        return any(holds_drawn(each) for _, each in value)
     return is_drawn(value)
 
 

@@ -39,7 +39,7 @@ def as_pytree(drawn: Any) -> Any:
     """A drawn kind with what lanes ask of it, its class known to JAX, in a tuple too; else as it is."""
     if isinstance(drawn, tuple):
         return type(drawn)(*map(as_pytree, drawn))
-    if not isinstance(drawn, Kind):
+    if not isinstance(drawn, Kind) or "_leaves" in vars(drawn):
         return drawn
     cls = type(drawn)
     values = {key: as_pytree(each) for key, each in vars(drawn).items() if key not in drawn.untraced}

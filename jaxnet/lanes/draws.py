@@ -11,7 +11,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, UInt32
+from jaxtyping import Float, Int, UInt32
 
 from jaxnet.kinds import fields
 from jaxnet.kinds.fields import is_drawn
@@ -27,8 +27,10 @@ Draws = Float[np.ndarray, "samples places"]
 class Draw:
     """Draws numbers of samples: NumPy arrays with a first axis over samples."""
 
-    def __init__(self, seed: int, samples: Sequence[int], vehicles: int):
+    def __init__(self, seed: int, samples: Sequence[int], vehicles: int, listed: Sequence[int] = ()):
+        """`listed` are the vehicles in whose order a list gives numbers."""
         self.seed, self.samples, self.everyone = seed, samples, range(1, vehicles + 1)
+        self.listed = listed
 
     def same(self, value: Any) -> Any:
         """The same value in every lane."""
@@ -37,10 +39,24 @@ class Draw:
 
     def one(self, number: Any, name: str) -> Any:
         """A number of the lane: (samples,)."""
+        number = number.shared if isinstance(number, fields.Shared) else number
         return draw(number, self.seed, name, self.samples, [0])[:, 0, 0]
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
         """A number of each vehicle: (samples, m, components)."""
+        shape = len(self.samples), len(self.everyone), components
+        match number:
+            case fields.Shared():
+                return np.broadcast_to(self.one(number, name)[:, None, None], shape)
+            case fields.Listed(root=numbers):
+                given = dict(zip(self.listed, numbers, strict=True))
+                places = [
+                    (vehicle, component) for vehicle in self.everyone for component in range(components)
+                ]
+                listed = [given.get(vehicle, numbers[0]) for vehicle, _ in places]
+                return self.placed(listed, name, places).reshape(shape)
+            case fields.Apiece():
+                number = number.each
         return draw(number, self.seed, name, self.samples, self.everyone, components)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:
@@ -61,12 +77,35 @@ class EachLink(Draw):
     """Draws for each slot of each listener what is else drawn for each vehicle."""
 
     def __init__(self, draw: Draw, slots: int):
-        self.seed, self.samples, self.everyone, self.slots = draw.seed, draw.samples, draw.everyone, slots
+        super().__init__(draw.seed, draw.samples, len(draw.everyone), draw.listed)
+        self.slots = slots
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
         """A number of each link, those of a listener after each other: (samples, m · slots, components)."""
         by_vehicle = super().each(number, name, self.slots * components)
         return by_vehicle.reshape(len(by_vehicle), -1, components)
+
+
+class Alone(Draw):
+    """Draws for each attacked vehicle of each lane as if it were the only one of a lane of its own.
+
+    `attacked` (n, lanes) are their places in what is drawn for each, from 0; of all lanes the first ones
+    come first.
+    """
+
+    def __init__(self, draw: Draw, attacked: Int[np.ndarray, "n lanes"]):
+        super().__init__(draw.seed, [*draw.samples] * len(attacked), 1)
+        self.draw, self.attacked = draw, attacked
+
+    def one(self, number: Any, name: str) -> Any:
+        """A number of the lane, or of the vehicle: (n · samples,)."""
+        return self.each(number, name)[:, 0, 0] if fields.differs(number) else super().one(number, name)
+
+    def each(self, number: Any, name: str, components: int = 1) -> Any:
+        """A number of the vehicle: (n · samples, 1, components)."""
+        everybody = self.draw.each(number, name, components)
+        picked = np.take_along_axis(everybody, self.attacked.T[:, :, None], axis=1)
+        return picked.swapaxes(0, 1).reshape(-1, 1, components)
 
 
 def draw(

@@ -12,12 +12,12 @@ from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
-from jaxnet.lanes.draws import Draw, EachLink
+from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.signal import ORDERS, Falsified
+from jaxnet.model.signal import ORDERS, Apart, Falsified
 
 
 def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
@@ -58,13 +58,23 @@ def sources_of(scenario: Scenario) -> np.ndarray:
     """Who is heard slot by slot: attacked sources as often as they have identities."""
     links = scenario.topology.links(scenario.vehicles)
     attacked = scenario.attack.links(links.astype(float))
-    return hearing.slots(np.where(attacked, scenario.attack.identities(), links))
+    return hearing.slots(np.where(attacked, scenario.attack.identities() + scenario.attack.splits(), links))
 
 
 def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
-    """Weights of each lane by slot: (samples, slots, m). Every identity of a source has its weight."""
-    weights = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources)
-    if scenario.attack.identities() == 1:
+    """Weights of each lane by slot: (samples, slots, m). Every identity of a source has its weight.
+
+    Of the two slots of a link that is split a lane hears the attack's if its source is attacked there.
+    """
+    weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
+    if attack.splits():
+        links = hearing.by_slot(
+            attack.links(scenario.topology.links(scenario.vehicles).astype(float)), sources
+        )
+        lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
+        silent = links[..., None] & (lies != hearing.again(sources)[..., None])
+        weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
+    if attack.identities() == 1:
         return weights
     return weights / weights.sum(axis=1, keepdims=True)
 
@@ -73,6 +83,8 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     """What the lanes of a cell share, by slot."""
     links = scenario.topology.links(scenario.vehicles).astype(float)
     attacked = hearing.by_slot(scenario.attack.links(links), sources)
+    if scenario.attack.splits():
+        attacked = attacked & hearing.again(sources)
     trusted = scenario.defence.trusts(links)
     speakers = np.where(attacked & scenario.attack.replaces(), 0, sources)
     shared = scenario.defence.shared(links, trusted, sources)
@@ -135,22 +147,51 @@ def attack_of(
 
     `navigator` is the one drawn, `start` the states at t = 0.
     """
-    chosen = scenario.attack.chosen(draw)
-    if scenario.attack.by_link():
+    attack, start = scenario.attack, start[:2]
+    chosen, draw = attack.chosen(draw), Draw(draw.seed, draw.samples, scenario.vehicles, attack.targets())
+    if attack.by_link():
         sources = sources_of(scenario)
-        chosen = chosen[hearing.of_transmitters(sources).T.ravel()]
-        draw = EachLink(draw, len(sources))
+        owners = hearing.of_transmitters(sources).T.ravel()
+        chosen, start, draw = chosen[owners], start[:, owners], EachLink(draw, len(sources))
+    if attack.apart():
+        return each_alone(scenario, draw, chosen, start)
+    signal, vectors, scale = as_one(scenario, draw, navigator, start)
+    return signal, vectors * chosen[None, :, None], scale
+
+
+def each_alone(
+    scenario: Scenario, draw: Draw, chosen: np.ndarray, start: np.ndarray
+) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The same where attacked vehicles have functions of their own: each is alone in lanes of its own, which
+    then stand side by side.
+    """
+    (m, count), n = chosen.shape, max(1, int(chosen[:, 0].sum()))
+    attacked = np.argsort(~chosen, axis=0, kind="stable")[:n]
+    alone = Alone(draw, attacked)
+    theirs = np.take_along_axis(start, attacked[None], axis=1).reshape(2, 1, -1)
+    signal, given, scale = as_one(scenario, alone, scenario.navigator.drawn(alone, "navigator"), theirs)
+    vectors = np.zeros((2, m, given.shape[2], n, count))
+    number, lane = np.indices(attacked.shape)
+    vectors[:, attacked, :, number, lane] = given.reshape(2, -1, n, count).transpose(2, 3, 0, 1)
+    side_by_side = jax.tree.map(lambda leaf: leaf.reshape(*leaf.shape[:-1], n, count), as_pytree(signal))
+    vectors = vectors.reshape(2, m, -1, count) * chosen[None, :, None]
+    return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0)
+
+
+def as_one(
+    scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
+) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Signal, vectors and ā over its size, if all vehicles were attacked, by functions that they share."""
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count = len(draw.samples)
-    signal, given = drawn.told(navigator, start[:2])
+    signal, given = drawn.told(navigator, start)
     scale = np.ones(count)
     if drawn.bounded:
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
         scale = np.broadcast_to(scaled(drawn, sizes), count)
     unit = first_vectors(signal, count) if given is None else given
-    vectors = unit * scale * chosen[None, :, None]
-    return received_of(signal, drawn, count), vectors, scale
+    return received_of(signal, drawn, count), unit * scale, scale
 
 
 def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:

@@ -6,12 +6,14 @@ vehicle hears nobody.
 """
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 Weights = Float[np.ndarray, "m sources"]
 Links = Bool[np.ndarray, "m sources"]
+Neighbours = Bool[np.ndarray, "m m"]  # which vehicles each one hears
 
 
 def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Weights:
@@ -33,15 +35,21 @@ def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
     return np.eye(len(weights)) - weights[:, 1:]
 
 
-def unreachable(weights: Weights) -> list[int]:
-    """Vehicles that nothing the navigator says can reach."""
+def hops(weights: Weights | Links) -> Float[np.ndarray, " m"]:
+    """Links on the shortest way from the navigator to each vehicle, inf where there is none."""
     heard = weights[:, 1:] > 0
-    reached = weights[:, 0] > 0
-    newest = reached
+    newest = weights[:, 0] > 0
+    found = np.where(newest, 1.0, np.inf)
     while newest.any():
-        newest = heard[:, newest].any(axis=1) & ~reached
-        reached = reached | newest
-    return [int(i) for i in np.flatnonzero(~reached) + 1]
+        farther = found[newest].max() + 1
+        newest = heard[:, newest].any(axis=1) & np.isinf(found)
+        found[newest] = farther
+    return found
+
+
+def unreachable(weights: Weights | Links) -> list[int]:
+    """Vehicles that nothing the navigator says can reach."""
+    return [int(i) for i in np.flatnonzero(np.isinf(hops(weights))) + 1]
 
 
 def hears_vehicles(weights: Weights) -> bool:
@@ -56,3 +64,19 @@ def trusted_links(weights: Weights, trusted: Mapping[int, Iterable[int]]) -> Lin
     for listener, sources in trusted.items():
         links[listener - 1, list(sources)] = True
     return links & (weights > 0)
+
+
+def least(heard: Links, values: Float[np.ndarray, "m sources"], count: Any) -> Links:
+    """The `count` sources that each listener hears of the least values, of equal ones the first."""
+    ranks = np.where(heard, values, np.inf).argsort(axis=1, kind="stable").argsort(axis=1)
+    return heard & (ranks < np.reshape(count, (-1, 1)))
+
+
+def metropolis(heard: Neighbours) -> Float[np.ndarray, "m m"]:
+    """`1 / (1 + max(d_i, d_j))` where i hears j, d_i the number of vehicles that i hears.
+
+    Symmetric where links are mutual; what is left of 1 in a row is the vehicle's own. Source: Xiao, Boyd and
+    Lall, A scheme for robust distributed sensor fusion based on average consensus, 2005.
+    """
+    degrees = heard.sum(axis=1)
+    return heard / (1.0 + np.maximum.outer(degrees, degrees))

@@ -90,6 +90,11 @@ def slots(identities: Int[np.ndarray, "m n"] | Bool[np.ndarray, "m n"]) -> Int[n
     return table
 
 
+def again(sources: Int[np.ndarray, "slots m"]) -> Bool[np.ndarray, "slots m"]:
+    """Slots that hold the same source as the slot before them."""
+    return np.concatenate([np.zeros_like(sources[:1], bool), sources[1:] == sources[:-1]])
+
+
 def of_transmitters(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
     """Each link's signal where a vehicle has one: the transmitter's, a listener's own for the navigator."""
     return np.where(sources > 0, sources - 1, np.arange(sources.shape[1]))

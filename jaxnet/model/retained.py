@@ -33,10 +33,25 @@ class AnySubset(NamedTuple):
         total = kept.sum(axis=1, keepdims=True)
         return np.divide(kept, total, out=kept, where=total > 0)
 
+    def believed(self) -> "AnySubset":
+        """The same without links that are dropped for good."""
+        for_good = self.links & (self.number >= self.links.sum(axis=1))[:, None]
+        weights, number = (
+            np.where(for_good, 0.0, self.weights),
+            np.where(for_good.any(axis=1), 0, self.number),
+        )
+        return AnySubset(weights, self.links & ~for_good, number)
+
 
 def everybody(weights: Weights) -> AnySubset:
     """Nobody drops anybody."""
     return AnySubset(weights, np.zeros(weights.shape, bool), np.zeros(len(weights), int))
+
+
+def any_untrusted(weights: Weights, trusted: Links, number: Any) -> AnySubset:
+    """Each drops so many untrusted sources, or all where it hears fewer."""
+    links = (weights > 0) & ~trusted
+    return AnySubset(weights, links, np.minimum(number, links.sum(axis=1)))
 
 
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:

@@ -1,4 +1,8 @@
-"""Vehicles that no attack can keep off the navigator, by what is known of whom they believe."""
+"""Vehicles that no attack can keep off the navigator, by what is known of whom they believe (SCIENCE, O11).
+
+All of it is bootstrap percolation, O(links): doubt spreads from attacked links, and what is left must stay
+joined to the navigator whoever is dropped.
+"""
 
 from typing import NamedTuple
 
@@ -6,8 +10,16 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from jaxnet.model.graph import Links
+from jaxnet.model.retained import AnySubset
 
 Vehicles = Bool[np.ndarray, " m"]
+Nodes = Bool[np.ndarray, " sources"]
+Counts = Int[np.ndarray, " m"]
+Each = Int[np.ndarray, " links"]
+
+NEVER = 2**62  # votes that nobody gets
+MOST_RATED = 1000  # vehicles, of which a rate is told
+SLOWEST = 1e-3  # shrinking that is told, at least
 
 
 class Safe(NamedTuple):
@@ -17,43 +29,79 @@ class Safe(NamedTuple):
     vehicles: Vehicles
 
 
-def untouched(believed: Links, attacked: Links) -> Vehicles:
-    """Vehicles that believe no attacked link, and of the others none that does, however far upstream."""
-    touched = (believed & attacked).any(axis=1)
-    newest = touched
-    while newest.any():
-        newest = believed[:, 1:][:, newest].any(axis=1) & ~touched
-        touched = touched | newest
-    return np.asarray(~touched)
+def percolate(links: tuple[Each, ...], votes: Each, needed: Counts, seeds: Nodes) -> Nodes:
+    """Sources that percolation reaches from the seeds.
 
-
-def contracting(heard: Links, attacked: Links, trusted: Links, theta: Int[np.ndarray, " m"]) -> Vehicles:
-    """Vehicles whose announced disturbance shrinks to nothing when they drop the ϑ_i greatest announced.
-
-    The greatest set in which each hears at most ϑ_i links that are attacked or come from outside the set,
-    none of them trusted, drops fewer than it hears, and is reached by the navigator's zero: it hears one who
-    is reached, and either trusts it or retains another who announces no more (SCIENCE, O11).
+    A vehicle is reached once the sources reached that it hears have given it the votes it needs. `links` are
+    listeners, from 0, and their sources.
     """
-    honest = heard & ~attacked
-    inside = heard.sum(axis=1) > theta
+    hearers: list[list[tuple[int, int]]] = [[] for _ in seeds]
+    for listener, source, vote in zip(*(each.tolist() for each in (*links, votes)), strict=True):
+        hearers[source].append((listener, vote))
+    reached = seeds | np.concatenate([[False], needed <= 0])
+    left, waiting = needed.tolist(), np.flatnonzero(reached).tolist()
+    while waiting:
+        for listener, vote in hearers[waiting.pop()]:
+            left[listener] -= vote
+            if left[listener] <= 0 and not reached[listener + 1]:
+                reached[listener + 1] = True
+                waiting.append(listener + 1)
+    return reached
+
+
+def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
+    """Vehicles that stay joined to the navigator by some of themselves, whoever is dropped.
+
+    Each of them never drops one that is joined, or hears more that are than it drops.
+    """
+    links = np.nonzero(drops.weights > 0)
+    votes = np.where(drops.links[links], 1, drops.number[links[0]] + 1)
+    navigator = np.arange(drops.weights.shape[1]) == 0
+    return percolate(links, votes, np.where(among, drops.number + 1, NEVER), navigator)[1:]
+
+
+def greatest(drops: AnySubset, attacked: Links, bears: Counts, closed: bool = False) -> Vehicles:
+    """The greatest set of vehicles that bear what is bad and stay joined to the navigator by each other.
+
+    Bad is a link that is attacked or comes from outside the set. Each vehicle bears so many of those that it
+    may drop, and none of the others; if the set is `closed`, it hears nobody outside.
+    """
+    links = np.nonzero(drops.weights > 0)
+    falsified, fatal = attacked[links], bears[links[0]] + 1
+    cost = np.where(drops.links[links], 1, fatal)
+    left = bears + 1
+    np.subtract.at(left, links[0], cost * falsified)
+    doubt = fatal if closed else np.where(falsified, 0, cost)
+    out = np.zeros(drops.weights.shape[1], bool)
     while True:
-        good = honest & np.concatenate([[True], inside])[None]
-        bad = heard & ~good
-        able = inside & ((bad & ~trusted).sum(axis=1) <= theta) & ~(bad & trusted).any(axis=1)
-        able = reached(good, trusted, (heard & ~trusted).sum(axis=1) > theta, able)
-        if (able == inside).all():
+        out = percolate(links, doubt, left, out)
+        inside = stay_joined(drops, ~out[1:])
+        if (inside | out[1:]).all():
             return inside
-        inside = able
+        out[1:] = ~inside
 
 
-def reached(good: Links, trusted: Links, retains: Vehicles, among: Vehicles) -> Vehicles:
-    """Those `among` vehicles that the navigator's zero reaches; `retains` hear more untrusted than they
-    drop.
+def contraction(drops: AnySubset, inside: Vehicles) -> tuple[int, float] | None:
+    """Rounds, and the factor by which the greatest announced disturbance of a set shrinks in them, at worst.
+
+    By (c) of the proof, from the navigator on; None where that is next to 1, or vehicles are many.
     """
-    passes = good & (trusted | retains[:, None])
-    found = passes[:, 0] & among
-    newest = found
-    while newest.any():
-        newest = passes[:, 1:][:, newest].any(axis=1) & among & ~found
-        found = found | newest
-    return found
+    if len(inside) > MOST_RATED or not inside.any():
+        return None
+    heard, rows = drops.weights > 0, np.arange(drops.weights.shape[1])
+    lightest = np.sort(np.where(drops.links, drops.weights, 0.0) + ~drops.links, axis=1)
+    kept = drops.weights.sum(axis=1) - lightest.sum(axis=1, where=rows < drops.number[:, None])
+    factor, rounds = np.where(rows > 0, np.nan, 0.0), 0
+    while np.isnan(factor[1:][inside]).any():
+        known = ~np.isnan(factor)
+        never, perhaps = heard & known & ~drops.links, drops.links & known
+        enough = perhaps.sum(axis=1) > drops.number
+        shares = drops.weights.sum(axis=1, where=never), drops.weights.min(axis=1, where=perhaps, initial=1.0)
+        worst = (np.where(which, factor, 0.0).max(axis=1) for which in (never, perhaps))
+        either = [1 - share / kept * (1 - most) for share, most in zip(shares, worst, strict=True)]
+        new = inside & ~known[1:] & (never.any(axis=1) | enough)
+        factor[1:][new] = np.where(enough, np.minimum(*either), either[0])[new]
+        rounds += 1
+        if not new.any() or np.nanmax(factor) > 1 - SLOWEST:
+            return None
+    return rounds, float(np.nanmax(factor))

@@ -40,6 +40,27 @@ class Falsified(NamedTuple):
         return self.orders[:, None] * self.signal.basis(time)
 
 
+class Apart(NamedTuple):
+    """A signal that each of n vehicles has with numbers, and so with functions, of its own.
+
+    Vehicles are asked for as lanes are. All vehicles' first functions come first, then their second ones.
+    """
+
+    signal: Any  # leaves (..., n, lanes)
+
+    def basis(self, time: Any) -> Any:
+        """All functions: (4, B · n, lanes), with n · lanes for lanes."""
+        import jax
+
+        xp, lanes = time.__array_namespace__(), time.ndim
+        leaves, shape = jax.tree.flatten(self.signal)
+        n = leaves[0].shape[-1 - lanes]
+        flat = [leaf.reshape(*leaf.shape[: leaf.ndim - lanes - 1], -1) for leaf in leaves]
+        alone = jax.tree.unflatten(shape, flat)
+        times = xp.broadcast_to(time[None], (n, *time.shape)).reshape(-1)
+        return alone.basis(times).reshape(4, -1, *time.shape)
+
+
 def turning(cosine: Any, sine: Any, rate: Any) -> Any:
     """`cos` and `sin` of an angle that grows at a constant rate, with three derivatives: (4, 2, …)."""
     xp = cosine.__array_namespace__()

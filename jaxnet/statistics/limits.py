@@ -71,7 +71,7 @@ def spread_of(scenario: Scenario) -> Spread | None:
     attack = scenario.attack
     if not attack.bounded or attack.identities() > 1:
         return None
-    smooth = attack.consistent() and not attack.strategic
+    smooth = attack.consistent() and not attack.strategic and not attack.splits()
     return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
 
 

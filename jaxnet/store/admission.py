@@ -1,6 +1,7 @@
 """Which folders a study may go into: an empty one, or one that holds the same study, by the same version."""
 
 import re
+from textwrap import shorten
 from typing import Any
 
 import jaxnet
@@ -67,8 +68,13 @@ def difference(folder: Folder, config: Config) -> str:
     ]
     if not keys:
         return ": its sweep has another order"
-    apart = (f"{key} is {theirs.get(key)} there and {ours.get(key)} here" for key in keys[:3])
+    apart = (f"{key} is {short(theirs.get(key))} there and {short(ours.get(key))} here" for key in keys[:3])
     return ": " + ", ".join(apart)
+
+
+def short(value: Any) -> str:
+    """A value that may be as long as a file's content."""
+    return shorten(str(value), 100, placeholder=" …")
 
 
 def changed_modules(folder: Folder, config: Config) -> list[str]:

@@ -3,12 +3,17 @@
 NumPy alone, so that a config is checked at once.
 """
 
+from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxnet.model import graph
+from jaxnet.model.safety import Vehicles
+
+MOST_TRIED = 3  # vehicles in a set that is tried
 
 
 class Certificate(NamedTuple):
@@ -46,10 +51,29 @@ def vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
     return [int(i) for i in np.flatnonzero(mask) + 1]
 
 
-def robustness(weights: Float[np.ndarray, "m sources"]) -> int:
-    """The r for which the graph with its navigator is exactly r-robust (LeBlanc et al., 2013): 0 or 1.
+class Margin(NamedTuple):
+    """What breaks the safety of each vehicle, as far as sets of three vehicles tell."""
 
-    The navigator hears nobody and all vehicles together hear one node outside, itself, so r ≤ 1; and of two
-    disjoint sets one lacks the navigator, hence hears somebody outside if everyone is reached, so r ≥ 1.
-    """
-    return 0 if graph.unreachable(weights) else 1
+    sets: list[list[tuple[int, ...]]]  # of who is not safe: least sets of the attacked that suffice for it
+    further: Int[np.ndarray, " m"]  # that break who is safe, attacked too; 0 if not safe, 4 at most
+
+
+def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehicles: int) -> Margin:
+    """By trying: `safe` says who is if these vehicles are attacked, fewer the more there are."""
+    sets: list[list[tuple[int, ...]]] = [[] for _ in range(vehicles)]
+    further = np.where(safe([*attacked]), MOST_TRIED + 1, 0)
+    for few in some_of(attacked, 0):
+        for i in np.flatnonzero(~safe([*few]) & (further == 0)):
+            if not any(set(each) <= set(few) for each in sets[i]):
+                sets[i].append(few)
+    for more in some_of([i for i in range(1, vehicles + 1) if i not in attacked], 1):
+        if (further <= len(more)).all():
+            break
+        broken = ~safe([*attacked, *more])
+        further = np.where(broken, np.minimum(further, len(more)), further)
+    return Margin(sets, further)
+
+
+def some_of(vehicles: Sequence[int], least: int) -> list[tuple[int, ...]]:
+    """Sets of `least` to three of some vehicles, smaller ones first."""
+    return [each for size in range(least, MOST_TRIED + 1) for each in combinations(vehicles, size)]

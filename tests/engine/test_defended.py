@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import jaxnet
-from jaxnet.config.scenario import situation_of
+from jaxnet.config.scenario import safe_in, situation_of
+from jaxnet.engine.status import Status
+from jaxnet.kinds.attacks import Attack
+from jaxnet.view.text import check
 from tests import systems
 
 PAIR = {
@@ -33,6 +36,13 @@ def unrecovered(study, samples):
     return (outcome.metrics["tail_mean"] > 0.01 * study.config.attack.magnitude).mean(), outcome
 
 
+def safe(study):
+    """Vehicles that are safe for one reason or another."""
+    scenario = study.cells[0].scenario
+    known = situation_of(scenario)
+    return np.any([each.vehicles for each in safe_in(scenario, known.weights, known.attacked)], axis=0)
+
+
 def test_two_who_trust_each_other_know_nothing():
     """About half of the lanes end exactly ā off, though Assumptions 1 and 2 hold; `safe` promises nothing."""
     study = systems.study(defence=TRUST, **PAIR)
@@ -40,16 +50,16 @@ def test_two_who_trust_each_other_know_nothing():
     assert abs(share - 0.5) < 4 * np.sqrt(0.25 / 300)
     ended = outcome.metrics["tail_max"]
     assert np.mean((ended < 1e-6) | (np.abs(ended - 5.0) < 1e-6)) > 0.98  # a few still change sides
-    known = situation_of(study.cells[0].scenario)
-    safe = study.config.defence.safe(known.weights, known.attacked, known.trusted)
-    assert safe.vehicles.tolist() == [False, False, True, True]
+    assert safe(study).tolist() == [False, False, True, True]
+    text = check.text(study)
+    assert "safe          3, 4 untouched; not known of 1, 2" in text
+    assert "broken        1, 2 by 4 alone; 3, 4 by no 3 more" in text
 
 
 def test_what_is_announced_saves_them():
     """All four are safe, and no lane fails; the same by contraction's own account."""
     study = systems.study(defence={**TRUST, "score": "announced"}, **PAIR)
-    known = situation_of(study.cells[0].scenario)
-    assert study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.all()
+    assert safe(study).all()
     assert unrecovered(study, 300)[0] == 0
 
 
@@ -92,7 +102,59 @@ def test_trusted_sources_alone_are_exact():
             "tail": 1.0,
         }
     )
-    known = situation_of(study.cells[0].scenario)
-    assert study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.all()
+    assert safe(study).all()
     _, outcome = unrecovered(study, 50)
     assert outcome.metrics["tail_max"].max() < 1e-9
+
+
+class Ripple(Attack):
+    """A constant, and a small oscillation at the tick's frequency whose jerk undoes it at ticks."""
+
+    def basis(self, time):
+        xp, rate = time.__array_namespace__(), 2 * np.pi / 0.05
+        slope = rate / (rate**3 - 3 * rate)
+        sine, cosine = xp.sin(rate * time), xp.cos(rate * time)
+        wave = slope * xp.stack([sine / rate, cosine, -rate * sine])
+        constant = xp.stack([xp.ones_like(time), xp.zeros_like(time), xp.zeros_like(time)])
+        jerk = -(1 + 3 * slope) * cosine  # of the wave, written so that R = 0 at ticks to the last bit
+        return xp.concatenate([constant + wave, jerk[None]])[:, None]
+
+    def vectors(self):
+        return np.array([1.0, 0.0])[:, None, None, None]
+
+    def sizes(self, horizon):
+        return np.full((4, 1), 2.0)  # so that the constant is ā / 2
+
+
+def test_what_announces_nothing_at_ticks_is_believed():
+    """E is bounded up to what an attack does within a tick, and that ā does not bound: ā / 2 becomes ā."""
+    study = systems.study(
+        attack=Ripple(magnitude=16.0),
+        defence={"kind": "trusted_trim", "score": "announced"},
+        engine="exact",
+        horizon=90.0,
+        output_step=0.5,
+    )
+    assert safe(study).all()
+    assert unrecovered(study, 100)[1].metrics["tail_mean"].min() > 15.0
+
+
+@pytest.mark.parametrize("sybils", [0, 1])
+def test_a_sybil_is_a_liar_more(sybils):
+    """One beside each attacker is one more than the ring bears."""
+    attack = {"kind": "bias", "sybils": sybils}
+    assert safe(
+        systems.study(attack=attack, defence={"kind": "trusted_trim", "score": "announced"})
+    ).all() == (not sybils)
+
+
+def test_whom_nobody_attacks_may_still_be_cut_off():
+    """2 and 3 drop 1 of equals and believe each other: no lane goes on, and 1 alone is certified."""
+    edges = [[1, 0, 1], [2, 1, 1], [2, 3, 1], [3, 1, 1], [3, 2, 1], [4, 0, 1]]
+    study = systems.study(
+        **PAIR | {"topology": {"kind": "edges", "edges": edges}},
+        defence={**TRUST, "score": "announced", "theta": {2: 1, 3: 1}, "trusted": {}},
+    )
+    assert safe(study).tolist() == [True, False, False, True]
+    assert (systems.simulate(systems.lanes(study, 4, ())).status == Status.disconnected).all()
+    assert "cut off       2, 3 may be, by whom they drop" in check.text(study)

@@ -63,6 +63,30 @@ def test_unreachable_are_those_a_search_does_not_find(heard):
     assert graph.unreachable(weights_of(heard)) == [i for i in range(1, 6) if i not in found]
 
 
+@given(digraphs())
+def test_hops_are_the_powers_of_the_links_that_first_reach(heard):
+    """The least n with a walk of n links from the navigator, by powers of the matrix of links."""
+    step = np.zeros((6, 6), int)
+    for i, j in links(heard):
+        step[i, j] = 1
+    walks = [np.linalg.matrix_power(step, n)[1:, 0] > 0 for n in range(1, 6)]
+    expected = [next((n for n, walk in enumerate(walks, 1) if walk[i]), np.inf) for i in range(5)]
+    assert graph.hops(weights_of(heard)).tolist() == expected
+
+
+@given(digraphs(), st.data())
+def test_the_least_of_each_listener_are_the_first_of_a_sorted_list(heard, data):
+    """With ties, to the lower number."""
+    values = np.array(data.draw(st.lists(st.integers(0, 2), min_size=30, max_size=30)), float).reshape(5, 6)
+    count = np.array(data.draw(st.lists(st.integers(0, 6), min_size=5, max_size=5)))
+    expected = {
+        (i, j)
+        for i, sources in enumerate(heard, start=1)
+        for j in sorted(sources, key=lambda j, i=i: (values[i - 1, j], j))[: count[i - 1]]
+    }
+    assert marked(graph.least(weights_of(heard) > 0, values, count)) == expected
+
+
 def test_a_long_detour_still_reaches():
     backwards = [(i, i + 1, 1.0) for i in range(1, 12)] + [(12, 0, 1.0)]
     assert graph.unreachable(graph.weighted(12, backwards)) == []

@@ -49,7 +49,7 @@ def test_what_is_drawn_lane_by_lane_is_said():
     text = check.text(systems.study(sweep={"topology.navigator_weight": weights, "gain": gains}))
     tenth, fifth = (section(text, f"cyclic, cells {cells}") for cells in ("0-3", "4, 5"))
     assert [part.split("‖L⁻¹‖₂")[1].split()[0] for part in (tenth, fifth)] == ["10", "5"]
-    assert "weights       drawn in cells 0, 1; ‖L⁻¹‖₂ is of the graph of their medians" in tenth
+    assert "weights       drawn in cells 0, 1; what is said is of their medians" in tenth
     assert "gain          drawn in cells 1, 3; stable whatever is drawn" in tenth
     assert "weights       drawn in cells 4, 5" in fifth
     assert "drawn" not in check.text(systems.study(gain=[2, 3, 3]))

@@ -6,15 +6,18 @@ import pandas as pd
 import pytest
 from upath import UPath
 
+from jaxnet.config.cells import Cell
 from jaxnet.store.results import Results
 from jaxnet.view.text import tables
 from jaxnet.view.text.tables import RECOVERY, SUMMARY
+from tests import systems
 
 
 def results_of(labels: dict[str, object], columns: dict[str, str]) -> Results:
     """Results of one cell with these labels, and 0.123456 for every statistic."""
     row = {**labels, "ok": 5, "failed": 0, **dict.fromkeys(columns, 0.123456)}
-    results, study = Results(UPath("nowhere")), SimpleNamespace(cells=[SimpleNamespace(labels=labels)])
+    cell = Cell(0, labels, systems.study().cells[0].scenario)
+    results, study = Results(UPath("nowhere")), SimpleNamespace(cells=[cell])
     vars(results).update(cells=pd.DataFrame([row]), study=study)  # what else would be read there
     return results
 
@@ -50,3 +53,13 @@ def test_long_labels_are_cut_and_many_left_out_and_that_is_said():
         assert all(key in words for key in gone)
         assert bool(gone) == (swept == 11)
         assert "… stands where a label is cut short; all are in cells.csv" in words
+
+
+def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
+    """Of those that ā does not bound and those whose derivatives are none; of the paper's own nothing."""
+    attacks = ["rotating", "freeze", "spoof", {"kind": "bias", "orders": [0]}, "replay"]
+    study = systems.study(sweep={"attack": attacks})
+    assert tables.caveats(study.cells) == [
+        "attack not bounded by ā: cells 1, 4",
+        "attack derivatives falsified each on its own: cells 2, 3",
+    ]

@@ -12,11 +12,12 @@ import numpy as np
 from annotated_types import Len
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import MARK, Each, NotNegative, Record, Uniform, is_drawn, member
+from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.signal import ORDERS, Harmonic
+from jaxnet.model.wording import ranges
 
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
@@ -47,6 +48,14 @@ class AnyAttack(Kind):
         """Vehicles that are attacked, from 1."""
         return []
 
+    def number(self) -> int:
+        """How many vehicles are attacked."""
+        return len(self.targets())
+
+    def on(self, vehicles: list[int]) -> "AnyAttack":
+        """The same on other vehicles."""
+        return self.model_copy(update={"vehicles": vehicles})
+
     def amplitude(self) -> Any:
         """ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
@@ -67,6 +76,16 @@ class AnyAttack(Kind):
     def identities(self) -> int:
         """Sources that each attacked one appears as."""
         return 1
+
+    def apart(self) -> bool:
+        """Whether attacked vehicles have scalar functions of their own, by numbers of their own."""
+        return any(shapes for _, _, shapes in own_numbers(self))
+
+    def splits(self) -> bool:
+        """Whether links are replaced in some lanes only: they take two slots, one for their source's word and
+        one for the attack's, of which each lane hears one.
+        """
+        return False
 
     def replaces(self) -> bool:
         """Whether an attacked link carries the navigator's path plus the signal, in place of its source's
@@ -108,6 +127,17 @@ class AnyAttack(Kind):
     def describe(self) -> str:
         """The attack in a few words."""
         return self.kind
+
+    def whom(self) -> str:
+        """Who is attacked, in a few words."""
+        drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
+        return ranges(sorted(self.targets())) or drawn
+
+    def caveat(self) -> str:
+        """What sets it apart from the paper's, a path with its derivatives within ā, in a few words."""
+        if not self.bounded:
+            return "not bounded by ā"
+        return "" if self.consistent() else "derivatives falsified each on its own"
 
 
 class Attack(AnyAttack):
@@ -165,6 +195,10 @@ class Attack(AnyAttack):
         """The vehicles named; none where they are drawn."""
         return self.vehicles if isinstance(self.vehicles, list) else []
 
+    def number(self) -> int:
+        """Of those named, or drawn."""
+        return len(self.vehicles) if isinstance(self.vehicles, list) else self.vehicles.random
+
     def chosen(self, draw: Any) -> np.ndarray:
         """Those named, or those with the least of a number each."""
         if isinstance(self.vehicles, list):
@@ -179,6 +213,10 @@ class Attack(AnyAttack):
     def identities(self) -> int:
         """Itself and its sybils."""
         return 1 + self.sybils
+
+    def splits(self) -> bool:
+        """Where vehicles are drawn and replaced."""
+        return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
 
     def amplitude(self) -> Any:
         """The magnitude given."""
@@ -239,11 +277,8 @@ class Attack(AnyAttack):
         keys = ("attack.vehicles", "vehicles")
         if number > scenario.vehicles:
             yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
-        if self.replaces() or self.sybils or self.strategic:
-            yield Fault(
-                ("attack.vehicles", "attack"),
-                "drawn vehicles are neither replaced, nor sybils, nor strategic",
-            )
+        if self.sybils or self.strategic:
+            yield Fault(("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic")
 
     def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
         """At a tick, vectors (2, m, B, lanes) until the next and the memory; asked of strategic attacks.
@@ -270,8 +305,30 @@ class Attack(AnyAttack):
                 ("attack.orders", "attack.threat"),
                 f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
             )
-        if self.strategic and is_drawn(self.magnitude):
-            yield Fault(("attack.magnitude",), f"{self.kind} takes a number")
+        yield from self.number_faults()
+
+    def number_faults(self) -> Iterator[Fault]:
+        """What numbers of each vehicle's own cannot be."""
+        random = isinstance(self.vehicles, DrawnVehicles)
+        for key, number, shapes in own_numbers(self):
+            if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
+                wanted = f"{len(self.targets())} listed in attack.vehicles"
+                got = "drawn ones" if random else f"{len(number.root)} numbers"
+                yield Fault((key, "attack"), f"a list has a number for each vehicle, {wanted} (got {got})")
+            if shapes and (self.strategic or (random and self.by_link())):
+                yield Fault((key, "attack"), "must be one number for all vehicles here")
+
+
+def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Any, bool]]:
+    """Numbers that vehicles have each for itself, of kinds inside too: dotted key, number, and whether the
+    signal's functions depend on it.
+    """
+    for key, field in type(kind).model_fields.items():
+        value, dotted = getattr(kind, key), f"{name}.{key}"
+        if isinstance(value, Kind):
+            yield from own_numbers(value, dotted)
+        elif differs(value):
+            yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
 def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:

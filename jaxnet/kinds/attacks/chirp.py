@@ -7,7 +7,7 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.attacks.rotating import turned
-from jaxnet.kinds.fields import FULL_TURN, Angle, Number
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
 from jaxnet.model.circle import circle
 
 
@@ -16,8 +16,8 @@ class Chirp(Attack):
 
     kind = "chirp"
 
-    frequency: Number = Field(default=0.2, description="[rad/s], of the turning at t = 0")
-    rate: Number = Field(default=0.05, description="[rad/s²], by which the frequency grows")
+    frequency: PerVehicle = Field(default=0.2, description="[rad/s], of the turning at t = 0")
+    rate: PerVehicle = Field(default=0.05, description="[rad/s²], by which the frequency grows")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def basis(self, time: Any) -> Any:

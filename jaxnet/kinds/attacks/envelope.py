@@ -9,7 +9,7 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
 from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import Number, Positive, bounds
+from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, bounds, in_step
 from jaxnet.kinds.kind import Fault
 
 ROUNDING = 1e-12  # relative, of times that are sums
@@ -26,9 +26,9 @@ class Envelope(Attack):
     kind = "envelope"
 
     of: Annotated[AnyAttack, Of("attack"), Field(description="the other attack")]
-    start: Number = Field(default=0.0, description="[s], when it begins to rise")
-    rise: Positive = Field(default=5.0, description="[s], how long it rises, and falls")
-    stop: Number | None = Field(default=None, description="[s], when it begins to fall")
+    start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
+    rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
+    stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
     def height(self, time: Any) -> Any:
         """The envelope and its first three derivatives: (4, lanes)."""
@@ -62,8 +62,9 @@ class Envelope(Attack):
         ]
         for key in inside if self.of.present else []:
             yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
-        top = bounds(self.start)[1] + bounds(self.rise)[1]
-        if self.stop is not None and bounds(self.stop)[0] < top * (1 - ROUNDING):
+        times = [] if self.stop is None else in_step(self.start, self.rise, self.stop)
+        ends = ((bounds(start)[1] + bounds(rise)[1], bounds(stop)[0]) for start, rise, stop in times)
+        if any(stop < top * (1 - ROUNDING) for top, stop in ends):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
         if self.of.strategic or not self.of.bounded:
             yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along
-from jaxnet.kinds.fields import FULL_TURN, Number, Positive
+from jaxnet.kinds.fields import FULL_TURN, Number, PositivePerVehicle
 from jaxnet.model.signal import Harmonic
 
 FINENESS = 32  # instants of a grid in a period of the highest harmonic
@@ -22,7 +22,7 @@ class Multisine(Attack):
 
     kind = "multisine"
 
-    frequency: Positive = Field(default=0.35, description="[rad/s], the lowest")
+    frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
     phase: Number = Field(default=FULL_TURN, description="[rad], of each harmonic of each attacker")
     direction: Number = Field(default=FULL_TURN, description="[rad], likewise")

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.fields import NotNegative, Positive
+from jaxnet.kinds.fields import NotNegative, PositivePerVehicle
 
 
 class Replay(Attack):
@@ -24,7 +24,7 @@ class Replay(Attack):
     threat: Literal["replaces"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
         default="replaces", description="what is sent is replaced"
     )
-    delay: Positive = Field(default=5.0, description="[s], how old the path is")
+    delay: PositivePerVehicle = Field(default=5.0, description="[s], how old the path is")
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
         """One function for each axis."""

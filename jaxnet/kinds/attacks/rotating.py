@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, Number
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
 from jaxnet.model.signal import Harmonic
 
 
@@ -15,7 +15,7 @@ class Rotating(Attack):
 
     kind = "rotating"
 
-    frequency: Number = Field(default=0.7, description="[rad/s], of the turning")
+    frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the turning")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def signal(self) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, Number
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
 from jaxnet.model.signal import Harmonic
 
 
@@ -16,7 +16,7 @@ class Sinusoid(Attack):
     kind = "sinusoid"
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
-    frequency: Number = Field(default=0.7, description="[rad/s], of the oscillation")
+    frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the oscillation")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def signal(self) -> Any:

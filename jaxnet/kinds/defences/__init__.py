@@ -1,15 +1,16 @@
 """Whom a vehicle believes: from what it receives and what it knows of itself, weights over its sources."""
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field
 
+from jaxnet.kinds.fields import MARK, Record, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, safety
 from jaxnet.model.graph import Links, Weights
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import AnySubset, any_untrusted
 from jaxnet.model.safety import Safe
 
 
@@ -83,13 +84,62 @@ class AnyDefence(Kind):
         """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
         return None
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
-        """Vehicles that end on the navigator whatever attackers say; by default those out of their reach."""
-        return Safe("untouched", safety.untouched(weights > 0, attacked))
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """How many it drops of whom, at most; by default every untrusted source, and never a trusted one."""
+        return self.retained(weights, trusted) or any_untrusted(weights, trusted, weights.shape[1])
+
+    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+        """Vehicles that end on the navigator whatever attackers say, by each reason, the strongest first.
+
+        By default those upstream of whom nothing is attacked, and those who drop all upstream that is.
+        """
+        known, none = self.retained(weights, trusted), np.zeros(len(weights), int)
+        reasons = [Safe("untouched", safety.greatest(self.may_drop(weights, trusted), attacked, none))]
+        if known is not None:
+            reasons.append(Safe("by trust", safety.greatest(known.believed(), attacked, none)))
+        return reasons
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what it promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
+
+
+class ShareOfLinks(Record):
+    """The navigator, and so great a share of the vehicles that each one hears, drawn; rounded up or down at
+    random.
+    """
+
+    share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
+    seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
+
+    def links(self, weights: Weights) -> Links:
+        """With the same seed more of them where the share is greater."""
+        heard, random = weights > 0, np.random.default_rng(self.seed)
+        heard[:, 0] = False
+        lots = random.random(heard.shape)
+        number = np.floor(self.share * heard.sum(axis=1) + random.random(len(heard)))
+        return graph.trusted_links(weights, {}) | graph.least(heard, lots, number)
+
+
+class NearestSources(Record):
+    """So many sources of each vehicle, those fewest links from the navigator, which is one itself."""
+
+    nearest: int = Field(ge=1, description="sources, of those equally far the lowest numbers")
+
+    def links(self, weights: Weights) -> Links:
+        """By the graph alone."""
+        hops = np.append(0.0, graph.hops(weights))
+        return graph.least(weights > 0, np.tile(hops, (len(weights), 1)), self.nearest)
+
+
+def way_trusted(value: Any) -> str | None:
+    """How it is said who is trusted."""
+    if isinstance(value, Record):
+        return MARK + next(iter(type(value).model_fields))
+    if not isinstance(value, dict):
+        return MARK + "word" if value == "none" else None
+    listed = MARK + "listed" if all(isinstance(key, int) for key in value) else None
+    return next((MARK + key for key in ("share", "nearest") if key in value), listed)
 
 
 class Defence(AnyDefence):
@@ -102,19 +152,40 @@ class Defence(AnyDefence):
     decides: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
-    trusted: dict[int, list[int]] = Field(
-        default={}, description="{vehicle: [sources]} trusted besides the navigator"
+    trusted: Annotated[
+        Annotated[Literal["none"], member("word")]
+        | Annotated[dict[int, list[int]], member("listed")]
+        | Annotated[ShareOfLinks, member("share")]
+        | Annotated[NearestSources, member("nearest")],
+        Discriminator(
+            way_trusted,
+            custom_error_type="trusted",
+            custom_error_message="must be none, {vehicle: [sources]}, {share: s} or {nearest: n}",
+        ),
+    ] = Field(
+        default={},
+        description="{vehicle: [sources]}, these besides the navigator; {share: s, seed: n}, that share of"
+        " what each hears of others, drawn, besides it; {nearest: n}, the n sources of each that are fewest"
+        " links from it; none, nobody",
     )
 
     def trusts(self, weights: Weights) -> Links:
-        """The navigator wherever it is heard, and those listed."""
+        """The navigator wherever it is heard and those listed, or as another rule says."""
+        if isinstance(self.trusted, Record):
+            return self.trusted.links(weights)
+        if self.trusted == "none":
+            return np.zeros(weights.shape, bool)
         return graph.trusted_links(weights, self.trusted)
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Whoever is named must exist, and a rule that has a memory needs ticks."""
-        yield from unknown_vehicles("defence.trusted", list(self.trusted), scenario.vehicles, first=1)
-        sources = [source for trusted in self.trusted.values() for source in trusted]
+        listed = self.trusted if isinstance(self.trusted, dict) else {}
+        yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
+        sources = [source for trusted in listed.values() for source in trusted]
         yield from unknown_vehicles("defence.trusted", sources, scenario.vehicles, first=0)
+        if isinstance(self.trusted, NearestSources) and scenario.topology.redrawn():
+            message = "who is nearest the navigator is not known where every lane has links of its own"
+            yield Fault(("defence.trusted", "topology"), message)
         if self.needs_ticks() and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
 

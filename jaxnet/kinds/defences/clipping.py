@@ -6,7 +6,9 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
+from jaxnet.model.retained import AnySubset, everybody
 
 
 class Clipping(Defence):
@@ -28,3 +30,7 @@ class Clipping(Defence):
         radius = self.radius[None, None]
         share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
         return around.weights * xp.where(around.trusted[:, :, None], 1.0, share), memory
+
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """Nobody, for no weight is ever 0."""
+        return everybody(weights)

@@ -6,7 +6,9 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
+from jaxnet.model.retained import AnySubset, everybody
 
 
 class GeometricMedian(Defence):
@@ -32,3 +34,7 @@ class GeometricMedian(Defence):
             apart = length(position - middle[:, None])
             weights = around.weights / xp.maximum(apart, self.smoothing[None, None])
         return weights, memory
+
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """Nobody, for no weight is ever 0."""
+        return everybody(weights)

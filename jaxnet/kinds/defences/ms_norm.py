@@ -5,7 +5,9 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
+from jaxnet.model.retained import AnySubset, any_untrusted
 
 
 class MSNorm(Defence):
@@ -30,3 +32,7 @@ class MSNorm(Defence):
         other, this = distance[:, None], distance[None]
         beyond = candidate[:, None] & ((other > this) | ((other == this) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
+
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """Any F."""
+        return any_untrusted(weights, trusted, self.F)

@@ -3,10 +3,8 @@
 from typing import Any
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
-from jaxnet.model import safety
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset
-from jaxnet.model.safety import Safe
 
 
 class TrustedOnly(Defence):
@@ -33,11 +31,6 @@ class TrustedOnly(Defence):
         """All untrusted sources are dropped for good, where there is a trusted one."""
         links = (weights > 0) & ~trusted & trusted.any(axis=1, keepdims=True)
         return AnySubset(weights, links, links.sum(axis=1))
-
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
-        """Whom no attack reaches over what is retained."""
-        retains = (weights > 0) & ~self.retained(weights, trusted).links
-        return Safe("by trust", safety.untouched(retains, attacked))
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """Whom it makes exact."""

@@ -15,7 +15,7 @@ from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe
-from jaxnet.model.wording import ranges
+from jaxnet.model.wording import count, ranges
 
 Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
@@ -152,12 +152,18 @@ class TrustedTrim(Defence):
         theta = by_listener(self.theta, len(weights))
         return self.trims((weights > 0).sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> Safe:
-        """Those whose announced disturbance contracts, if they announce; other scores prove nothing."""
-        if self.score != "announced":
-            return super().safe(weights, attacked, trusted)
-        theta = by_listener(self.theta, len(weights))
-        return Safe("by contraction", safety.contracting(weights > 0, attacked, trusted, theta))
+    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+        """If they announce, unfiltered, those too whose disturbance contracts; other scores prove nothing."""
+        reasons = super().safe(weights, attacked, trusted)
+        if self.score != "announced" or self.filter is not None:
+            return reasons
+        drops = self.retained(weights, trusted).believed()
+        for why, closed in (("by majority", True), ("by contraction", False)):
+            inside = safety.greatest(drops, attacked, drops.number, closed)
+            shrinks = safety.contraction(drops, inside)
+            rate = f", shrinking to {shrinks[1]:.3g} in {count(shrinks[0], 'round')}" if shrinks else ""
+            reasons.append(Safe(why + rate, inside))
+        return reasons
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """Who trims, and where more than ϑ_i are attacked."""

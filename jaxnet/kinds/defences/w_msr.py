@@ -6,6 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset, any_untrusted
 
 
 class WMSR(Defence):
@@ -36,6 +37,10 @@ class WMSR(Defence):
         beyond = (xp.abs(other) > xp.abs(this)) | ((other == this) & first)
         dropped = candidate & (above != 0) & ((same & beyond).sum(axis=1) < self.F)
         return ~dropped, memory
+
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """F on either side."""
+        return any_untrusted(weights, trusted, 2 * self.F)
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """What is known of it."""

@@ -5,18 +5,24 @@ column j the weight of source j, the navigator's first.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from pydantic import AfterValidator, Discriminator, Field
 
-from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.fields import MARK, Number, Record, Within, bounds, is_drawn, median, member
+from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, hearing
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Links, Neighbours, Weights
+
+TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
 
 
 class Graph(Kind):
     """A weighted digraph with a navigator. A graph of one's own gives `weights`."""
+
+    linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 
     def weights(self, vehicles: int) -> Weights:
         """Weights w_ij, not negative; the rows of listeners are normalised to sum 1.
@@ -32,6 +38,10 @@ class Graph(Kind):
     def differs(self) -> bool:
         """Whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
+
+    def redrawn(self) -> bool:
+        """Whether lanes have links of their own, not weights alone."""
+        return self.differs() and not self.drawn_keys()
 
     def lane_weights(
         self, draw: Any, vehicles: int, sources: Int[np.ndarray, "slots m"]
@@ -61,9 +71,176 @@ class Graph(Kind):
         lost = graph.unreachable(self.normalised(scenario.vehicles))
         if lost:
             words = ", ".join(map(str, lost))
-            yield Fault(("topology.edges", "topology"), f"the navigator does not reach {words}")
+            yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
 
     @classmethod
     def adopted(cls, value: Any) -> "Graph | None":
         """A graph that another library's object means, None if it means none (`edges` knows networkx's)."""
         return None
+
+
+class ShareOfVehicles(Record):
+    """So great a share of the vehicles, drawn and rounded."""
+
+    share: float = Field(gt=0, le=1, description="of the vehicles")
+
+
+def way_informed(value: Any) -> str | None:
+    """How it is said who hears the navigator."""
+    if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
+        return MARK + "share"
+    return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
+
+
+def leaves_neighbours(weight: Any) -> Any:
+    """The navigator's weight, if everybody hears the same sources whatever is drawn."""
+    if is_drawn(weight) and bounds(weight)[1] >= 1:
+        raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
+    return weight
+
+
+class Unweighted(Graph):
+    """Links between vehicles, the navigator heard by all or some, and a rule that gives weights. A kind gives
+    `heard`.
+
+    Where anything is drawn, it is drawn until the navigator reaches everybody, so that each such graph is as
+    likely as it is among them.
+    """
+
+    linked_by: ClassVar[str] = "topology.navigator"
+
+    navigator: Annotated[
+        Annotated[Literal["all"], member("word")]
+        | Annotated[list[int], member("listed")]
+        | Annotated[ShareOfVehicles, member("share")],
+        Discriminator(
+            way_informed,
+            custom_error_type="navigator",
+            custom_error_message="must be all, a list of vehicles or {share: s}",
+        ),
+    ] = Field(default="all", description="who hears the navigator: all, those listed, or a {share} drawn")
+    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = Field(
+        default=0.1, description="of the navigator's word where it is heard, the neighbours share the rest"
+    )
+    weighting: Literal["uniform", "metropolis"] = Field(
+        default="uniform",
+        description="of neighbours: uniform, all the same; metropolis, as 1/(1 + d), d how many vehicles the"
+        " listener hears, or the source if that is more",
+    )
+    seed: int = Field(
+        default=0, ge=0, description="of a draw for all lanes, repeated until the navigator reaches everybody"
+    )
+
+    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
+        """Which vehicles each one hears."""
+        raise NotImplementedError
+
+    def impossible(self, vehicles: int) -> Iterator[Fault]:
+        """Why there is no such graph of so many vehicles."""
+        yield from ()
+
+    def is_random(self) -> bool:
+        """Whether links are drawn."""
+        return isinstance(self.navigator, ShareOfVehicles)
+
+    def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
+        """Who hears the navigator; with the same draws more of them where the share is greater."""
+        everyone = np.arange(1, vehicles + 1)
+        if isinstance(self.navigator, ShareOfVehicles):
+            return np.isin(everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)])
+        return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
+
+    def connected(self, vehicles: int, random: np.random.Generator) -> Links:
+        """Links by which the navigator reaches everybody, if they are drawn; raises KindError."""
+        for _ in range(TRIES):
+            links = np.column_stack([self.informed(vehicles, random), self.heard(vehicles, random)])
+            if not (self.is_random() and graph.unreachable(links)):
+                return links
+        raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
+
+    def parts(self, links: Links) -> Float[np.ndarray, "m m"]:
+        """Weights of neighbours in proportion to each other."""
+        heard = links[:, 1:]
+        return graph.metropolis(heard) if self.weighting == "metropolis" else heard.astype(float)
+
+    def weights(self, vehicles: int) -> Weights:
+        """By the rule; the study's graph, where lanes have their own one like theirs."""
+        links = self.connected(vehicles, np.random.default_rng(self.seed))
+        return self.weighted(links, median(self.navigator_weight))
+
+    def weighted(self, links: Links, navigator_weight: Any) -> Weights:
+        """Links with weights by the rule."""
+        parts = self.parts(links)
+        navigator, rest = shared_out(links[:, 0], parts.sum(axis=1), navigator_weight)
+        return np.column_stack([navigator, parts * rest[:, None]])
+
+    def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
+        """The same with each lane's own weight of the navigator."""
+        links = self.connected(vehicles, np.random.default_rng(self.seed))
+        parts = self.parts(links)
+        numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
+        navigator, rest = shared_out(links[:, 0], parts.sum(axis=1), numbers)
+        by_slot = hearing.by_slot(np.pad(parts, ((0, 0), (1, 0))), sources)
+        return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
+
+    def faults(self, scenario: Any) -> Iterator[Fault]:
+        """There must be such a graph; then the navigator must reach everybody."""
+        listed = self.navigator if isinstance(self.navigator, list) else []
+        found = [
+            *unknown_vehicles("topology.navigator", listed, scenario.vehicles, first=1),
+            *self.impossible(scenario.vehicles),
+        ]
+        yield from found or super().faults(scenario)
+
+
+def shared_out(informed: Any, total: Any, navigator_weight: Any) -> tuple[Any, Any]:
+    """The navigator's weight in each row, and by what those of neighbours are multiplied, whose sum is
+    `total`.
+
+    Who hears no neighbour hears the navigator alone.
+    """
+    navigator = informed * np.where(total > 0, navigator_weight, 1.0)
+    return navigator, (1.0 - navigator) / np.where(total > 0, total, 1.0)
+
+
+class Random(Unweighted):
+    """Links drawn at random: one graph for the study, by `seed`; or each lane its own, by the study's."""
+
+    redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
+
+    def is_random(self) -> bool:
+        """Always."""
+        return True
+
+    def links(self, vehicles: int) -> Links:
+        """Where lanes have their own graph, anybody may hear anybody, and the navigator who is drawn."""
+        if not self.redraw:
+            return super().links(vehicles)
+        informed = np.ones(vehicles, bool)
+        if not isinstance(self.navigator, ShareOfVehicles):
+            informed = self.informed(vehicles, np.random.default_rng())
+        return np.column_stack([informed, ~np.eye(vehicles, dtype=bool)])
+
+    def differs(self) -> bool:
+        """By their graphs, or the navigator's weight."""
+        return self.redraw or super().differs()
+
+    def redrawn(self) -> bool:
+        """As `redraw` says."""
+        return self.redraw
+
+    def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
+        """The graph of each lane."""
+        if not self.redraw:
+            return super().lane_weights(draw, vehicles, sources)
+        numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
+        graphs = (self.connected(vehicles, random) for random in draw.generators("topology"))
+        weights = (self.weighted(*each) for each in zip(graphs, numbers, strict=True))
+        return np.stack([hearing.by_slot(each, sources) for each in weights])
+
+
+def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:
+    """A vehicle has fewer neighbours than there are vehicles."""
+    if number >= vehicles:
+        message = f"must be less than the {vehicles} vehicles (got {number})"
+        yield Fault((key, "topology", "vehicles"), message)

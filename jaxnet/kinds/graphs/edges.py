@@ -1,7 +1,7 @@
 """Any weighted digraph, edge by edge."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Len
@@ -13,8 +13,9 @@ from jaxnet.kinds.kind import Fault
 from jaxnet.model import graph
 from jaxnet.model.graph import Weights
 
+GREATEST = 1e9  # weight of an edge
 Edge = Annotated[
-    tuple[int, int, Annotated[Number, Within(gt=0.0, le=1e9)]],
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST)]],
     Field(strict=False),
 ]
 
@@ -23,6 +24,7 @@ class Edges(Graph):
     """Any weighted digraph; the weights of each listener are normalised to sum 1."""
 
     kind = "edges"
+    linked_by: ClassVar[str] = "topology.edges"
 
     edges: Annotated[
         list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
@@ -49,12 +51,17 @@ class Edges(Graph):
 
     @classmethod
     def adopted(cls, value: Any) -> "Edges | None":
-        """The edges of a networkx graph: (i, j) is "i hears j", 0 the navigator, weight 1 if it says none."""
+        """Of a networkx graph, as `edges_of` says."""
         if not (hasattr(value, "edges") and hasattr(value, "is_directed")):
             return None
-        given = [(int(i), int(j), float(weight)) for i, j, weight in value.edges(data="weight", default=1.0)]
-        back = [] if value.is_directed() else [(j, i, weight) for i, j, weight in given]
-        return cls(edges=[edge for edge in [*given, *back] if edge[0] > 0])
+        return cls(edges=edges_of(value))
+
+
+def edges_of(network: Any) -> list[Any]:
+    """The edges of a networkx graph: (i, j) is "i hears j", 0 the navigator, weight 1 if it says none."""
+    given = [(int(i), int(j), float(weight)) for i, j, weight in network.edges(data="weight", default=1.0)]
+    back = [] if network.is_directed() else [(j, i, weight) for i, j, weight in given]
+    return [edge for edge in [*given, *back] if edge[0] > 0]
 
 
 def edge_faults(edges: list[Any], vehicles: int) -> Iterator[Fault]:

@@ -160,7 +160,7 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     path = lane["navigator"].values
     panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
     positions = lane["states"].values[:, :, :2]
-    attacked = attacked_vehicles(cell)
+    attacked = attacked_vehicles(cell, lane)
     for vehicle in range(positions.shape[1]):
         look = ATTACKED if vehicle + 1 in attacked else HONEST
         x, y = positions[:, vehicle].T
@@ -173,10 +173,19 @@ HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"
 ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
-def attacked_vehicles(cell: Cell) -> list[int]:
-    """Vehicles that the attack of a cell names, if it has any size."""
+def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
+    """Vehicles that the attack of a cell names, if it has any size; of drawn ones those of a lane."""
     attack = cell.scenario.attack
-    return [] if attack.amplitude() == 0 else attack.targets()
+    if lane is None or attack.targets() or attack.amplitude() == 0:
+        return [] if attack.amplitude() == 0 else attack.targets()
+    return (np.flatnonzero(np.nan_to_num(lane["attack"].values).any(axis=(0, 2))) + 1).tolist()
+
+
+def falsified_links(cell: Cell, weights: np.ndarray, attacked: Sequence[int]) -> np.ndarray:
+    """Links of a graph (m, m + 1) on which these vehicles are attacked: their own, or what they hear of 0."""
+    m = len(weights)
+    sources, listeners = np.arange(m + 1)[None], np.arange(1, m + 1)[:, None]
+    return cell.scenario.attack.links(weights) & np.isin(np.where(sources, sources, listeners), attacked)
 
 
 def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
@@ -185,7 +194,8 @@ def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
         Line2D([], [], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), label="navigator"),
         Line2D([], [], **HONEST, label="vehicle"),
     ]
-    if any(attacked_vehicles(cell) for row in rows for cell in row):
+    attacks = [cell.scenario.attack for row in rows for cell in row]
+    if any(attack.number() and attack.amplitude() != 0 for attack in attacks):
         handles.append(Line2D([], [], **ATTACKED, label="attacked vehicle"))
     look = {"color": "0.3", "linestyle": "", "markersize": 3}
     handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="start", **look))

@@ -190,7 +190,14 @@ def heading(cell: Cell, weights: np.ndarray) -> str:
         for navigator, weight in weight_classes(weights)
     ]
     crowded = len(weights) > CROWD and words
-    return f"{name(cell)}\nweights: {', '.join(words)}" if crowded else name(cell)
+    return f"{caption(cell)}\nweights: {', '.join(words)}" if crowded else caption(cell)
+
+
+def caption(cell: Cell) -> str:
+    """A graph's name, and how many are attacked where who they are is drawn."""
+    attack = cell.scenario.attack
+    unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
+    return name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
 
 
 def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:

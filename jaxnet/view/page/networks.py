@@ -8,10 +8,10 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.config.study import Study
-from jaxnet.model.wording import count, ranges
+from jaxnet.model.wording import count
 from jaxnet.statistics.curves import magnitude_words
 from jaxnet.view.figures.panels import attacked_vehicles, name
-from jaxnet.view.figures.topology import link_names, most_attacked, positions
+from jaxnet.view.figures.topology import caption, link_names, most_attacked, positions
 
 MOST_DRAWN = 6
 MOST_NAMED = 6
@@ -42,11 +42,13 @@ def words(study: Study) -> str:
 
 def attack_words(cell: Cell) -> str:
     """Who is attacked, and where."""
-    if not attacked_vehicles(cell):
+    attack = cell.scenario.attack
+    if not attack.number() or attack.amplitude() == 0:
         return "none"
     from_navigator = situation_of(cell.scenario).attacked[:, 0].any()
     where = "what they hear of the navigator" if from_navigator else "what they transmit"
-    return f"{cell.scenario.attack.describe()} on {ranges(sorted(cell.scenario.attack.targets()))} in {where}"
+    caveat = f" ({attack.caveat()})" if attack.caveat() else ""
+    return f"{attack.describe()}{caveat} on {attack.whom()} in {where}"
 
 
 def defence_words(cell: Cell) -> str:
@@ -105,7 +107,7 @@ def network(cell: Cell, situation: Situation) -> str:
         number = f'x="{place[0]:.1f}" y="{place[1]:.1f}" font-size="{1.1 * radius:.1f}"'
         drawn += [node(called, place, radius), f"<text {number}>{source}</text>"]
     (left, top), (width, height) = places.min(axis=0) - 20, np.ptp(places, axis=0) + 40
-    title, box = escape(name(cell)), f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
+    title, box = escape(caption(cell)), f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
     return (
         f'<figure><svg class="network" viewBox="{box}" role="img" aria-label="network {title}">'
         f"{''.join(drawn)}</svg><figcaption>{title}</figcaption></figure>"

@@ -119,6 +119,7 @@ def summary_section(results: Results) -> Section:
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
+    note += "".join(f"<p>{escape(each)}.</p>" for each in tables.caveats(results.study.cells))
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     shown = rows.head(MOST_ROWS)

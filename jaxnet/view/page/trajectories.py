@@ -12,7 +12,7 @@ from jaxnet.config.scenario import situation_of
 from jaxnet.runs.watched import Watched, watched
 from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
-from jaxnet.view.figures.panels import attacked_vehicles
+from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
 from jaxnet.view.page.elements import measured
 from jaxnet.view.page.plots import packed
 
@@ -35,7 +35,7 @@ def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
 def frame_bytes(cell: Cell) -> float:
     """What one instant of a lane takes on the page: four numbers a vehicle, two an attacked, a bit a link."""
     links = np.count_nonzero(situation_of(cell.scenario).weights)
-    return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * len(attacked_vehicles(cell))) + links / 8)
+    return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * cell.scenario.attack.number()) + links / 8)
 
 
 def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
@@ -43,8 +43,8 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
     cell, data = results.study.cells[one.cell], one.arrays()
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
-    situation, attacked = situation_of(cell.scenario), attacked_vehicles(cell)
-    links = links_of(results, one, cell)
+    attacked, links = attacked_vehicles(cell, data), links_of(results, one, cell)
+    false = falsified_links(cell, links.astype(float), attacked)
     places, navigator = data["states"].values[..., :2], data["navigator"].values
     heard = np.argwhere(links)
     given = {
@@ -55,9 +55,9 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "outputs": len(outputs),
         "vehicles": places.shape[1],
         "attacked": attacked,
-        "heard_from_navigator": bool(situation.attacked[:, 0].any()),
+        "heard_from_navigator": bool(false[:, 0].any()),
         "replaced": cell.scenario.attack.replaces(),
-        "links": [[int(i) + 1, int(j), bool(attacked) and bool(situation.attacked[i, j])] for i, j in heard],
+        "links": [[int(i) + 1, int(j), bool(false[i, j])] for i, j in heard],
         "time": packed(data["time"].values),
         "x": packed(places[..., 0]),
         "y": packed(places[..., 1]),

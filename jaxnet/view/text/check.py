@@ -9,15 +9,18 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
-from jaxnet.config.scenario import situation_of
+from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.kinds.kind import numbered
-from jaxnet.model.safety import Safe
+from jaxnet.model import safety
+from jaxnet.model.graph import Links, Weights
+from jaxnet.model.retained import AnySubset
+from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
-from jaxnet.theory import certificate
+from jaxnet.theory import certificate, robustness
 from jaxnet.view.text.width import WIDTH, clipped
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -37,14 +40,18 @@ def text(study: Study) -> str:
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
     """What each network promises, with the cells that share it."""
-    return [network_text(title(group, len(group)), network_rows(group)) for group in alike(cells)]
+    groups = alike(cells)
+    closely = len(groups) <= MOST_NETWORKS
+    return [network_text(title(group, len(group)), network_rows(group, closely)) for group in groups]
 
 
 def networks(cells: Sequence[Cell]) -> list[str]:
     """The same for a terminal, of which as much is said once: of many the first, and how others differ."""
     found: dict[Any, list[Cell]] = {}
-    for group in alike(cells):
-        key = group[0].scenario.topology.kind, tuple(network_rows(group).items())
+    groups = alike(cells)
+    for group in groups:
+        rows = network_rows(group, len(groups) <= MOST_NETWORKS)
+        key = group[0].scenario.topology.kind, tuple(rows.items())
         found.setdefault(key, []).extend(group)
     (_, first), *_ = found
     texts = []
@@ -108,8 +115,10 @@ def network_key(cell: Cell) -> Any:
     """What cells share that have one network, one kind of attack and of defence, and one navigator."""
     scenario = cell.scenario
     weights, attacked, trusted, _ = situation_of(scenario)
-    words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), scenario.attack.kind
-    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, scenario.horizon
+    attack = scenario.attack
+    words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), attack.kind
+    threat = attack.replaces(), attack.falsified(), attack.identities()
+    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, threat, scenario.horizon
 
 
 def title(cells: Sequence[Cell], most: int) -> str:
@@ -125,23 +134,27 @@ def network_text(title: str, rows: Mapping[str, str]) -> str:
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
 
-def network_rows(cells: Sequence[Cell]) -> dict[str, str]:
-    """Certificate of the network that these cells share, where weights are drawn the one of their medians."""
+def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
+    """Certificate of the network that these cells share, where weights are drawn the one of their medians.
+
+    What takes trying sets of vehicles is told of small ones, if they are looked at closely.
+    """
     scenario = cells[0].scenario
     weights, attacked, trusted, _ = situation_of(scenario)
+    closely = closely and len(weights) <= robustness.MOST_NODES
     facts = certificate.certify(weights, attacked)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
-        "reach": "the navigator reaches every vehicle",
         "‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}",
-        "robustness": f"exactly {certificate.robustness(weights)}-robust with the navigator, as every"
-        " graph that it reaches; W-MSR with F = 1 asks for 3",
+        "robustness": robustness_line(weights > 0, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
         "Assumption 1": honest_line(facts),
         **scenario.defence.describe(weights, attacked, trusted),
-        "safe": safe_line(scenario.defence.safe(weights, attacked, trusted)),
+        **cut_off_line(scenario.defence.may_drop(weights, trusted)),
+        "safe": safe_line(safe_in(scenario, weights, attacked)),
+        **(margin_lines(scenario, weights) if closely and scenario.attack.present else {}),
         **drawn_lines(cells),
     }
 
@@ -161,7 +174,7 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     attack = scenario.attack
     if not attack.present:
         return "none"
-    who = f"{attack.describe()} on {ranges(sorted(attack.targets()))}"
+    who = f"{attack.describe()} on {attack.whom()}"
     if not facts.attacked_links:
         return f"{who}, heard by nobody"
     if any(source == 0 for _, source in facts.attacked_links):
@@ -192,12 +205,68 @@ def honest_line(facts: certificate.Certificate) -> str:
     return line
 
 
-def safe_line(safe: Safe) -> str:
-    """Who ends on the navigator whatever attackers say, and of whom that is not known."""
-    if safe.vehicles.all():
-        return f"every vehicle, {safe.why}"
-    rest = f"not known of {ranges(numbered(~safe.vehicles))}"
-    return f"{ranges(numbered(safe.vehicles))}, {safe.why}; {rest}" if safe.vehicles.any() else rest
+def robustness_line(heard: Links, trusted: Links, closely: bool) -> str:
+    """What rules of the literature ask for, as far as it tells anything where there is one navigator."""
+    line = "exactly 1-robust with the navigator, as every graph that it reaches; W-MSR with F = 1 asks for 3"
+    if closely:
+        found = robustness.robustness(heard[:, 1:])
+        line += f"; the vehicles alone {len(found)}-robust"
+        if found:
+            most = max(r for r, s in enumerate(found, 1) if s >= r)
+            line += f" and ({most}, {found[most - 1]})-robust"
+    leaders = np.asarray(trusted.any(axis=0))
+    if leaders[1:].any() and not leaders[1:].all():
+        names = ranges(np.flatnonzero(leaders).tolist())
+        reached = numbered(robustness.followers(heard, trusted, leaders) & ~leaders[1:])
+        line += f"; led by {names}, whom somebody trusts, strongly {robustness.led(heard, leaders)}-robust,"
+        line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
+    return line
+
+
+def cut_off_line(drops: AnySubset) -> dict[str, str]:
+    """Who may lose the navigator by whom vehicles drop, if anybody."""
+    lost = numbered(~safety.stay_joined(drops, np.ones(len(drops.weights), bool)))
+    return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
+
+
+def safe_line(reasons: Sequence[Safe]) -> str:
+    """Who ends on the navigator whatever attackers say, each by the strongest reason."""
+    words, left = [], np.ones(len(reasons[0].vehicles), bool)
+    for why, vehicles in reasons:
+        words += [f"{vehicles_named(vehicles & left)} {why}"] if (vehicles & left).any() else []
+        left &= ~vehicles
+    return "; ".join(words + [f"not known of {ranges(numbered(left))}"] * bool(left.any()))
+
+
+def vehicles_named(vehicles: Vehicles) -> str:
+    """Vehicles by their numbers."""
+    return "every vehicle" if vehicles.all() else ranges(numbered(vehicles))
+
+
+def margin_lines(scenario: Scenario, weights: Weights) -> dict[str, str]:
+    """By which attacked vehicles it is not known who is safe, and how many more it takes of the others."""
+
+    def safe(attacked: list[int]) -> Vehicles:
+        reasons = safe_in(scenario, weights, scenario.attack.on(attacked).links(weights))
+        return np.any([each.vehicles for each in reasons], axis=0)
+
+    everyone = range(1, len(weights) + 1)
+    found, by = certificate.margin(safe, scenario.attack.targets() or everyone, len(weights)), {}
+    for i, sets in zip(everyone, found.sets, strict=True):
+        if any(sets):
+            by.setdefault(" or ".join(map(set_named, sets)), []).append(i)
+    words = [f"{ranges(those)} by {sets} alone" for sets, those in by.items()]
+    for more in np.unique(found.further[found.further > 0]).tolist():
+        far = f"no {certificate.MOST_TRIED}" if more > certificate.MOST_TRIED else str(more)
+        words.append(f"{vehicles_named(found.further == more)} by {far} more")
+    words = [*words[:SOME], *["…"] * (len(words) > SOME)]
+    return {"broken": "; ".join(words)} if words else {}
+
+
+def set_named(vehicles: Sequence[int]) -> str:
+    """A set of vehicles: 2, {2, 5}."""
+    words = ", ".join(map(str, vehicles))
+    return f"{{{words}}}" if len(vehicles) > 1 else words
 
 
 def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
@@ -206,7 +275,7 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     gain = [cell.number for cell in cells if any(map(is_drawn, cell.scenario.gain))]
     lines = {}
     if weights:
-        lines["weights"] = f"drawn in {cells_named(weights)}; ‖L⁻¹‖₂ is of the graph of their medians"
+        lines["weights"] = f"drawn in {cells_named(weights)}; what is said is of their medians"
     if gain:
         lines["gain"] = f"drawn in {cells_named(gain)}; stable whatever is drawn"
     return lines

@@ -1,6 +1,7 @@
 """Results as text for a terminal."""
 
 import shlex
+from collections.abc import Sequence
 from html import escape
 from textwrap import fill
 from typing import Any
@@ -8,7 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
+from jaxnet.model.wording import cells_named
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, Results
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
@@ -58,7 +61,16 @@ def summary(results: Results) -> str:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
         lines.append("mean low, mean high: 95 % t interval of the mean over lanes")
+    lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
     return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
+
+
+def caveats(cells: Sequence[Cell]) -> list[str]:
+    """What attacks leave of the paper's, and in which cells."""
+    found: dict[str, list[int]] = {}
+    for cell in cells:
+        found.setdefault(cell.scenario.attack.caveat(), []).append(cell.number)
+    return [f"attack {words}: {cells_named(where)}" for words, where in found.items() if words]
 
 
 def html(results: Results) -> str:

@@ -69,6 +69,41 @@ def test_attackers_are_drawn_for_each_lane_and_for_all_cells_alike():
     np.testing.assert_array_equal(attacked, sets[0])
 
 
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
+@pytest.mark.parametrize("defence", ["none", "trusted_trim"])
+def test_drawn_attackers_that_replace_do_what_they_do_if_they_are_named(defence, engine, accuracy):
+    """Lane by lane: where vehicles are, what is told, whom they retain, and who is attacked differs."""
+    attack = {"kind": "rotating", "magnitude": 3.0, "threat": "replaces"}
+    keys = {"engine": engine, "defence": defence, "horizon": 12.0, "tail": 1.0}
+    drawn = systems.study(attack=attack | {"vehicles": {"random": 3}}, **keys)
+    outcome = systems.simulate(systems.lanes(drawn, 2))
+    assert (outcome.status == 0).all()
+    sets = [np.flatnonzero(said.any(axis=(0, 2))) + 1 for said in outcome.series["attack"]]
+    assert [len(each) for each in sets] == [3, 3]
+    assert set(sets[0]) != set(sets[1])
+    for number, chosen in enumerate(sets):
+        named = systems.study(attack=attack | {"vehicles": chosen.tolist()}, **keys)
+        known = systems.simulate(systems.lanes(named, 2))
+        assert known.switches[number] == outcome.switches[number]
+        for each in ("state", "attack", "kept"):
+            apart = np.abs(outcome.series[each][number] - known.series[each][number])
+            assert apart[..., :2].max() <= accuracy, each
+
+
+def test_a_bound_holds_whoever_is_drawn_to_be_replaced():
+    """The peak gain, of all sources as if all were; the static bound is not told."""
+    attack = {"kind": "bias", "vehicles": {"random": 4}, "magnitude": 5.0, "threat": "replaces"}
+    keys = {"defence": "none", "engine": "exact", "horizon": 40.0, "tail": 1.0}
+    study = systems.study(attack=attack, **keys)
+    outcome = systems.simulate(systems.lanes(study, 8, ()))
+    assert limits.unchecked(study.cells) == []
+    assert limits.violations(systems.results_of(study, rows_of(study, outcome, 8))).empty
+    known = limits.bounds_of(study.cells[0].scenario)
+    assert np.isnan(known["static"].vehicles).all()
+    np.testing.assert_allclose(known["peak_gain"].vehicles, 8.0 * 0.9, rtol=1e-12)
+    assert 0.5 * 5.0 < outcome.metrics["tail_max"].max() <= 0.9 * 5.0 + 1e-6
+
+
 @pytest.mark.parametrize(("defence", "trims"), [("none", False), ("trusted_trim", True)])
 def test_sybils_outvote_the_trimming(defence, trims):
     """Two of one mind with ϑ = 1: one of them stays, and the ring ends where a plain solve says."""
@@ -95,7 +130,7 @@ def test_sybils_outvote_the_trimming(defence, trims):
     ("attack", "words"),
     [
         ({"vehicles": {"random": 13}}, "there are 12 vehicles"),
-        ({"vehicles": {"random": 2}, "threat": "replaces"}, "neither replaced"),
+        ({"vehicles": {"random": 2}, "sybils": 1}, "neither sybils"),
         ({"vehicles": {"random": 0}}, "must be at least 1"),
         ({"kind": "freeze", "listeners": "each"}, "tells all listeners the same"),
         ({"threat": "replaces", "orders": [0]}, "carries no true derivative"),

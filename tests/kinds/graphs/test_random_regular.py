@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.kinds.graphs.random_regular import RandomRegular, drawn_regular
+from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.lanes.jobs import job
+from jaxnet.model.patterns import drawn_regular
 from tests import systems
 
 REDRAWN = {"kind": "random_regular", "degree": 3, "redraw": True, "navigator_weight": 0.2}

@@ -1,0 +1,31 @@
+"""The grid."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import Field
+
+from jaxnet.kinds.graphs import Unweighted
+from jaxnet.kinds.kind import Fault
+from jaxnet.model import patterns
+from jaxnet.model.graph import Neighbours
+
+
+class Grid(Unweighted):
+    """Vehicles in rows and columns, numbered row by row; each hears those beside, before and behind it."""
+
+    kind = "grid"
+
+    rows: int = Field(ge=1, description="how many")
+    columns: int = Field(ge=1, description="vehicles in a row")
+    torus: bool = Field(default=False, description="whether the last of a row or column hears the first")
+
+    def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
+        """Along both axes."""
+        return patterns.grid(self.rows, self.columns, self.torus)
+
+    def impossible(self, vehicles: int) -> Iterator[Fault]:
+        """Every place is taken."""
+        if self.rows * self.columns != vehicles:
+            message = f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"
+            yield Fault(("topology.rows", "topology", "vehicles"), message)

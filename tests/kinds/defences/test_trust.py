@@ -1,0 +1,111 @@
+"""Whom vehicles trust: nobody, a share at random, those nearest the navigator; and what follows from it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jaxnet
+from jaxnet.config.scenario import situation_of
+from jaxnet.kinds.defences.trusted_only import TrustedOnly
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
+from jaxnet.kinds.graphs.grid import Grid
+from jaxnet.kinds.graphs.path import Path
+from jaxnet.lanes.jobs import job
+from tests import systems
+
+RING = Cyclic().weights(12)
+
+
+def trusts(weights, **keys):
+    """Links that are trusted."""
+    return TrustedOnly(trusted=keys).trusts(weights)
+
+
+def test_nobody_is_trusted_where_none_is_said():
+    """Not even the navigator, which is by default."""
+    assert not TrustedOnly(trusted="none").trusts(RING).any()
+    np.testing.assert_array_equal(TrustedOnly().trusts(RING), np.eye(1, 13, dtype=bool).repeat(12, axis=0))
+
+
+@given(st.integers(0, 2**32), st.floats(0, 1))
+def test_a_share_is_that_of_each_listener_rounded(seed, share):
+    """Up or down; of links alone, the navigator besides; the same by the same seed, and more of the same."""
+    weights = ErdosRenyi(seed=seed, navigator={"share": 0.5}).weights(9)
+    found = trusts(weights, share=share, seed=seed)
+    heard = weights > 0
+    assert not (found & ~heard).any()
+    np.testing.assert_array_equal(found[:, 0], heard[:, 0])
+    exact = share * heard[:, 1:].sum(axis=1)
+    assert (np.abs(found[:, 1:].sum(axis=1) - exact) < 1).all()
+    np.testing.assert_array_equal(trusts(weights, share=share, seed=seed), found)
+    assert (trusts(weights, share=(1 + share) / 2, seed=seed) >= found).all()
+
+
+def test_a_share_is_that_of_all_links_on_average():
+    """A fifth of the ring's, of which a vehicle has but two: no link is preferred."""
+    found = np.mean([trusts(RING, share=0.2, seed=seed)[:, 1:] for seed in range(2000)], axis=0)
+    assert found.sum() == pytest.approx(0.2 * 24, rel=0.03)
+    deviation = np.sqrt(0.2 * 0.8 / 2000)
+    assert np.abs(found[RING[:, 1:] > 0] - 0.2).max() < 4 * deviation
+    np.testing.assert_array_equal(trusts(RING, share=1.0), RING > 0)
+
+
+def test_the_nearest_are_by_links_from_the_navigator():
+    """Of a grid of 3 × 3 in which 1 hears it: 5 trusts 2 and 4, two links off, before 6 and 8, four."""
+    weights = Grid(rows=3, columns=3, navigator=[1]).weights(9)
+    found = [set(np.flatnonzero(row)) for row in trusts(weights, nearest=2)]
+    assert found == [{0, 2}, {1, 3}, {2, 6}, {1, 5}, {2, 4}, {3, 5}, {4, 8}, {5, 7}, {6, 8}]
+    first = [set(np.flatnonzero(row)) for row in trusts(weights, nearest=1)]
+    assert first == [{0}, {1}, {2}, {1}, {2}, {3}, {4}, {5}, {6}]
+    np.testing.assert_array_equal(trusts(weights, nearest=9), weights > 0)
+    np.testing.assert_array_equal(trusts(RING, nearest=1), TrustedOnly().trusts(RING))
+
+
+def test_a_chain_of_nearest_sources_is_safe_from_all_others():
+    """Of a path whose vehicles hear the last one too, trusting one source each leaves the path."""
+    edges = [[i, i - 1, 1.0] for i in range(1, 7)] + [[i, 6, 1.0] for i in range(1, 6)]
+    keys = {"vehicles": 6, "topology": {"kind": "edges", "edges": edges}, "attack": {"vehicles": [6]}}
+    study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
+    known = situation_of(study.cells[0].scenario)
+    np.testing.assert_array_equal(known.trusted, Path().weights(6) > 0)
+    assert study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.all()
+    study = systems.study(defence={"kind": "trusted_only", "trusted": "none"}, **keys)
+    known = situation_of(study.cells[0].scenario)
+    assert not study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.any()
+
+
+def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():
+    """A share of whom it may hear; the lane's graph says whom it does."""
+    keys = {"vehicles": 9, "topology": {"kind": "erdos_renyi", "redraw": True}, "attack": "none"}
+    given = systems.study(defence={"kind": "trusted_only", "trusted": {"share": 0.5}}, **keys)
+    network = job(given.cells[0].scenario, 0, range(2)).network
+    assert network.trusted.shape == (9, 9)
+    assert (network.trusted.sum(axis=0) == 5).all(), "the navigator and four of the eight others"
+
+
+@pytest.mark.parametrize(
+    ("trusted", "says"),
+    [
+        ("nobody", 'must be none, {vehicle: [sources]}, {share: s} or {nearest: n} (got "nobody")'),
+        ("{shar: 0.2}", 'or {nearest: n} (got {"shar": 0.2})'),
+        ("{share: 1.5}", "defence.trusted.share: must be at most 1 (got 1.5)"),
+        ("{share: 0.5, sed: 1}", "defence.trusted.sed: unknown key (did you mean 'seed'?)"),
+        ("{nearest: 0}", "defence.trusted.nearest: must be at least 1 (got 0)"),
+        ("{nearest: 1, seed: 2}", "defence.trusted.seed: unknown key (known here: nearest)"),
+        ("{nearest: 1}", "not known where every lane has links of its own"),
+        ("{13: [1]}", "vehicles are 1 to 12 (got 13)"),
+    ],
+)
+def test_what_cannot_be_trusted_is_said(trusted, says, tmp_path):
+    """With the file, the key, what was given and what is allowed."""
+    file = tmp_path / "bad.yaml"
+    file.write_text(
+        f"name: bad\ntopology: {{kind: small_world, redraw: true}}\ndefence: {{trusted: {trusted}}}\n"
+    )
+    with pytest.raises(jaxnet.ConfigError) as raised:
+        jaxnet.load(file)
+    (problem,) = raised.value.problems
+    assert says in str(problem)
+    assert problem.place.startswith(f"{file}:3:")

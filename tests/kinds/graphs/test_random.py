@@ -1,0 +1,125 @@
+"""Random graphs: how they are distributed, and lanes that have their own."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
+from jaxnet.kinds.graphs.lattice import Lattice
+from jaxnet.kinds.graphs.random_regular import RandomRegular
+from jaxnet.kinds.graphs.small_world import SmallWorld
+from jaxnet.kinds.kind import KindError
+from jaxnet.lanes.jobs import job
+from jaxnet.model import graph as graphs
+from tests import systems
+
+KEYS = {"vehicles": 8, "attack": {"vehicles": [2, 5]}, "engine": "exact"}
+KINDS = {
+    "erdos_renyi": {"probability": 0.4},
+    "random_regular": {"degree": 3},
+    "small_world": {"rewired": 0.5},
+}
+
+
+REGULAR = [[1, 2], [1, 3], [1, 5], [2, 4], [2, 6], [3, 5], [3, 6], [4, 5], [4, 6]]
+
+
+def heard(graph, vehicles):
+    """Who hears whom of the vehicles."""
+    return graph.weights(vehicles)[:, 1:] > 0
+
+
+def test_links_of_erdos_renyi_are_binomial_and_independent():
+    """Of 200 graphs: the number of links, of listeners' sources, and of links that are mutual."""
+    drawn = np.stack([heard(ErdosRenyi(probability=0.3, seed=seed), 12) for seed in range(200)])
+    assert not drawn[:, range(12), range(12)].any()
+    assert stats.binomtest(int(drawn.sum()), 200 * 132, 0.3).pvalue > 0.01
+    degrees = np.bincount(drawn.sum(axis=2).ravel(), minlength=12)[:8]
+    expected = 2400 * stats.binom(11, 0.3).pmf(np.arange(8))
+    assert stats.chisquare(degrees, expected * degrees.sum() / expected.sum()).pvalue > 0.01
+    mutual = (drawn & drawn.transpose(0, 2, 1)).sum() // 2
+    assert stats.binomtest(int(mutual), 200 * 66, 0.09).pvalue > 0.01
+
+
+def test_a_link_of_a_small_world_is_rewired_with_the_probability():
+    """The number of links stays; so many of the lattice's are gone, on average."""
+    before = Lattice().weights(100)[:, 1:] > 0
+    gone = 0
+    for seed in range(20):
+        now = heard(SmallWorld(rewired=0.3, seed=seed), 100)
+        assert not now.diagonal().any()
+        np.testing.assert_array_equal(now, now.T)
+        assert now.sum() == before.sum()
+        gone += (before & ~now).sum() // 2
+    assert stats.binomtest(int(gone), 20 * 200, 0.3).pvalue > 0.01  # one in 150 falls on a place left before
+
+
+def test_everything_is_rewired_at_one():
+    """But for the few links that are drawn where another one was."""
+    before, now = Lattice().weights(200)[:, 1:] > 0, heard(SmallWorld(rewired=1.0), 200)
+    assert (before & now).sum() < 0.05 * before.sum()
+
+
+def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them():
+    """Vehicle 1 of 3 hears it, others are heard with probability ½: all such graphs equally often."""
+    graph = ErdosRenyi(probability=0.5, navigator=[1])
+    random = np.random.default_rng(5)
+    found = Counter(graph.connected(3, random).tobytes() for _ in range(1500))
+    every = (np.array([number >> bit & 1 for bit in range(6)], bool) for number in range(64))
+    possible = 0
+    for bits in every:
+        links = np.zeros((3, 4), bool)
+        links[0, 0] = True
+        links[:, 1:][~np.eye(3, dtype=bool)] = bits
+        possible += not graphs.unreachable(links)
+    assert len(found) == possible
+    assert stats.chisquare(list(found.values())).pvalue > 0.01
+
+
+def test_half_hear_the_navigator_and_it_reaches_everybody():
+    """Of graphs so sparse that one draw of the links would often not do."""
+    keys = {"probability": 0.12, "navigator": {"share": 0.5}}
+    seen = [ErdosRenyi(seed=seed, **keys).weights(12) for seed in range(20)]
+    assert all((weights[:, 0] > 0).sum() == 6 for weights in seen)
+    assert not any(map(graphs.unreachable, seen))
+    np.testing.assert_array_equal(ErdosRenyi(seed=8, **keys).weights(12), seen[8])
+    again = np.random.default_rng(8)
+    once = ErdosRenyi(**keys)
+    links = np.column_stack([once.informed(12, again), once.heard(12, again)])
+    assert graphs.unreachable(links), "what the seed draws first is not what it gives"
+
+
+def test_after_so_many_draws_it_is_given_up():
+    """In words."""
+    with pytest.raises(KindError, match="erdos_renyi: the navigator reaches everybody in none of 1000 draws"):
+        ErdosRenyi(probability=0.01, navigator=[1]).weights(12)
+
+
+def test_the_regular_graph_of_a_seed_stays_what_it_was():
+    """As the first version that drew one drew it."""
+    edges = np.argwhere(np.triu(heard(RandomRegular(degree=3, seed=5), 6))) + 1
+    assert edges.tolist() == REGULAR
+
+
+@pytest.mark.parametrize("navigator", ["all", [1, 2, 3], {"share": 0.5}], ids=["all", "listed", "share"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_lane_s_graph_belongs_to_seed_and_sample_alone(kind, navigator):
+    """Not to how many there are, nor in what order; each is one that the navigator reaches."""
+    topology = {"kind": kind, "redraw": True, "navigator": navigator, **KINDS[kind]}
+    scenario = systems.study(topology=topology, **KEYS).cells[0].scenario
+
+    def weights_of(samples, seed=0):
+        one = job(scenario, seed, samples)
+        return np.stack([systems.lane(one, number).weights for number in range(len(samples))])
+
+    many = weights_of(range(12))
+    assert len({each.tobytes() for each in many}) == 12
+    assert not any(map(graphs.unreachable, many))
+    np.testing.assert_allclose(many.sum(axis=2), 1, rtol=1e-15)
+    informed = (many[:, :, 0] > 0).sum(axis=1)
+    assert set(informed) == {{"all": 8, "[1, 2, 3]": 3}.get(str(navigator), 4)}
+    np.testing.assert_array_equal(weights_of([7, 3, 11]), many[[7, 3, 11]])
+    assert not np.array_equal(weights_of(range(3), seed=1), many[:3])
+    assert (scenario.topology.links(8) >= (many > 0).any(axis=0)).all()

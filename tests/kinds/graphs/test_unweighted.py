@@ -1,0 +1,250 @@
+"""Graphs of a pattern: links against networkx, spectra, who hears the navigator, the rules of weights."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jaxnet
+from jaxnet.kinds.attacks.bias import Bias
+from jaxnet.kinds.graphs.circulant import Circulant
+from jaxnet.kinds.graphs.complete import Complete
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
+from jaxnet.kinds.graphs.grid import Grid
+from jaxnet.kinds.graphs.lattice import Lattice
+from jaxnet.kinds.graphs.random_regular import RandomRegular
+from jaxnet.kinds.graphs.small_world import SmallWorld
+from jaxnet.lanes.jobs import job
+from jaxnet.model import graph as graphs
+from tests import systems
+
+
+def heard(graph, vehicles):
+    """Who hears whom of the vehicles."""
+    return graph.weights(vehicles)[:, 1:] > 0
+
+
+def theirs(network):
+    """The same of a graph of networkx, its nodes in order."""
+    return nx.to_numpy_array(network, nodelist=sorted(network)) > 0
+
+
+@pytest.mark.parametrize(
+    ("ours", "network"),
+    [
+        (Complete(), nx.complete_graph(7)),
+        (Lattice(neighbours=2), nx.cycle_graph(9)),
+        (Lattice(), nx.circulant_graph(9, [1, 2])),
+        (Lattice(neighbours=8), nx.complete_graph(9)),
+        (Circulant(offsets=[2, -2, 5, -5]), nx.circulant_graph(13, [2, 5])),
+        (SmallWorld(neighbours=6, rewired=0.0), nx.watts_strogatz_graph(11, 6, 0.0)),
+        (ErdosRenyi(probability=1.0), nx.gnp_random_graph(6, 1.0, directed=True)),
+        *(
+            (Grid(rows=rows, columns=columns, torus=torus), nx.grid_2d_graph(rows, columns, periodic=torus))
+            for rows, columns in ((3, 4), (4, 3), (1, 5), (5, 5))
+            for torus in (False, True)
+        ),
+    ],
+    ids=lambda each: getattr(each, "kind", ""),
+)
+def test_links_are_those_of_networkx(ours, network):
+    """Everybody hears the navigator too."""
+    np.testing.assert_array_equal(heard(ours, len(network)), theirs(network))
+    assert (ours.weights(len(network))[:, 0] == 0.1).all()
+
+
+def test_offsets_need_not_be_mutual():
+    """Vehicle 1 of 5 hears 2 and 4."""
+    assert np.argwhere(heard(Circulant(offsets=[1, 3]), 5))[:4].tolist() == [[0, 1], [0, 3], [1, 2], [1, 4]]
+
+
+@pytest.mark.parametrize(
+    ("graph", "offsets"),
+    [
+        (Lattice(neighbours=6), [1, 2, 3, -1, -2, -3]),
+        (Circulant(offsets=[1, 5]), [1, 5]),
+        (Cyclic(), [1, -1]),
+        (Complete(), range(1, 13)),
+    ],
+    ids=lambda each: getattr(each, "kind", ""),
+)
+def test_eigenvalues_are_those_of_a_circulant_matrix(graph, offsets):
+    """`Σ_o w e^(2πiko/m)`, k from 0 to m - 1; A is the same when all vehicles are renumbered around."""
+    A = graph.weights(13)[:, 1:]
+    np.testing.assert_array_equal(np.roll(A, 1, axis=(0, 1)), A)
+    k = np.arange(13)
+    expected = sum(0.9 / len(offsets) * np.exp(2j * np.pi * k * offset / 13) for offset in offsets)
+    modes = np.exp(2j * np.pi * np.outer(k, k) / 13)
+    np.testing.assert_allclose(A @ modes, modes * expected, atol=1e-13)
+
+
+def gain_of_complete(vehicles, attacked, navigator_weight):
+    """`E_i / ā` where a constant is added to what `attacked` transmit: `E = β(n - 1_i + S) / (1 + β)`.
+
+    By Sherman and Morrison, for `L = (1 + β) I - β 1 1ᵀ`: β is a neighbour's weight, S = (1 - w0) n / w0 the
+    sum of E.
+    """
+    beta, n = (1 - navigator_weight) / (vehicles - 1), len(attacked)
+    sum_of_all = (1 - navigator_weight) * n / navigator_weight
+    lies = np.isin(np.arange(1, vehicles + 1), attacked)
+    return beta * (n - lies + sum_of_all) / (1 + beta)
+
+
+def test_the_gain_of_the_complete_graph():
+    """In closed form: of `L⁻¹W_a`, and where simulated lanes end, to 1e-6."""
+    attacked = [2, 5]
+    expected = gain_of_complete(9, attacked, 0.2)
+    weights = Complete(navigator_weight=0.2).weights(9)
+    links = Bias(vehicles=attacked).links(weights)
+    static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
+    np.testing.assert_allclose(static, expected, rtol=1e-12)
+    given = systems.study(
+        topology={"kind": "complete", "navigator_weight": 0.2},
+        attack={"kind": "bias", "vehicles": attacked, "magnitude": 3.0},
+        vehicles=9,
+        engine="exact",
+        defence="none",
+        tail=1.0,
+    )
+    outcome = systems.simulate(systems.lanes(given, 2))
+    np.testing.assert_allclose(outcome.metrics["tail_max"], 3.0 * expected.max(), rtol=1e-6)
+    np.testing.assert_allclose(outcome.metrics["tail_mean"], 3.0 * expected.mean(), rtol=1e-6)
+
+
+# --- who hears the navigator -----------------------------------------------------------------------
+
+
+def test_those_listed_hear_the_navigator_and_the_others_their_neighbours_alone():
+    """With the whole of the weight."""
+    weights = Lattice(navigator=[1, 4], navigator_weight=0.4).weights(6)
+    np.testing.assert_array_equal(weights[:, 0], [0.4, 0, 0, 0.4, 0, 0])
+    for row, share in zip(weights[:, 1:], [0.15, 0.25, 0.25, 0.15, 0.25, 0.25], strict=True):
+        np.testing.assert_allclose(row[row > 0], share, rtol=1e-15)
+
+
+def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
+    """Half of twelve are six; more of the same where the share is greater."""
+
+    def informed(seed, share, kind=Complete):
+        return set(np.flatnonzero(kind(navigator={"share": share}, seed=seed).weights(12)[:, 0]))
+
+    assert [len(informed(seed, 0.5)) for seed in range(20)] == [6] * 20
+    assert len({frozenset(informed(seed, 0.5)) for seed in range(20)}) > 15
+    assert informed(3, 0.25) < informed(3, 0.5) < informed(3, 1.0) == set(range(12))
+    assert informed(3, 0.5) == informed(3, 0.5, Lattice)
+
+
+def test_who_hears_no_vehicle_hears_the_navigator_alone():
+    """On a grid of one place, and a vehicle that no link was drawn for."""
+    np.testing.assert_array_equal(Grid(rows=1, columns=1).weights(1), [[1.0, 0.0]])
+    weights = ErdosRenyi(probability=0.2, seed=1).weights(8)
+    alone = ~(weights[:, 1:] > 0).any(axis=1)
+    assert alone.any()
+    assert not alone.all()
+    np.testing.assert_array_equal(weights[:, 0], np.where(alone, 1.0, 0.1))
+
+
+# --- the rule of weights ---------------------------------------------------------------------------
+
+
+def test_metropolis_weights_by_hand():
+    """On a grid of 2 × 3 vehicles 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1 + 2)`."""
+    weights = Grid(rows=2, columns=3, weighting="metropolis").weights(6)
+    np.testing.assert_allclose(weights[0], [0.1, 0, 0.9 * 3 / 7, 0, 0.9 * 4 / 7, 0, 0], rtol=1e-15)
+    np.testing.assert_allclose(weights[1], [0.1, 0.3, 0, 0.3, 0, 0.3, 0], rtol=1e-15)
+
+
+@given(st.integers(0, 2**32), st.floats(0.01, 0.99))
+def test_metropolis_weights_are_symmetric_but_for_the_scale_of_rows(seed, navigator_weight):
+    """With its own weight for each vehicle, which cancels in the law, they are doubly stochastic too."""
+    graph = SmallWorld(rewired=0.5, seed=seed, weighting="metropolis", navigator_weight=navigator_weight)
+    weights = graph.weights(10)
+    pairs = graphs.metropolis(heard(graph, 10))
+    matrix = pairs + np.diag(1 - pairs.sum(axis=1))
+    np.testing.assert_array_equal(matrix, matrix.T)
+    assert (matrix.diagonal() > 0).all()
+    assert (weights[:, 0] == navigator_weight).all()
+    scaled = weights[:, 1:] / (1 - navigator_weight) * pairs.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(scaled, pairs, rtol=1e-14)
+
+
+@pytest.mark.parametrize("graph", [Cyclic, Lattice, Complete, RandomRegular])
+def test_where_all_hear_equally_many_the_rules_agree(graph):
+    """Metropolis weights are then all the same."""
+    ours, uniform = (graph(weighting=rule).weights(12) for rule in ("metropolis", "uniform"))
+    np.testing.assert_allclose(ours, uniform, rtol=1e-14)
+
+
+@pytest.mark.parametrize("weighting", ["uniform", "metropolis"])
+def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
+    """The lane's graph is the one with this weight; who does not hear the navigator stays as it was."""
+    keys = {"rows": 2, "columns": 3, "navigator": [1, 6], "weighting": weighting}
+    drawn = {"kind": "grid", **keys, "navigator_weight": {"uniform": [0.2, 0.8]}}
+    given = systems.study(topology=drawn, vehicles=6, engine="exact", attack="none")
+    one = job(given.cells[0].scenario, 0, range(5))
+    seen = np.stack([systems.lane(one, number).weights for number in range(5)])
+    assert len(set(seen[:, 0, 0])) == 5
+    assert ((seen[:, 0, 0] >= 0.2) & (seen[:, 0, 0] <= 0.8)).all()
+    for weights in seen:
+        expected = Grid(**keys, navigator_weight=float(weights[0, 0]))
+        np.testing.assert_allclose(weights, expected.weights(6), rtol=1e-14)
+
+
+def test_a_random_graph_may_have_a_drawn_weight_too():
+    """Redrawn, and with a number of each lane's own."""
+    keys = {"kind": "erdos_renyi", "redraw": True, "navigator_weight": {"uniform": [0.2, 0.8]}}
+    given = systems.study(topology=keys, vehicles=6, engine="exact", attack="none")
+    one = job(given.cells[0].scenario, 0, range(5))
+    seen = np.stack([systems.lane(one, number).weights for number in range(5)])
+    np.testing.assert_allclose(seen.sum(axis=2), 1, rtol=1e-14)
+    assert len({weights[weights[:, 0] < 1, 0].max() for weights in seen}) == 5
+
+
+# --- what there is no graph of ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("topology", "vehicles", "says"),
+    [
+        ("{kind: lattice, neighbours: 3}", 12, "topology.neighbours: must be a multiple of 2 (got 3)"),
+        (
+            "{kind: lattice, neighbours: 6}",
+            6,
+            "topology.neighbours: must be less than the 6 vehicles (got 6)",
+        ),
+        ("{kind: small_world, neighbours: 8}", 6, "topology.neighbours: must be less than the 6 vehicles"),
+        ("{kind: small_world, rewired: 2}", 6, "topology.rewired: must be at most 1 (got 2)"),
+        ("{kind: circulant, offsets: [1, 6]}", 6, "topology.offsets: must lead to other vehicles"),
+        ("{kind: circulant, offsets: [1, -5]}", 6, "around 6 (got [1, -5])"),
+        ("{kind: circulant, offsets: []}", 6, "topology.offsets: must have at least 1 entry (got [])"),
+        (
+            "{kind: grid, rows: 3, columns: 4}",
+            10,
+            "topology.rows: times columns must be the 10 vehicles (got 3 × 4)",
+        ),
+        ("{kind: erdos_renyi, probability: 0}", 6, "topology.probability: must be greater than 0 (got 0)"),
+        ("{kind: complete, navigator: [7]}", 6, "topology.navigator: vehicles are 1 to 6 (got 7)"),
+        ("{kind: complete, navigator: []}", 6, "topology.navigator: the navigator does not reach 1, 2, 3"),
+        ("{kind: circulant, offsets: [2, -2], navigator: [1]}", 6, "the navigator does not reach 2, 4, 6"),
+        ("{kind: complete, navigator: some}", 6, "topology.navigator: must be 'all' (got \"some\")"),
+        ("{kind: complete, navigator: 3}", 6, "must be all, a list of vehicles or {share: s} (got 3)"),
+        (
+            "{kind: complete, navigator: {share: 0}}",
+            6,
+            "topology.navigator.share: must be greater than 0 (got 0)",
+        ),
+        ("{kind: complete, navigator: {share: 0.01}}", 6, "reaches everybody in none of 1000 draws"),
+        ("{kind: complete, weighting: equal}", 6, "topology.weighting: must be 'uniform' or 'metropolis'"),
+    ],
+)
+def test_what_cannot_be_is_said(topology, vehicles, says, tmp_path):
+    """With the file, the key, what was given and what is allowed."""
+    file = tmp_path / "bad.yaml"
+    file.write_text(f"name: bad\nvehicles: {vehicles}\nattack: none\ntopology: {topology}\n")
+    with pytest.raises(jaxnet.ConfigError) as raised:
+        jaxnet.load(file)
+    (problem,) = raised.value.problems
+    assert says in str(problem)
+    assert problem.place.startswith(f"{file}:")

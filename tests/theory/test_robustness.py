@@ -1,0 +1,105 @@
+"""Robustness by trying all sets on small digraphs, and of graphs whose robustness is known."""
+
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+from jaxnet.theory.robustness import followers, led, robustness
+
+
+def digraph(seed):
+    """Who hears whom among two to six nodes, one row the sources of a node."""
+    rng = np.random.default_rng(seed)
+    n = rng.integers(2, 7)
+    heard = rng.random((n, n)) < rng.uniform(0.2, 1.0)
+    return heard & ~np.eye(n, dtype=bool)
+
+
+def by_trial(heard):
+    """The same list by the definition's words, for each pair of disjoint sets."""
+    n, sources = len(heard), [set(np.flatnonzero(row).tolist()) for row in heard]
+
+    def with_r_outside(nodes, r):
+        return sum(len(sources[i] - nodes) >= r for i in nodes)
+
+    def holds(r, s):
+        for sides in product((0, 1, 2), repeat=n):
+            one, other = ({i for i in range(n) if sides[i] == side} for side in (1, 2))
+            if one and other:
+                first, second = with_r_outside(one, r), with_r_outside(other, r)
+                if first < len(one) and second < len(other) and first + second < s:
+                    return False
+        return True
+
+    found = [max((s for s in range(1, n + 1) if holds(r, s)), default=0) for r in range(1, n)]
+    return found[: found.index(0)] if 0 in found else found
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_robustness_is_what_trying_all_pairs_of_sets_gives(seed):
+    heard = digraph(seed)
+    assert robustness(heard) == by_trial(heard)
+
+
+def mutual(n, *steps):
+    """A ring in which all hear those so many places before and after."""
+    heard = np.zeros((n, n), bool)
+    for step in steps:
+        heard |= np.roll(np.eye(n, dtype=bool), step, axis=1) | np.roll(np.eye(n, dtype=bool), -step, axis=1)
+    return heard
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 8, 13, 16])
+def test_the_complete_graph_is_as_robust_as_can_be(n):
+    assert len(robustness(~np.eye(n, dtype=bool))) == (n + 1) // 2
+
+
+@pytest.mark.parametrize("n", [4, 7, 12])
+def test_ring_path_and_star_are_one_robust(n):
+    star = np.zeros((n, n), bool)
+    star[0], star[:, 0] = True, True
+    np.fill_diagonal(star, False)
+    path = np.eye(n, k=1, dtype=bool)
+    for heard in (mutual(n, 1), path, path | path.T, star):
+        assert len(robustness(heard)) == 1
+    assert robustness(np.zeros((n, n), bool)) == []
+
+
+def strong_by_trial(heard, leaders):
+    """The greatest r by the definition's words."""
+    others = [i for i in range(1, len(heard) + 1) if not leaders[i]]
+    sets = [set(each) for n in range(1, len(others) + 1) for each in combinations(others, n)]
+    sources = {i: set(np.flatnonzero(heard[i - 1]).tolist()) for i in others}
+    return min(max(len(sources[i] - each) for i in each) for each in sets)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_strong_robustness_is_percolation(seed):
+    """Leaders are drawn; the navigator alone leads to 1 at most."""
+    rng = np.random.default_rng(seed)
+    m = rng.integers(2, 6)
+    heard = rng.random((m, m + 1)) < rng.uniform(0.3, 1.0)
+    heard[range(m), range(1, m + 1)] = False
+    leaders = np.append(True, rng.random(m) < 0.3)
+    leaders[rng.integers(1, m + 1)] = False
+    assert led(heard, leaders) == strong_by_trial(heard, leaders)
+    assert led(heard, np.arange(m + 1) == 0) <= 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_with_one_navigator_every_graph_that_it_reaches_is_exactly_one_robust(seed):
+    """It hears nobody, and all vehicles together hear one node outside."""
+    rng = np.random.default_rng(seed)
+    heard = digraph(seed)
+    heard[0], heard[range(1, len(heard)), rng.integers(0, range(1, len(heard)))] = False, True
+    assert len(robustness(heard)) == 1
+
+
+def test_percolation_that_bears_one_liar():
+    """4 hears three leaders, 5 two of them and 4, 6 trusts 4 and 5, 7 hears two, 8 trusts one."""
+    heard, trusted = np.zeros((2, 8, 9), bool)
+    heard[3, [0, 1, 2]] = heard[4, [0, 1, 4]] = heard[5, [4, 5]] = heard[6, [0, 4]] = heard[7, [0, 6]] = True
+    trusted[5, [4, 5]] = trusted[7, 0] = True
+    leaders = np.arange(9) < 4
+    assert followers(heard, trusted, leaders).tolist() == [True] * 6 + [False] * 2
