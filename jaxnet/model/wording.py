@@ -1,5 +1,6 @@
 """Numbers of vehicles and things in words."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 
@@ -22,6 +23,11 @@ def cells_named(numbers: Sequence[int]) -> str:
 def plural_s(who: str) -> str:
     """The verb's ending for one or several."""
     return "s" if who.isdigit() else ""
+
+
+def counted(kinds: Counter[str]) -> str:
+    """How many there are of each kind, the most first."""
+    return ", ".join(f"{many:,} {kind}" for kind, many in kinds.most_common())
 
 
 def count(number: int, noun: str) -> str:

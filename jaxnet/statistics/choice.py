@@ -5,6 +5,7 @@ from typing import Any
 
 from jaxnet.config.cells import Cell
 from jaxnet.statistics.curves import alike
+from jaxnet.statistics.groups import values_of
 from jaxnet.store.folder import FolderError
 
 Where = Mapping[str, Any]  # swept key: the value that is wanted, or a list of those
@@ -12,7 +13,7 @@ Where = Mapping[str, Any]  # swept key: the value that is wanted, or a list of t
 
 def chosen(cells: Sequence[Cell], where: Where) -> list[Cell]:
     """The cells whose swept keys have one of the values wanted; raises FolderError where there is none."""
-    there = {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
+    there = values_of(cells)
     told = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in there.items())
     found = list(cells)
     for key, wanted in where.items():

@@ -3,6 +3,7 @@
 What another command has not written yet is left out: `bounds.csv` and `fit.csv` come from `jaxnet fit`.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from jaxtyping import Float
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import Group, attacked_groups, shared
+from jaxnet.store import rows
 from jaxnet.store.results import Results
 
 MOST_PANELS = 24  # panels that one figure takes
@@ -185,6 +187,14 @@ def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
     return cells[SHARE].iloc[wanted].dropna()
 
 
+def failed_kinds(results: Results) -> dict[int, Counter[str]]:
+    """How many lanes failed of what, of the cells in which some did, by number."""
+    if not results.manifest["lanes"]["failed"]:
+        return {}
+    found = results.by_cell("status", where=~rows.OK)
+    return {number: Counter(map(str, failed["status"])) for number, failed in found}
+
+
 class Band(NamedTuple):
     """ẽ(t) over the ok lanes of a cell [m]."""
 
@@ -237,6 +247,12 @@ def scenes(cells: Sequence[Cell]) -> list[Group]:
 def size_of(cell: Cell) -> Any:
     """ā as the config has it, 0 without an attack."""
     return cell.scenario.attack.amplitude()
+
+
+def scales(results: Results) -> Float[np.ndarray, " cells"]:
+    """ā of each cell [m]; not-a-number where nobody is attacked or it is drawn."""
+    sizes = [size_of(cell) for cell in results.study.cells]
+    return np.array([np.nan if is_drawn(size) or size <= 0 else size for size in sizes], float)
 
 
 def magnitude_words(cell: Cell) -> str:

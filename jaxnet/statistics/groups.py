@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.naming import MAGNITUDE
 from jaxnet.kinds.fields import is_drawn
-
-MAGNITUDE = "attack.magnitude"
 
 
 class Group(NamedTuple):
@@ -23,6 +22,11 @@ class Group(NamedTuple):
     def __str__(self) -> str:
         """How tables and messages name it."""
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
+
+
+def values_of(cells: Sequence[Cell]) -> dict[str, list[Any]]:
+    """Swept keys with the values that these cells have, as they come."""
+    return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
 
 
 def attacked_groups(cells: Sequence[Cell]) -> list[Group]:

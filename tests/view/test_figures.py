@@ -12,6 +12,7 @@ import xarray as xr
 from upath import UPath
 
 import jaxnet
+from jaxnet.config import naming
 from jaxnet.statistics.curves import SHARE, Curve
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.store.results import Results
@@ -184,7 +185,7 @@ def test_shares_say_what_they_leave_out(many):
 )
 def test_swept_values_have_their_units(key, value, words):
     """As the config's models know them, on one line with the number."""
-    given = multiples.called(key, value)
+    given = naming.called(key, value)
     assert given.replace("\N{NO-BREAK SPACE}", " ") == words
     assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])
 

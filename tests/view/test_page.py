@@ -614,6 +614,34 @@ def test_the_choice_shows_just_its_cells(opened):
     assert numbers_of(shown, "#summary") == [0, 1, 2, 3, 4, 5]
 
 
+def test_a_tile_tells_all_when_it_is_reached(opened, folder):
+    """By pointer, click and keys: share, interval, lanes, failed ones; of the cells chosen, on one scale."""
+    shown = opened(390, "light")
+    tiles = shown.locator("#heat tbody td")
+    told = shown.locator("#heat output")
+    assert tiles.all_inner_texts() == ["–", "25\n15–25", "50\n40–50", "–", "75\n65–75", "100\n90–100"]
+    tiles.nth(1).hover()
+    words = "star, ā = 1 m (cell 1): 25 % unrecovered, 95 % interval 15 to 25 %, of 3 lanes; none failed."
+    assert told.inner_text().replace("\xa0", " ") == words
+    tiles.nth(1).click()
+    for key in ("ArrowDown", "ArrowRight", "ArrowRight"):
+        shown.keyboard.press(key)
+    assert "(cell 5): 100 % unrecovered" in told.inner_text()
+    tiles.nth(0).click()
+    assert told.inner_text().endswith("(cell 0): no attack; none failed.")
+    assert shown.locator("#heat .scale").inner_text().split()[-2:] == ["no", "attack"]
+    ground = "tile => getComputedStyle(tile).backgroundColor"
+    before = tiles.nth(4).evaluate(ground)
+    shown.locator("#heat select").select_option("greatest tail error / ā")
+    worst = pd.read_csv(folder / "cells.csv")["tail_max_max"][4]
+    assert float(tiles.nth(4).inner_text()) == pytest.approx(worst, rel=0.05)
+    shown.locator("#heat select").select_option("lanes unrecovered [%]")
+    shown.locator(".filter summary").click()
+    shown.locator(".filter select").nth(0).select_option(HOSTILE)
+    assert tiles.all_inner_texts() == ["–", "75\n65–75", "100\n90–100"]
+    assert tiles.nth(1).evaluate(ground) == before
+
+
 def test_a_curve_is_hidden_everywhere(opened):
     """By its key, on all plots of its section, and shown again."""
     shown = opened(1400, "light")

@@ -1,5 +1,6 @@
 """Figures for print, as PNG and PDF; their names, which the command line knows without drawing."""
 
 ULTIMATE = ("ultimate", "ultimate_mean")
-NAMES = ("topologies", "tails", "panels", "bands", "unrecovered", *ULTIMATE)
+HEAT = ("heat", "heat_worst")
+NAMES = ("topologies", "tails", "panels", "bands", "unrecovered", *HEAT, *ULTIMATE)
 COLUMNS = {"one": 3.5, "two": 7.16}  # [in] widths that a two-column journal has

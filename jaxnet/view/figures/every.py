@@ -11,11 +11,25 @@ from jaxnet.config.cells import Cell
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.tiles import outcomes, tiling
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
-from jaxnet.view.figures import COLUMNS, NAMES, bands, panels, style, tails, topology, ultimate, unrecovered
+from jaxnet.view.figures import (
+    COLUMNS,
+    NAMES,
+    bands,
+    heat,
+    panels,
+    style,
+    tails,
+    topology,
+    ultimate,
+    unrecovered,
+)
 from jaxnet.view.figures.style import Figure
 
+NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
+NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
 LONGEST = 100  # letters of a file's name
 
 in_style = mpl.rc_context(style.RC)
@@ -68,8 +82,18 @@ class Plots:
         """The share of lanes that do not recover, with its interval."""
         cells, width = selection(self.results, where, column)
         if not len(shares(self.results, cells)):
-            raise lacking(self.results, "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'")
+            raise lacking(self.results, *NO_SHARE)
         return unrecovered.figure(self.results, cells, curves(self.results, cells), width)
+
+    @in_style
+    def heat(self, where: Where | None = None, column: str = "two") -> Figure:
+        """The share of lanes that do not recover over two swept keys, in colours, with its interval."""
+        return over_two_keys(self.results, "unrecovered", *selection(self.results, where, column))
+
+    @in_style
+    def heat_worst(self, where: Where | None = None, column: str = "two") -> Figure:
+        """The greatest tail error of any vehicle in any lane, per ā, over two swept keys, in colours."""
+        return over_two_keys(self.results, "worst", *selection(self.results, where, column))
 
     @in_style
     def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
@@ -96,6 +120,17 @@ def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], widt
         remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
         raise lacking(results, "sweep of attack.magnitude", remedy)
     return ultimate.figure(found, metric, width)
+
+
+def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
+    """A metric in colours."""
+    tiles = tiling(cells)
+    if tiles is None:
+        remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
+        raise lacking(results, "two swept keys with two values each among these cells", remedy)
+    if outcomes(results).loc[[cell.number for cell in cells], metric].isna().all():
+        raise lacking(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
+    return heat.figure(results, tiles, metric, width)
 
 
 def has(results: Results, name: str) -> bool:

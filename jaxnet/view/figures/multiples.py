@@ -1,9 +1,7 @@
 """Small multiples: a panel per group of cells, all on the same axes, rows by the first swept key."""
 
-import functools
-import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jaxnet.config.keys import KINDS, Scenario
-from jaxnet.kinds import registry
+from jaxnet.config.naming import title
 from jaxnet.statistics.curves import MOST_PANELS
-from jaxnet.statistics.groups import MAGNITUDE
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
 
@@ -24,7 +20,6 @@ ROW_HEIGHT, LINE = 0.28, 0.13  # [in] of a named row at least, and of each line 
 HEADING = 0.7  # [in] for axis and legend
 LETTERS = 17  # of a title, an inch
 Y_LETTERS = 18  # of a line along a panel's height
-NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def columns(labels: Sequence[dict[str, Any]], most: int = ACROSS) -> int:
@@ -32,11 +27,6 @@ def columns(labels: Sequence[dict[str, Any]], most: int = ACROSS) -> int:
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
     return run if 2 <= run <= most and len(firsts) % run == 0 else min(len(firsts), most)
-
-
-def title(labels: dict[str, Any]) -> str:
-    """A panel's or row's name: the values that it is about, with their keys where they do not say which."""
-    return ", ".join(called(key, value) for key, value in labels.items())
 
 
 def log_ticks(axis: Axis) -> None:
@@ -57,37 +47,6 @@ def log_ticks(axis: Axis) -> None:
 def as_text(words: str) -> str:
     """Words in which matplotlib finds no formula."""
     return words.replace("$", r"\$")
-
-
-def called(key: str, value: Any) -> str:
-    """One swept value, with its unit if it has one; the two are never on different lines."""
-    if value == "none":
-        return f"no{NO_BREAK}{key}"
-    if key in KINDS:
-        return str(value)
-    amount = f"{value:.4g}" if isinstance(value, float) else str(value)
-    name = f"ā{NO_BREAK}=" if key == MAGNITUDE else f"{key} ="
-    return NO_BREAK.join(filter(None, [name, amount, unit(key)]))
-
-
-@functools.cache
-def unit(key: str) -> str:
-    """The unit that the config's models give a dotted key in brackets; nothing where none of them does."""
-    root, name = key.partition(".")[0], key.rpartition(".")[2]
-    base: Any = Scenario
-    if name != key:
-        base = registry.base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
-    models = [model for model in family(base) if name in model.model_fields]
-    described = (model.model_fields[name].description or "" for model in models)
-    found = (re.match(r"\[([^],]+)", words) for words in described)
-    return next((match[1] for match in found if match), "")
-
-
-def family(model: Any) -> Iterator[Any]:
-    """A model and all that are made from it."""
-    yield model
-    for each in model.__subclasses__():
-        yield from family(each)
 
 
 def note_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> None:
@@ -128,10 +87,12 @@ def panels_across(width: float) -> int:
     return max(1, round(ACROSS * width / style.WIDTH))
 
 
-def room(labels: Sequence[dict[str, Any]], width: float, height: float = PANEL_HEIGHT) -> int:
-    """How many of these panels a page has room for: whole rows of them."""
+def room(
+    labels: Sequence[dict[str, Any]], width: float, height: float = PANEL_HEIGHT, most: int | None = None
+) -> int:
+    """How many of these panels a page has room for: whole rows of them, of so many at most."""
     rows = int((style.TALLEST - HEADING) / height)
-    return min(len(labels), MOST_PANELS, rows * columns(labels, panels_across(width)))
+    return min(len(labels), MOST_PANELS, rows * columns(labels, most or panels_across(width)))
 
 
 def legend_columns(width: float, most: int) -> int:
@@ -140,17 +101,26 @@ def legend_columns(width: float, most: int) -> int:
 
 
 def panels(
-    labels: Sequence[dict[str, Any]], x: str, y: str, width: float, height: float = PANEL_HEIGHT
+    labels: Sequence[dict[str, Any]],
+    x: str,
+    y: str,
+    width: float,
+    height: float = PANEL_HEIGHT,
+    most: int | None = None,
+    margin: float = 0.0,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a titled panel for each of these labels, its outer axes named."""
-    across = columns(labels, panels_across(width))
+    """A figure with a titled panel for each of these labels, `most` in a row, its outer axes named.
+
+    Words above and below a panel are wrapped to its share of the width without the margin [in].
+    """
+    across = columns(labels, most or panels_across(width))
     rows = -(-len(labels) // across)
     drawn = Figure(figsize=(width, height * rows + HEADING))
     note_shared(drawn, labels)
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
+    letters = int(LETTERS * (width - margin)) // across
     for panel, named in zip(grid, told_apart(labels), strict=False):
-        wrapped = textwrap.fill(as_text(named), int(LETTERS * width) // across)
-        panel.set_title(wrapped, pad=3, fontsize=7.5)
+        panel.set_title(textwrap.fill(as_text(named), letters), pad=3, fontsize=7.5)
         panel.grid(True, color="0.92", linewidth=0.5)
         panel.set_axisbelow(True)
     for number, panel in enumerate(grid[len(labels) :], len(labels)):
@@ -159,7 +129,7 @@ def panels(
     for panel in grid[::across]:
         panel.set_ylabel(textwrap.fill(y, Y_LETTERS))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
-        panel.set_xlabel(x)
+        panel.set_xlabel(textwrap.fill(x, letters))
     return drawn, grid[: len(labels)]
 
 

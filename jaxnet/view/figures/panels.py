@@ -11,6 +11,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.naming import NO_BREAK, called
 from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
@@ -117,11 +118,11 @@ def name(cell: Cell) -> str:
 def setting(cell: Cell) -> str:
     """What a row is about, in a few words."""
     attack = cell.scenario.attack
-    words = [magnitude_words(cell).replace(" ", multiples.NO_BREAK)]
+    words = [magnitude_words(cell).replace(" ", NO_BREAK)]
     if attack.amplitude() != 0:
         words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
     told = ("topology", "attack", "attack.magnitude")
-    words += [multiples.called(key, value) for key, value in cell.labels.items() if key not in told]
+    words += [called(key, value) for key, value in cell.labels.items() if key not in told]
     return multiples.as_text(", ".join(words))
 
 

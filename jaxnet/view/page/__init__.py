@@ -16,14 +16,15 @@ from plotly.offline import get_plotlyjs
 from upath import UPath
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.naming import called
+from jaxnet.statistics.groups import values_of
 from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
-from jaxnet.view.figures.multiples import called
 from jaxnet.view.page import sections
 
 HERE = Path(__file__).parent
-SCRIPTS = ("base", "sort", "filter", "plot", "multiples", "lanes", "tables", "paper")
+SCRIPTS = ("base", "sort", "filter", "plot", "multiples", "heat", "lanes", "tables", "paper")
 COLOURS = {
     "blue": style.BLUE,
     "orange": style.ORANGE,
@@ -71,12 +72,11 @@ def whole(
 
 def choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
     """Swept keys with their values as the page tells them, and the place of each cell's values among them."""
-    keys = cells[0].labels
-    values = {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in keys}
+    values = values_of(cells)
     places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}
     return {
         "keys": {key: [called(key, value) for value in given] for key, given in values.items()},
-        "cells": [[places[key][cell.labels[key]] for key in keys] for cell in cells],
+        "cells": [[places[key][cell.labels[key]] for key in values] for cell in cells],
     }
 
 

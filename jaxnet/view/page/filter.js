@@ -2,6 +2,7 @@
 const keys = Object.keys(data.keys);
 const choice = keys.map(() => -1); // the place of a value, -1 for all
 const followers = []; // what shows other cells when the choice changes
+const widths = []; // what is laid out anew when the page's width changes
 
 const chosen = (cell) => choice.every((place, key) => place < 0 || data.cells[cell][key] === place);
 const anyChosen = (cells) => cells.some(chosen);

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import count
+from jaxnet.config.naming import title
+from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, shares, size_of
-from jaxnet.store import rows
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, failed_kinds, scales, shares
 from jaxnet.store.results import Results
-from jaxnet.view.figures.multiples import title
 from jaxnet.view.page.elements import ROUNDING, measured
 from jaxnet.view.text.tables import number
 
@@ -32,12 +30,6 @@ def sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
         tightest(results, found, fit),
         certainty(results),
     ]
-
-
-def scales(results: Results) -> np.ndarray:
-    """ā of each cell [m]; not-a-number where nobody is attacked or it is drawn."""
-    sizes = [size_of(cell) for cell in results.study.cells]
-    return np.array([np.nan if is_drawn(size) or size <= 0 else size for size in sizes], float)
 
 
 def errors_per_size(results: Results) -> tuple[pd.Series, str]:
@@ -82,11 +74,8 @@ def failures(results: Results) -> str:
     lanes = results.manifest["lanes"]
     if not lanes["failed"]:
         return f"No lane failed, of {lanes['total']:,}."
-    kinds: Counter[str] = Counter()
-    for _, failed in results.by_cell("status", where=~rows.OK):
-        kinds.update(failed["status"].tolist())
-    each = ", ".join(f"{many:,} {escape(str(kind))}" for kind, many in kinds.most_common())
-    return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {each}."
+    kinds = sum(failed_kinds(results).values(), Counter())
+    return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {escape(counted(kinds))}."
 
 
 def unrecovered(results: Results) -> list[str]:

@@ -3,6 +3,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot
 
 function layOut(printing) {
   document.documentElement.classList.toggle("printing", printing);
+  widths.forEach((each) => each());
   for (const table of document.querySelectorAll("table")) {
     table.style.fontSize = "";
     const wide = table.scrollWidth / table.parentElement.clientWidth;
@@ -15,5 +16,6 @@ function layOut(printing) {
       Plotly.relayout(plot, printing ? { width: plot.clientWidth, height: plot.clientHeight } : { width: null, height: null, autosize: true });
   }
 }
+addEventListener("resize", () => widths.forEach((each) => each()));
 addEventListener("beforeprint", () => layOut(true));
 addEventListener("afterprint", () => layOut(false));

@@ -8,8 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.naming import bare, quantity, title
+from jaxnet.model.wording import counted
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     METRICS,
@@ -18,10 +21,13 @@ from jaxnet.statistics.curves import (
     Curve,
     axis_ends,
     bands_span,
+    failed_kinds,
     shares,
 )
+from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.tiles import Tiling, digits, outcomes
 from jaxnet.store.results import Results
-from jaxnet.view.figures.multiples import title
+from jaxnet.view.figures import heat
 
 SPREAD = ("q05", "median", "q95", "max", "mean", "low", "high")
 FITTED = {"least squares": None, "95 % of lanes": 0.95}
@@ -105,6 +111,46 @@ def unrecovered_rows(results: Results) -> dict[str, Any]:
             panel([number], cells[number].labels) | {name: columns[name][place] for name in SHARE}
             for place, number in enumerate(map(int, rows.index))
         ],
+    }
+
+
+def tiles(results: Results, tiling: Tiling) -> dict[str, Any]:
+    """Cells over two swept keys: what is told of each, and its place on a scale of colours."""
+    found: Any = outcomes(results)
+    *titled, across = tiling.panels[0] or [""]
+    return {
+        "rows": [quantity(tiling.row), [bare(tiling.row, value) for value in tiling.rows]],
+        "columns": [quantity(tiling.column), [bare(tiling.column, value) for value in tiling.columns]],
+        "panels": [
+            {
+                "title": title({key: labels[key] for key in titled}),
+                "across": title({key: labels[key] for key in labels if key == across}),
+                "cells": numbered.tolist(),
+            }
+            for labels, numbered in zip(tiling.panels, tiling.cells, strict=True)
+        ],
+        "metrics": [coloured(name, found[name]) for name in heat.METRICS if found[name].notna().any()],
+        "low": numbers(found["unrecovered_low"]),
+        "high": numbers(found["unrecovered_high"]),
+        "intervals": found["interval"].tolist(),
+        "confidence": 100 * confidence_told(results.study.config.samples),
+        "ok": found["ok"].tolist(),
+        "failed": {cell: counted(kinds) for cell, kinds in failed_kinds(results).items()},
+        "blank": found["blank"].tolist(),
+        "palette": heat.palette(),
+    }
+
+
+def coloured(metric: str, values: pd.Series) -> dict[str, Any]:
+    """One metric of all cells, in numbers, in words and as places on its scale, which has ticks."""
+    norm = heat.scale(metric, values)
+    return {
+        "name": heat.METRICS[metric],
+        "share": metric == "unrecovered",
+        "values": numbers(values),
+        "words": [digits(metric, value) if np.isfinite(value) else "" for value in values],
+        "places": numbers(np.ma.filled(norm(values.to_numpy()), np.nan)),
+        "ends": np.asarray(norm.inverse([0.0, 1.0])).tolist(),
     }
 
 

@@ -12,8 +12,18 @@ from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics import recovery
-from jaxnet.statistics.curves import BOUND_NAMES, FLOOR, Curve, bands_of, curves, magnitude_is_swept, shares
+from jaxnet.statistics.curves import (
+    BOUND_NAMES,
+    FLOOR,
+    Curve,
+    bands_of,
+    curves,
+    magnitude_is_swept,
+    scales,
+    shares,
+)
 from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.tiles import tiling
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded, sortable
@@ -47,6 +57,7 @@ def every(results: Results) -> list[Section]:
         ultimate_section(results, found),
         bands_section(results),
         unrecovered_section(results, found),
+        heat_section(results),
         lanes_section(results),
         violations_section(results),
         failed(results),
@@ -112,8 +123,8 @@ def summary_section(results: Results) -> Section:
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     shown = rows.head(MOST_ROWS)
-    scales = dict.fromkeys(tables.SUMMARY.values(), findings.scales(results)[: len(shown)])
-    return Section("summary", "Summary", note + sortable(shown, ([cell] for cell in shown["cell"]), scales))
+    errors = dict.fromkeys(tables.SUMMARY.values(), scales(results)[: len(shown)])
+    return Section("summary", "Summary", note + sortable(shown, ([cell] for cell in shown["cell"]), errors))
 
 
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
@@ -176,6 +187,21 @@ def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | N
     )
     drawn = plots.unrecovered(found) if magnitude_is_swept(found) else plots.unrecovered_rows(results)
     return Section("unrecovered", "Lanes that do not recover", note + DRAWN, drawn)
+
+
+def heat_section(results: Results) -> Section:
+    """Every cell in colours, over two swept keys."""
+    name, tiles = "Heat map", tiling(results.study.cells)
+    if tiles is None:
+        return Section("heat", name, "<p>No two swept keys have two values each: there is none to draw.</p>")
+    drawn = plots.tiles(results, tiles)
+    if not drawn["metrics"]:
+        return Section("heat", name, "<p>No lane attacked with a fixed ā came to its end.</p>")
+    note = (
+        "<p>One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and arrow"
+        " keys for its interval and lanes. * Some of its lanes failed; they are in no number.</p>"
+    )
+    return Section("heat", name, note + DRAWN, drawn)
 
 
 def lanes_section(results: Results) -> Section:

@@ -7,12 +7,12 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.naming import title
 from jaxnet.config.scenario import situation_of
 from jaxnet.runs.watched import Watched, watched
+from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
-from jaxnet.view.figures.multiples import title
 from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
-from jaxnet.view.page import findings
 from jaxnet.view.page.elements import measured
 from jaxnet.view.page.plots import packed
 
@@ -92,7 +92,7 @@ def label(results: Results, one: Watched, cell: Cell) -> str:
     error = float("nan") if row is None else float(row["tail_mean"])
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
-    size = float(findings.scales(results)[one.cell])
+    size = float(scales(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
 

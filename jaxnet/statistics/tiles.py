@@ -1,0 +1,136 @@
+"""What a heat map shows: the cells over two swept keys, and of each what its lanes come to."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Int
+
+from jaxnet.config.cells import Cell
+from jaxnet.kinds.fields import is_drawn
+from jaxnet.model.wording import count, counted
+from jaxnet.statistics.curves import SHARE, failed_kinds, scales, size_of
+from jaxnet.statistics.groups import values_of
+from jaxnet.statistics.recovery import confidence_told
+from jaxnet.store.results import Results
+
+FREQUENCY = "attack.frequency"
+NO_CELL = -1
+ROUNDING = 1e-9  # of ā, below which an error is arithmetic
+
+
+class Tiling(NamedTuple):
+    """Two swept keys with their values from the left and from the top, and a panel for each of the others."""
+
+    column: str
+    row: str
+    columns: list[Any]
+    rows: list[Any]
+    panels: list[dict[str, Any]]
+    cells: Int[np.ndarray, "panels rows columns"]  # numbers; NO_CELL where there is none
+
+
+def tiling(cells: Sequence[Cell]) -> Tiling | None:
+    """Frequencies, else the numbers or kinds varied most, by defences, else by what is varied most then.
+
+    Nothing where fewer than two swept keys have two values.
+    """
+    values = values_of(cells)
+    varied = [key for key, each in values.items() if len(each) > 1]
+    if len(varied) < 2:
+        return None
+    column = max(
+        varied,
+        key=lambda key: (key == FREQUENCY, numeric(values[key]), key != "defence", len(values[key])),
+    )
+    left = [key for key in varied if key != column]
+    row = max(left, key=lambda key: (key == "defence", len(values[key])))
+    columns, rows = ascending(values[column]), ascending(values[row])
+    rows = rows[::-1] if numeric(rows) else rows  # numbers rise as on an axis
+    labels = [{key: cell.labels[key] for key in values if key not in (column, row)} for cell in cells]
+    panels = {tuple(each.values()): each for each in labels}
+    places = {named: place for place, named in enumerate(panels)}
+    numbers = np.full((len(panels), len(rows), len(columns)), NO_CELL)
+    for cell, named in zip(cells, labels, strict=True):
+        place = (
+            places[tuple(named.values())],
+            rows.index(cell.labels[row]),
+            columns.index(cell.labels[column]),
+        )
+        numbers[place] = cell.number
+    return Tiling(column, row, columns, rows, list(panels.values()), numbers)
+
+
+def numeric(values: Sequence[Any]) -> bool:
+    """Whether a key's swept values are numbers."""
+    return all(isinstance(value, int | float) for value in values)
+
+
+def ascending(values: list[Any]) -> list[Any]:
+    """Numbers by size, anything else as the study has it."""
+    return sorted(values) if numeric(values) else values
+
+
+def outcomes(results: Results) -> pd.DataFrame:
+    """Of each cell the share unrecovered with its interval [%], and the worst tail error per ā.
+
+    The interval stands there in words too; and how many lanes ended and failed, and in words why there is
+    neither share nor error.
+    """
+    cells: Any = results.cells
+    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE}, index=cells.index)
+    found["worst"] = cells["tail_max_max"] / scales(results)
+    found[["ok", "failed"]] = cells[["ok", "failed"]]
+    ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
+    found["interval"] = [between(low, high) if low < high else "" for low, high in ends]
+    found["blank"] = [blank(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)]
+    return found
+
+
+def blank(cell: Cell, ok: int) -> str:
+    """Why nothing can be said of a cell's lanes per ā; nothing where it can."""
+    size = size_of(cell)
+    if is_drawn(size):
+        return "ā is drawn"
+    return "no attack" if size <= 0 else "" if ok else "no lane ended"
+
+
+def blanks(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
+    """Why some of these tiles have no number."""
+    reasons = [*found["blank"].reindex(numbers.ravel()).dropna().unique()]
+    return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
+
+
+def notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
+    """Of how many lanes these tiles are, how sure their shares, and which lanes are in no number."""
+    cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), outcomes(results)
+    known: Any = found[found.index.isin(cells) & (found["blank"] == "")]
+    least, most = int(known["ok"].min()), int(known["ok"].max())
+    words = [f"{f'{least:,} to ' if least < most else ''}{count(most, 'lane')} a tile"]
+    if metric == "unrecovered":
+        middle, low, high = (known[name] for name in SHARE)
+        sure = 100 * confidence_told(results.study.config.samples)
+        half = max((high - middle).max(), (middle - low).max())
+        words.append(f"{sure:g} % intervals, at most {half:.2g} points to a side")
+    if failed := sum((kinds[cell] for cell in cells & kinds.keys()), Counter()):
+        words.append(f"* other lanes failed, and are in no number: {counted(failed)}")
+    return words
+
+
+def digits(metric: str, value: float) -> str:
+    """Few digits; of a share, of what it is nearer to, 0 or 100, so that only all lanes are 100 %."""
+    if metric == "unrecovered":
+        return f"{value:.2g}" if value <= 50 else f"{100 - float(f'{100 - value:.2g}'):.6g}"
+    if value >= 0.1:
+        return f"{value:.2g}"
+    return "0" if value < ROUNDING else f"{value:.0e}".replace("e-0", "e-")
+
+
+def between(low: float, high: float) -> str:
+    """To two digits of its width, rounded to be no narrower."""
+    places = max(0, 1 - math.floor(math.log10(high - low)))
+    ends = math.floor(low * 10**places), math.ceil(high * 10**places)
+    return "–".join(f"{end / 10**places:g}" for end in ends)
