@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.config.scenario import situation_of
+from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -70,10 +70,16 @@ def test_a_chain_of_nearest_sources_is_safe_from_all_others():
     study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
     known = situation_of(study.cells[0].scenario)
     np.testing.assert_array_equal(known.trusted, Path().weights(6) > 0)
-    assert study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.all()
+    assert any(each.vehicles.all() for each in safe(study))
     study = systems.study(defence={"kind": "trusted_only", "trusted": "none"}, **keys)
-    known = situation_of(study.cells[0].scenario)
-    assert not study.config.defence.safe(known.weights, known.attacked, known.trusted).vehicles.any()
+    assert not any(each.vehicles.any() for each in safe(study))
+
+
+def safe(study):
+    """By which reasons who is safe."""
+    scenario = study.cells[0].scenario
+    known = situation_of(scenario)
+    return safe_in(scenario, known.weights, known.attacked)
 
 
 def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():
