@@ -30,7 +30,7 @@ from jaxnet.engine.methods.exact import Flow
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import for_each, once, picked, put
+from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.model import control, plane, retained, signal
 from jaxnet.model.hearing import AxisWeights
@@ -38,7 +38,7 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
-SOLVED = 32  # lanes whose Laplacians are solved at once
+SOLVED = 16  # lanes whose Laplacians are solved at once
 NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 
@@ -153,21 +153,18 @@ def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Net
     vectors = ticks.vectors_of(lane, fleet.mind)
 
     def some(few: Any, carry: Any) -> Any:
-        forced, status = carry
+        free, forced, status = carry
         weights = picked(lane.weights, few)[None]
         if plan.decides:
             weights = retained.in_force(weights[0], picked(fleet.mind.decision, few))
         response, residual = forced_response(picked(vectors, few), weights, network)
+        jump = signal.jets(picked(forced, few) - response, picked(fleet.effect(), few))
         cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
-        return put(forced, few, response), put(status, few, cut_off)
+        free = tuple(e.at[..., few].add(by, mode="drop") for e, by in zip(free, jump, strict=False))
+        return free, put(forced, few, response), put(status, few, cut_off)
 
-    def every(carry: Any) -> Any:
-        free, before, status = carry
-        forced, status = for_each(flagged, SOLVED, some, (before, status))
-        return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
-
-    carry = fleet.free, fleet.forced, fleet.status
-    free, forced, status = once(flagged.any(), every, carry)
+    carry = for_each(flagged, SOLVED, some, (fleet.free, fleet.forced, fleet.status))
+    free, forced, status = carry
     followed = fleet.mind._replace(memory=(), plot=())
     return fleet._replace(free=free, forced=forced, status=status, followed=followed)
 

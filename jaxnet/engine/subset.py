@@ -28,15 +28,6 @@ def for_each(
     return jax.lax.while_loop(lambda state: state[0].any(), some, (flagged, carry))[1]
 
 
-def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
-    """The carry after `work` where the flag is set, by a loop: XLA would copy what a `cond` passes on."""
-
-    def one(state: tuple[Bool[Array, ""], Carry]) -> tuple[Bool[Array, ""], Carry]:
-        return jnp.zeros_like(state[0]), work(state[1])
-
-    return jax.lax.while_loop(lambda state: state[0], one, (flag, carry))[1]
-
-
 def picked(array: jax.Array, numbers: Numbers) -> jax.Array:
     """These lanes of an array."""
     return array.at[..., numbers].get(mode="clip")
