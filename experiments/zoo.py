@@ -71,7 +71,8 @@ def simulate(study: jaxnet.Study, name: str) -> Results:
 def worst(question: str, results: Results) -> None:
     """The cell in which most lanes did not recover, of each graph and defence, and how many were failed."""
     print(f"\n{question}: the greatest share unrecovered, where, and failed lanes of all")
-    for (graph, defence), cells in results.cells.groupby(["topology", "defence"], sort=False):
+    groups: Any = results.cells.groupby(["topology", "defence"], sort=False)
+    for (graph, defence), cells in groups:
         row = cells.loc[cells["unrecovered"].fillna(-1.0).idxmax()]
         share = f"{row['unrecovered']:6.1%} ({row['unrecovered_low']:.1%} to {row['unrecovered_high']:.1%})"
         where = " ".join(str(row[key]) for key in ("attack", "attack.frequency") if key in row)

@@ -38,8 +38,8 @@ class GeometricMedian(Defence):
             return around.weights / least
 
         def mean(weights: Any) -> Any:
-            moment = sum(weight[None] * position[:, slot] for slot, weight in enumerate(weights))
-            return moment / sum(weights)[None]
+            moment: Any = sum(weight[None] * position[:, slot] for slot, weight in enumerate(weights))
+            return moment / weights.sum(axis=0)[None]
 
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
