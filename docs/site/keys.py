@@ -47,7 +47,10 @@ def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
             having = [name for name, kind in kinds.items() if issubclass(kind, base)]
             yield section(titled(having, list(kinds)), known[kinds[having[0]].__name__], keys, level=3)
     for name, kind in kinds.items():
-        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, inspect.cleandoc(kind.__doc__ or ""))
+        words = inspect.cleandoc(kind.__doc__ or "")
+        if promise := getattr(kind, "guarantee", ""):
+            words += f"\n\nGuarantee: {promise}."
+        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, words)
 
 
 def titled(names: list[str], among: list[str]) -> str:

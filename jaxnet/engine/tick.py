@@ -99,9 +99,10 @@ def surroundings(
     if not isinstance(announced, tuple):
         sent = jnp.concatenate([jnp.zeros_like(announced[:, :1]), announced], axis=1)
         announced = network.hearing.received(sent, control.driven(lane.gain, attack))
-    return Neighbourhood(
-        network.hearing.sources, lane.weights, network.trusted, lane.gain, time, network.shared, announced
-    )
+    heard, trusted = network.hearing, network.trusted
+    attacked = (heard.added(jnp.abs(lane.vectors).sum(axis=2)) != 0).any(axis=0)
+    rest = network.shared, announced, attacked
+    return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 
 def received(network: Network, errors: Any, attack: Any) -> tuple[Any, ...]:
@@ -131,7 +132,7 @@ def believe(
     attack = signal.jets(vectors_of(lane, mind), basis)
     decision, memory = lane.defence.decide(
         errors,
-        received(network, errors, attack),
+        lane.defence.observed(received(network, errors, attack), time),
         mind.decision,
         mind.memory,
         surroundings(lane, network, time, mind.memory, attack),

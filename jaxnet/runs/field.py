@@ -22,8 +22,9 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
             "a vector field needs double precision: call jax.config.update('jax_enable_x64', True) first"
         )
     scenario = study.cells[cell].scenario
-    if scenario.attack.strategic or (scenario.defence.decides and scenario.defence.needs_ticks()):
-        kind = (scenario.attack if scenario.attack.strategic else scenario.defence).kind
+    attack, defence = scenario.attack, scenario.defence
+    if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
+        kind = (attack if attack.strategic else defence).kind
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
     one = job(scenario.model_copy(update={"tick": 0.0}), study.config.seed, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import MARK, Record, member
+from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, safety
 from jaxnet.model.graph import Links, Weights
@@ -26,6 +26,7 @@ class Neighbourhood(NamedTuple):
     - `time` (lanes,): [s]
     - `shared`: what the defence's `shared` has made
     - `announced` (2, slots, m, lanes): what each slot's source announces, attacked or not
+    - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     """
 
     sources: Any
@@ -35,12 +36,14 @@ class Neighbourhood(NamedTuple):
     time: Any
     shared: Any
     announced: Any = ()
+    attacked: Any = ()
 
 
 class AnyDefence(Kind):
     """What is asked of a defence."""
 
     decides: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "none is known"
 
     def needs_ticks(self) -> bool:
         """Whether it cannot be evaluated at any instant, without memory (`tick: 0`)."""
@@ -51,9 +54,7 @@ class AnyDefence(Kind):
         return graph.trusted_links(weights, {})
 
     def shared(self, weights: Weights, trusted: Links, sources: np.ndarray) -> Any:
-        """Arrays that all lanes share, made once: any pytree. `sources` (slots, m) says what each slot
-        holds.
-        """
+        """Arrays that all lanes share, made once: any pytree. `sources` (slots, m) tells who is in each."""
         return ()
 
     def start(self, around: Neighbourhood) -> Any:
@@ -67,6 +68,14 @@ class AnyDefence(Kind):
         tell nothing, the default.
         """
         return ()
+
+    def draws(self) -> bool:
+        """Whether it draws random numbers at ticks."""
+        return False
+
+    def observed(self, received: Any, time: Any) -> Any:
+        """What vehicles take the jets received for when they decide; the law uses them as they are."""
+        return received
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
@@ -105,9 +114,7 @@ class AnyDefence(Kind):
 
 
 class ShareOfLinks(Record):
-    """The navigator, and so great a share of the vehicles that each one hears, drawn; rounded up or down at
-    random.
-    """
+    """The navigator, and this share of the vehicles that each one hears, drawn, and rounded at random."""
 
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
@@ -168,6 +175,40 @@ class Defence(AnyDefence):
         " what each hears of others, drawn, besides it; {nearest: n}, the n sources of each that are fewest"
         " links from it; none, nobody",
     )
+    noise: NotNegative = Field(
+        default=0.0,
+        description="[m], standard deviation of the error in what is judged, on each axis, of each source and"
+        " tick its own; as many m/s and m/s² of velocities and accelerations; the law uses what is received"
+        " without it",
+    )
+
+    def draws(self) -> bool:
+        """Those of its noise."""
+        return self.noise != 0
+
+    def drawn(self, draw: Any, name: str) -> Any:
+        """The same with its numbers drawn, and the key of those that it draws at ticks."""
+        values = {**vars(super().drawn(draw, name))}
+        if self.noise == 0:
+            values["noise"] = None
+        if self.draws():
+            values["key"] = draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")
+        return self.filled(values)
+
+    def random(self, time: Any, purpose: str, sampler: Any, shape: tuple[int, ...]) -> Any:
+        """`sampler(key, shape)`, one of `jax.random`, lanes last: each lane's own at each tick.
+
+        What purposes of other names draw is independent. Only for a rule that says so by `draws`.
+        """
+        from jaxnet.model import chance
+
+        return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
+
+    def observed(self, received: Any, time: Any) -> Any:
+        """With noise."""
+        from jaxnet.model import chance
+
+        return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
 
     def trusts(self, weights: Weights) -> Links:
         """The navigator wherever it is heard and those listed, or as another rule says."""
@@ -186,8 +227,29 @@ class Defence(AnyDefence):
         if isinstance(self.trusted, NearestSources) and scenario.topology.redrawn():
             message = "who is nearest the navigator is not known where every lane has links of its own"
             yield Fault(("defence.trusted", "topology"), message)
-        if self.needs_ticks() and scenario.tick == 0:
+        if (self.needs_ticks() or self.draws()) and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
+
+
+class Sparing(Defence):
+    """A rule that spares trusted sources, unless they are to be judged as others are."""
+
+    drop_trusted: bool = Field(
+        default=False, description="whether trusted sources are judged, and dropped, as others are"
+    )
+
+    def spares(self, trusted: Any) -> Any:
+        """Of trusted links, or slots, those whose weight is not touched."""
+        return trusted & (not self.drop_trusted)
+
+    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+        """Whom it does not spare."""
+        known = self.retained(weights, trusted)
+        return known or any_untrusted(weights, self.spares(trusted), weights.shape[1])
+
+    def spared(self, around: Neighbourhood) -> Any:
+        """Slots (slots, m, lanes) whose weight is not touched."""
+        return self.spares((around.weights > 0) & around.trusted[:, :, None])
 
 
 def by_listener(value: Any, vehicles: int) -> np.ndarray:

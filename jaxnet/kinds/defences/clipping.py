@@ -4,14 +4,14 @@ from typing import Any
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Positive
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, everybody
 
 
-class Clipping(Defence):
+class Clipping(Sparing):
     """Weigh a source by `min(1, radius / ‖y_j - y_i‖)`, so that none pulls farther than the radius.
 
     Trusted sources keep their weight. Source: He, Karimireddy and Jaggi, Byzantine-robust decentralized
@@ -19,6 +19,7 @@ class Clipping(Defence):
     """
 
     kind = "clipping"
+    guarantee = "none: within the radius everything is believed, and of derivatives nothing is clipped"
 
     radius: Positive = Field(default=20.0, description="[m]")
 
@@ -29,7 +30,7 @@ class Clipping(Defence):
         xp = own[0].__array_namespace__()
         radius = self.radius[None, None]
         share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
-        return around.weights * xp.where(around.trusted[:, :, None], 1.0, share), memory
+        return around.weights * xp.where(self.spared(around), 1.0, share), memory
 
     def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
         """Nobody, for no weight is ever 0."""

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import Neighbourhood, Sparing
 
 HALF = 0.5 + 1e-12  # of the weight, and what adding it up may be off
 
 
-class CoordinateMedian(Defence):
+class CoordinateMedian(Sparing):
     """Retain, axis by axis, the sources at the weighted median of the positions received, and trusted ones.
 
     No more than half of the weight is below it, and no more than half above. Without the trusted ones a
@@ -16,6 +16,10 @@ class CoordinateMedian(Defence):
     """
 
     kind = "coordinate_median"
+    guarantee = (
+        "none of the motion: the median of the positions lies among the honest ones, axis by axis, where they"
+        " have more than half of the weight, but derivatives are believed unseen"
+    )
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
@@ -31,4 +35,4 @@ class CoordinateMedian(Defence):
         )
         most = (HALF * weights.sum(axis=0))[None, None]
         median = (below <= most) & (above <= most) & (weights > 0)[None]
-        return median | ((weights > 0) & around.trusted[:, :, None])[None], memory
+        return median | self.spared(around)[None], memory

@@ -20,6 +20,10 @@ class GeometricMedian(Defence):
     """
 
     kind = "geometric_median"
+    guarantee = (
+        "none of the motion: the mean of the positions stays near the honest ones where they have more than"
+        " half of the weight, but derivatives are weighed unseen"
+    )
 
     smoothing: Positive = Field(default=1.0, description="[m], least distance that counts")
     rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")

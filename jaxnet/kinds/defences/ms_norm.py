@@ -4,19 +4,23 @@ from typing import Any
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, any_untrusted
 
 
-class MSNorm(Defence):
+class MSNorm(Sparing):
     """Drop the F sources that are farthest from one's own position; trusted ones are never dropped.
 
     The mean-subsequence rule of W-MSR's kin, with distances in place of numbers on a line.
     """
 
     kind = "ms_norm"
+    guarantee = (
+        "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust where at"
+        " most F untrusted sources are heard, who are all dropped"
+    )
 
     F: int = Field(default=1, ge=0, description="most attacked sources that a vehicle reckons with")
 
@@ -25,7 +29,7 @@ class MSNorm(Defence):
     ) -> tuple[Any, Any]:
         """By counting who is farther out; of equal distances the one in the lower slot is dropped first."""
         xp = own[0].__array_namespace__()
-        candidate = (around.weights > 0) & ~around.trusted[:, :, None]
+        candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])
         order = xp.arange(len(distance))
         first = (order[:, None] < order[None])[:, :, None, None]  # the other slot before this one
@@ -33,6 +37,10 @@ class MSNorm(Defence):
         beyond = candidate[:, None] & ((other > this) | ((other == this) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
-        """Any F."""
-        return any_untrusted(weights, trusted, self.F)
+    def retained(self, weights: Weights, trusted: Links) -> AnySubset:
+        """It drops F sources that it does not spare, or all where it hears fewer."""
+        return any_untrusted(weights, self.spares(trusted), self.F)
+
+    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+        """How many it drops."""
+        return {"defence": f"the {self.F} farthest from one's own position are dropped"}

@@ -11,6 +11,7 @@ class NoDefence(AnyDefence):
     """Everybody is believed."""
 
     kind = "none"
+    guarantee = "none: everybody is believed"
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

@@ -15,6 +15,7 @@ class TrustedOnly(Defence):
     """
 
     kind = "trusted_only"
+    guarantee = "by trust: exact for whom no attack reaches over what is retained, whatever it is"
 
     def needs_ticks(self) -> bool:
         """Nothing is remembered."""

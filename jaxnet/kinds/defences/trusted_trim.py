@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.defences import Defence, Neighbourhood, by_listener
+from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
 from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
 from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
 from jaxnet.model import hearing, safety
@@ -44,7 +44,7 @@ class Recollection(NamedTuple):
     announced: Any  # (2, m, lanes), ρ, which it announces itself
 
 
-class TrustedTrim(Defence):
+class TrustedTrim(Sparing):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
     How far is a matter of `score`: of positions, as the paper has it, of positions, velocities and
@@ -57,6 +57,10 @@ class TrustedTrim(Defence):
     """
 
     kind = "trusted_trim"
+    guarantee = (
+        "announced: by contraction, where the assumptions of SCIENCE O11 hold, at ticks whatever the attack;"
+        " other scores: none, attacks are known that pass each of them"
+    )
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
@@ -121,7 +125,7 @@ class TrustedTrim(Defence):
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
             memory = memory._replace(score=score, time=around.time)
         score = trimming.stiffened(score, last, self.tolerance)
-        decision = ~trimming.farthest(score, heard & ~trusts & trims[None], theta)
+        decision = ~trimming.farthest(score, heard & ~self.spared(around) & trims[None], theta)
         if self.score == "announced":
             weights = retained.in_force(around.weights, decision)
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))
@@ -142,9 +146,9 @@ class TrustedTrim(Defence):
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
     def retained(self, weights: Weights, trusted: Links) -> AnySubset:
-        """A vehicle that trims drops exactly ϑ_i untrusted sources, or all where it hears fewer."""
+        """A vehicle that trims drops exactly ϑ_i sources not spared, or all where it hears fewer."""
         theta = by_listener(self.theta, len(weights))
-        links = (weights > 0) & ~trusted & self.protected(weights, trusted)[:, None]
+        links = (weights > 0) & ~self.spares(trusted) & self.protected(weights, trusted)[:, None]
         return AnySubset(weights, links, np.minimum(theta, links.sum(axis=1)))
 
     def protected(self, weights: Weights, trusted: Links) -> Bool[np.ndarray, " m"]:

@@ -4,19 +4,23 @@ from typing import Any
 
 from pydantic import Field
 
-from jaxnet.kinds.defences import Defence, Neighbourhood
+from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.model.graph import Links, Weights
 from jaxnet.model.retained import AnySubset, any_untrusted
 
 
-class WMSR(Defence):
+class WMSR(Sparing):
     """Drop, axis by axis, up to F values above one's own and up to F below, the most extreme first.
 
-    Trusted sources, the navigator, are never dropped. Source: LeBlanc, Zhang, Koutsoukos and Sundaram,
+    Trusted sources, the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and Sundaram,
     Resilient asymptotic consensus in robust networks, 2013.
     """
 
     kind = "w_msr"
+    guarantee = (
+        "none under this law: what is known of W-MSR is of vehicles that move to the values retained; here"
+        " derivatives drive them, and are believed unseen"
+    )
 
     F: int = Field(default=1, ge=0, description="most attacked sources that a vehicle reckons with")
 
@@ -29,7 +33,7 @@ class WMSR(Defence):
         """
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]
-        candidate = ((around.weights > 0) & ~around.trusted[:, :, None])[None]
+        candidate = ((around.weights > 0) & ~self.spared(around))[None]
         size, side = xp.abs(above), xp.where(candidate, xp.sign(above), 0.0)
         order = xp.arange(above.shape[1])[None, :, None, None]
 
@@ -44,11 +48,8 @@ class WMSR(Defence):
 
     def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
         """F on either side."""
-        return any_untrusted(weights, trusted, 2 * self.F)
+        return any_untrusted(weights, self.spares(trusted), 2 * self.F)
 
     def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
         """What is known of it."""
-        return {
-            "defence": f"W-MSR, F = {self.F}, navigator exempt; whom it retains is not bounded here, so no"
-            " bound is told"
-        }
+        return {"defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"}

@@ -34,7 +34,7 @@ COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 
 def text(study: Study) -> str:
     """The whole report."""
-    parts = [head(study), cell_list(study.cells), *networks(study.cells)]
+    parts = [head(study), cell_list(study.cells), *networks(study.cells), guarantees(study.cells)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -109,6 +109,12 @@ def cell_list(cells: Sequence[Cell]) -> str:
             values = [*values[: SOME - 1], f"… {values[-1]} ({len(values)} values)"]
         lines.append(f"  {key:<{longest}}  {', '.join(values)}")
     return wrapped("\n".join(["swept, the last fastest:", *lines]))
+
+
+def guarantees(cells: Sequence[Cell]) -> str:
+    """What each kind of defence promises, in words."""
+    defences = (cell.scenario.defence for cell in cells)
+    return wrapped(network_text("guarantees", {each.kind: each.guarantee for each in defences}))
 
 
 def network_key(cell: Cell) -> Any:

@@ -3,8 +3,10 @@
 import math
 import statistics
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.defences.clipping import Clipping
@@ -13,6 +15,7 @@ from jaxnet.kinds.defences.geometric_median import GeometricMedian
 from jaxnet.kinds.defences.ms_norm import MSNorm
 from jaxnet.kinds.defences.trust import Trust
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
+from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.model import retained
 
 SLOTS, VEHICLES, LANES = 6, 4, 2500
@@ -80,10 +83,10 @@ def coordinate_median(around):
 
 RULES = [
     (TrustedOnly.filled({"trusted": {}}), trusted_only),
-    (MSNorm.filled({"F": 2}), ms_norm),
-    (Clipping.filled({"radius": np.full(1, 2.5)}), clipping),
+    (MSNorm.filled({"F": 2, "drop_trusted": False}), ms_norm),
+    (Clipping.filled({"radius": np.full(1, 2.5), "drop_trusted": False}), clipping),
     (GeometricMedian.filled({"smoothing": np.full(1, 0.5), "rounds": 4}), geometric_median),
-    (CoordinateMedian.filled({}), coordinate_median),
+    (CoordinateMedian.filled({"drop_trusted": False}), coordinate_median),
 ]
 
 
@@ -126,7 +129,8 @@ def test_it_is_the_rule(rule, reference):
 
 def test_trust_is_earned_tick_by_tick():
     """Over three ticks, by plain sums; the first trusted source is who others are compared with."""
-    rule, ticks = Trust.filled({"radius": np.full(1, 2.0)}), [neighbourhoods(seed) for seed in range(TICKS)]
+    rule = Trust.filled({"observation": "deviation", "radius": np.full(1, 2.0), "drop_trusted": False})
+    ticks = [neighbourhoods(seed) for seed in range(TICKS)]
     weights, trusted = ticks[0][2:]
     around = Neighbourhood(None, weights, trusted, None, None, ())
     memory, last = rule.start(around), np.ones(weights.shape, bool)
@@ -135,12 +139,59 @@ def test_trust_is_earned_tick_by_tick():
     for vehicle in range(VEHICLES):
         for lane in range(LANES):
             told = [plain(own, received, weights, trusted, vehicle, lane) for own, received, *_ in ticks]
-            for k in told[0].heard:
-                believed = [j for j in told[0].heard if trusted[j, vehicle]]
-                earned = [
-                    2.0 / (2.0 + tick.apart(k, tick.received[believed[0]] if believed else tick.own)) - 0.5
-                    for tick in told
-                ]
-                known = k in believed or math.fsum(earned) >= 0
-                if abs(math.fsum(earned)) > 1e-12:
-                    assert last[k, vehicle, lane] == known
+            believed = [j for j in told[0].heard if trusted[j, vehicle]]
+            there = [tick.received[believed[0]] if believed else tick.own for tick in told]
+            earned = {
+                k: math.fsum(
+                    2.0 / (2.0 + tick.apart(k, at)) - 0.5 for tick, at in zip(told, there, strict=True)
+                )
+                for k in told[0].heard
+            }
+            least = min(0.0, max(earned.values()))
+            for k in earned:
+                if k in believed or abs(earned[k] - least) > 1e-12:
+                    assert last[k, vehicle, lane] == (k in believed or earned[k] > least)
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys"),
+    [(MSNorm, {"F": 2}), (WMSR, {"F": 2}), (Clipping, {"radius": np.full(1, 2.5)}), (CoordinateMedian, {})],
+)
+def test_trusted_sources_can_be_judged_as_others_are(kind, keys):
+    """With `drop_trusted` it is the rule of who trusts nobody, and another than the one that spares them."""
+    own, received, weights, trusted = neighbourhoods(2)
+
+    def decided(trusted, drop):
+        around = Neighbourhood(None, weights, trusted, None, None, ())
+        given = (own,) * 3, (received,) * 3, np.ones(weights.shape, bool), (), around
+        return kind.filled({**keys, "drop_trusted": drop}).decide(*given)[0]
+
+    nobody = decided(np.zeros_like(trusted), drop=False)
+    np.testing.assert_array_equal(decided(trusted, drop=True), nobody)
+    assert (decided(trusted, drop=False) != nobody).any()
+
+
+def test_random_trust_errs_as_often_as_coins_do():
+    """Of 60,000 links after each tick, the honest and the attacked ones, against the binomial distribution.
+
+    A source is retained while half of its observations or more speak for it; Hoeffding's bound holds.
+    """
+    lanes, ticks, accuracy = 15_000, 12, 0.7
+    attacked = np.zeros((4, 1, lanes), bool)
+    attacked[2:] = True
+    chance = np.random.default_rng(0).random(lanes)
+    keys = {"observation": "random", "drop_trusted": False, "accuracy": np.full(lanes, accuracy)}
+    rule = Trust.filled(keys | {"key": jnp.asarray(chance)})
+    weights = jnp.ones((4, 1, lanes))
+    around = Neighbourhood(None, weights, jnp.zeros((4, 1), bool), None, None, (), (), jnp.asarray(attacked))
+    memory = rule.start(around)
+    for tick in range(1, ticks + 1):
+        here = around._replace(time=jnp.full(lanes, 0.1 * tick))
+        _, memory = rule.decide((weights,), (), None, memory, here)
+        positive = np.asarray(memory) >= 0
+        against = (tick - 1) // 2  # observations that still retain an attacked source, of those that err
+        rates = (~positive[:2]).mean(), positive[2:].mean()
+        exact = binom.cdf(against, tick, accuracy), binom.sf(-(-tick // 2) - 1, tick, 1 - accuracy)
+        for rate, known in zip(rates, exact, strict=True):
+            assert abs(rate - known) < 4 * math.sqrt(known * (1 - known) / (2 * lanes))
+            assert known <= math.exp(-2 * tick * (accuracy - 0.5) ** 2)

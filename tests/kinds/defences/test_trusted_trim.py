@@ -62,7 +62,8 @@ class Situation:
 @jax.jit
 def decide(weights, received, trusted, memory, shared):
     """The decision of one moment in one lane: weights in force and slots dropped."""
-    rule = TrustedTrim.filled({"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None})
+    keys = {"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None, "drop_trusted": False}
+    rule = TrustedTrim.filled(keys)
     around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, None, None, shared)
     jets = (received[..., None],) * 3
     decision, _ = rule.decide(jets, jets, ~memory[..., None], (), around)

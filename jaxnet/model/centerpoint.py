@@ -1,0 +1,142 @@
+"""A point in the middle of points in the plane, and weights whose mean it is.
+
+A centerpoint of n points has n/3 of them or more in each closed half-plane that it lies in. Such points are a
+convex polygon, never empty: what all half-planes `u·x ≤ h(u)` have in common, h(u) the ⌈n/3⌉-th greatest of
+u·y_j. Between two directions at which points change places in that order h belongs to one point, so the
+directions normal to two points, and an axis where all lie on one line, say everything.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxnet.model import control
+from jaxnet.model.plane import dot, length
+
+NEAR = 1e-9  # [m], by which half-planes are widened, against rounding
+PARALLEL = 1e-12  # sine of the angle below which two lines are
+CLOSE = 1e-8  # [m], of a mean to the point that it should be
+ROUNDS = 40  # of Newton's method, at most; some 6 are taken
+SHORTER = tuple(8.0**-number for number in range(1, 11))  # steps that are tried besides a whole one
+ROUNDING = 1e-12  # by which a cost is lower
+RIDGE = 1e-11  # relative, added to the curvature, which is singular where few points count
+TINY = 1e-14  # and this, where it is 0
+
+Points = Float[Array, "2 slots m lanes"]
+Point = Float[Array, "2 m lanes"]
+SlotWeights = Float[Array, "slots m lanes"]
+
+
+class HalfPlanes(NamedTuple):
+    """`u·x ≤ h`; u is a unit vector, or 0 where there is none."""
+
+    normal: Float[Array, "2 sides m lanes"]
+    offset: Float[Array, "sides m lanes"]
+
+    def beyond(self, point: Point) -> Float[Array, "sides m lanes"]:
+        """How far outside a point is [m]."""
+        return dot(self.normal, point[:, None]) - self.offset
+
+
+def weights(position: Points, of: SlotWeights) -> SlotWeights:
+    """Weights, of the slots with weight, of which the mean of the positions is a centerpoint.
+
+    It is the one nearest to the weighted mean, and the weights are as near to those given as they can be,
+    `Σ λ²/w` being least. Where the mean is one itself they are those given.
+    """
+    of = of / of.sum(axis=0, keepdims=True)
+    mean = (of[None] * position).sum(axis=1)
+    sides = half_planes(position, of > 0)
+    outside = (sides.beyond(mean) > NEAR).any(axis=0)
+
+    def moved(_: None) -> SlotWeights:
+        return jnp.where(outside[None], least(position, of, nearest(sides, mean)), of)
+
+    return jax.lax.cond(outside.any(), moved, lambda _: of, None)
+
+
+def half_planes(position: Points, heard: Any) -> HalfPlanes:
+    """Those that have all centerpoints in common."""
+    slots = len(heard)
+    apart = jnp.where((heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0)
+    across = jnp.stack([-apart[1], apart[0]]).reshape(2, slots**2, *heard.shape[1:])
+    axes = jnp.asarray([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    axes = jnp.broadcast_to(axes[:, :, None, None], (2, 4, *heard.shape[1:]))
+    normal = jnp.concatenate([across, axes], axis=1)
+    size = length(normal)
+    normal = normal / jnp.where(size > 0, size, 1.0)[None]
+    least = (heard.sum(axis=0) + 2) // 3
+    along = dot(normal[:, :, None], position[:, None])
+    along = jnp.where(heard[None], along, -jnp.inf)
+    return HalfPlanes(normal, ranked(along, least))
+
+
+def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Any:
+    """The greatest values of this rank over the slots, 1 the greatest."""
+    above = (values[:, :, None] >= values[:, None]).sum(axis=1)
+    return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
+
+
+def nearest(sides: HalfPlanes, to: Point) -> Point:
+    """The point of a polygon nearest to one outside: of each side the nearest, and of these the nearest."""
+
+    def on_side(best: Any, side: Any) -> Any:
+        normal, gap = side
+        foot, along = to - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
+        rate, room = dot(sides.normal, along[:, None]), NEAR - sides.beyond(foot)
+        limit = room / jnp.where(jnp.abs(rate) > PARALLEL, rate, 1.0)
+        most = jnp.where(rate > PARALLEL, limit, jnp.inf).min(axis=0)
+        fewest = jnp.where(rate < -PARALLEL, limit, -jnp.inf).max(axis=0)
+        fits = (fewest <= most) & ((jnp.abs(rate) > PARALLEL) | (room >= 0)).all(axis=0)
+        shift = jnp.clip(0.0, fewest, most)
+        point, distance = foot + shift[None] * along, jnp.hypot(gap, shift)
+        closer = fits & (distance < best[1])
+        return (jnp.where(closer[None], point, best[0]), jnp.where(closer, distance, best[1])), None
+
+    nowhere = to, jnp.full(to.shape[1:], jnp.inf)
+    each = jnp.moveaxis(sides.normal, 1, 0), sides.beyond(to)
+    return jax.lax.scan(on_side, nowhere, each)[0][0]
+
+
+def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
+    """Weights λ with `Σ λ = 1` and `Σ λ y = point` of least `Σ λ²/w`.
+
+    They are `λ_j = w_j max(0, a + b·(y_j - point))`, where a and b minimise the convex function
+    `½ Σ w_j max(0, a + b·(y_j - point))² - a`, piecewise quadratic: Newton's method, the best of some steps.
+    """
+    apart = position - point[:, None]
+    size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
+    features = jnp.concatenate([jnp.ones_like(of)[None], apart / jnp.where(size > 0, size, 1.0)[None, None]])
+
+    def shares(factors: Any) -> Any:
+        return jnp.maximum(0.0, (factors[:, None] * features).sum(axis=0))
+
+    def gradient(factors: Any) -> Any:
+        return ((of * shares(factors))[None] * features).sum(axis=1).at[0].add(-1.0)
+
+    def cost(factors: Any) -> Any:
+        return (of * shares(factors) ** 2).sum(axis=0) / 2 - factors[0]
+
+    def off(state: Any) -> Any:
+        number, factors = state
+        return (number < ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
+
+    def better(state: Any) -> Any:
+        number, factors = state
+        counted = jnp.where(shares(factors) > 0, of, 0.0)
+        curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
+        diagonal = jnp.eye(3)[:, :, None, None]
+        rest = diagonal * (1 - TINY - RIDGE * curvature) - curvature
+        matrix = jnp.concatenate([jnp.zeros_like(rest[:, :1]), rest], axis=1)
+        step = control.solve(matrix, gradient(factors)[:, None])[0][:, 0]
+        best = factors - step
+        for share in SHORTER:
+            trial = factors - share * step
+            best = jnp.where((cost(trial) < cost(best) - ROUNDING)[None], trial, best)
+        return number + 1, best
+
+    first = jnp.zeros_like(features[:, 0]).at[0].set(1.0)
+    found = of * shares(jax.lax.while_loop(off, better, (jnp.asarray(0), first))[1])
+    return found / found.sum(axis=0, keepdims=True)

@@ -1,0 +1,115 @@
+"""The centerpoint: its depth, that it is the nearest and its weights the least, and what liars can do."""
+
+import itertools
+import math
+
+import jax
+import numpy as np
+import pytest
+
+from jaxnet.model import centerpoint
+
+SLOTS, VEHICLES, LANES = 6, 4, 2500
+WEIGHTS = jax.jit(centerpoint.weights)
+
+
+def drawn(seed, heard=0.8):
+    """10,000 neighbourhoods on whole numbers, so with ties and many on one line, and the weights found."""
+    rng = np.random.default_rng(seed)
+    shape = (SLOTS, VEHICLES, LANES)
+    position = rng.integers(-3, 4, (2, *shape)).astype(float)
+    weights = rng.integers(1, 4, shape) * (rng.random(shape) < heard) / 4.0
+    weights[0] = np.maximum(weights[0], 0.25)
+    return position, weights
+
+
+def depth(position, heard, point):
+    """Fewest positions in a closed half-plane through a point: brute force, a little beside each of them.
+
+    Positions are (2, slots, …), points (2, …); a half-plane is as good as another while no position enters
+    or leaves it, so those are looked at whose edge has just passed one.
+    """
+    apart = position - point[:, None]
+    angle, fewest = np.arctan2(apart[1], apart[0]), np.full(point.shape[1:], len(heard))
+    for slot, side, beside in itertools.product(range(len(heard)), (-1, 1), (-1e-4, 1e-4)):
+        normal = angle[slot] + side * math.pi / 2 + beside
+        inside = np.cos(normal) * apart[0] + np.sin(normal) * apart[1] >= -1e-6
+        fewest = np.minimum(fewest, (inside & heard).sum(axis=0))
+    return fewest
+
+
+@pytest.mark.parametrize("heard", [0.8, 1.0])
+def test_each_half_plane_holds_a_third(heard):
+    """Of 10,000 neighbourhoods, of which most have a mean that is no centerpoint."""
+    position, weights = drawn(1, heard)
+    found = np.asarray(WEIGHTS(position, weights))
+    assert (found >= 0).all()
+    assert not found[weights == 0].any()
+    np.testing.assert_allclose(found.sum(axis=0), 1.0, rtol=1e-12)
+    needed = -(-(weights > 0).sum(axis=0) // 3)
+    point, mean = ((each[None] * position).sum(axis=1) for each in (found, weights / weights.sum(axis=0)))
+    assert (depth(position, weights > 0, point) >= needed).all()
+    assert (depth(position, weights > 0, mean) < needed).mean() > 0.3
+
+
+def crossings(positions):
+    """Where lines through two of them cross, and the positions themselves."""
+    yield from positions
+    lines = list(itertools.combinations(positions, 2))
+    for (a, b), (c, d) in itertools.combinations(lines, 2):
+        matrix = np.stack([b - a, c - d], axis=1)
+        if abs(np.linalg.det(matrix)) > 1e-9:
+            yield a + np.linalg.solve(matrix, c - a)[0] * (b - a)
+
+
+def feet(positions, point):
+    """The points nearest to one on the lines through two positions."""
+    for a, b in itertools.combinations(positions, 2):
+        if (along := b - a).any():
+            yield a + (point - a) @ along / (along @ along) * along
+
+
+def least(positions, weights, point):
+    """Least `Σ λ²/w` of weights whose mean is a point, by trying everybody who may have one."""
+    costs = []
+    for size in range(1, len(positions) + 1):
+        for chosen in map(list, itertools.combinations(range(len(positions)), size)):
+            rows = np.vstack([np.ones(size), (positions[chosen] - point).T])
+            root = np.sqrt(weights[chosen])
+            scaled = np.linalg.lstsq(rows * root, np.array([1.0, 0.0, 0.0]), rcond=1e-9)[0]
+            off = np.abs(rows @ (root * scaled) - [1.0, 0.0, 0.0]).max()
+            if off < 1e-6 and (scaled > -1e-9).all():
+                costs.append(scaled @ scaled)
+    return min(costs)
+
+
+def test_it_is_the_nearest_with_the_least_weights():
+    """To 1e-6 m and 1e-5, against all points at which lines cross and all sets of sources."""
+    position, weights = drawn(2)
+    found = np.asarray(WEIGHTS(position, weights))
+    for lane in range(40):
+        heard = weights[:, 0, lane] > 0
+        of = weights[heard, 0, lane] / weights[:, 0, lane].sum()
+        positions, ours = position[:, heard, 0, lane].T, found[heard, 0, lane]
+        mean, point = of @ positions, ours @ positions
+        points = np.array([mean, *feet(positions, mean), *crossings(positions)]).T
+        many = np.broadcast_to(positions.T[:, :, None], (2, len(positions), points.shape[1]))
+        deep = depth(many, np.ones(many.shape[1:], bool), points) >= -(-len(positions) // 3)
+        known = np.hypot(*(points[:, deep] - mean[:, None])).min()
+        assert abs(math.dist(point, mean) - known) < 1e-6
+        assert ours @ (ours / of) == pytest.approx(least(positions, of, point), rel=1e-5)
+
+
+@pytest.mark.parametrize("liars", [1, 2])
+def test_fewer_than_a_third_cannot_pull_it_out_of_the_honest(liars):
+    """One of six stays in their hull wherever he says he is; two, a third, pull it as far as they like."""
+    position, weights = drawn(3, heard=1.0)
+    position[:, :liars] = 1e3 * np.random.default_rng(4).normal(size=(2, 1, VEHICLES, LANES))
+    point = (np.asarray(WEIGHTS(position, weights))[None] * position).sum(axis=1)
+    honest = position[:, liars:]
+    angles = np.linspace(0, 2 * math.pi, 60, endpoint=False)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    reach = np.tensordot(directions, honest, 1).max(axis=1)
+    beyond = (np.tensordot(directions, point, 1) - reach).max(axis=0)
+    assert np.quantile(beyond, 0.999) < 1e-8 if liars == 1 else np.median(beyond) > 10.0
+    assert beyond.max() < 1e-3 or liars > 1

@@ -1,0 +1,97 @@
+"""Noise in what is judged: how often it has the wrong one dropped, and that it is the lane's own."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.defences.trusted_trim import Trimming, TrustedTrim
+from jaxnet.kinds.defences.w_msr import WMSR
+from tests import systems
+
+LANES, NOISE = 40_000, 2.0
+KEY = jnp.asarray(np.random.default_rng(0).random(LANES))
+NOISY = {"noise": jnp.full(LANES, NOISE), "key": KEY, "drop_trusted": False}
+
+
+def dropped(rule, places, shared=()):
+    """How often sources at these places on a line are dropped by a vehicle at 0 that trusts the first."""
+    weights = jnp.ones((len(places), 1, LANES))
+    trusted = jnp.arange(len(places))[:, None] == 0
+    position = jnp.stack([jnp.broadcast_to(jnp.asarray(places)[:, None, None], weights.shape), 0 * weights])
+    time = jnp.full(LANES, 0.1)
+    seen = rule.observed((position,) * 3, time)
+    own = (jnp.zeros((2, 1, LANES)),) * 3
+    around = Neighbourhood(None, weights, trusted, None, time, shared)
+    decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), (), around)
+    return 1 - np.asarray(decision).reshape(-1, len(places), LANES)[0].mean(axis=1)
+
+
+def near(rate, known):
+    """Whether a rate in as many lanes is a probability, by four standard deviations."""
+    return abs(rate - known) < 4 * np.sqrt(known * (1 - known) / LANES)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1.0, 3.0])
+def test_w_msr_drops_the_wrong_one_by_the_normal_law(apart):
+    """Of two far above oneself the nearer is dropped with probability Φ(-d / (σ √2))."""
+    _, nearer, farther = dropped(WMSR.filled({"F": 1, **NOISY}), [0.0, 50.0, 50.0 + apart])
+    assert near(nearer, stats.norm.cdf(-apart / (NOISE * np.sqrt(2))))
+    assert nearer + farther == pytest.approx(1)
+
+
+@pytest.mark.parametrize("apart", [0.0, 3.0])
+def test_trimming_drops_the_wrong_one_by_rices_law(apart):
+    """Half of the time each of two that are where the trusted one is; else as lengths compare.
+
+    With x₁, x₂ and t as judged, `|x₁ - t|² > |x₂ - t|²` is `u·v > 0` of the independent u = x₁ - x₂ and
+    v = x₁ + x₂ - 2t, and that `|a| > |b|` of the independent a, b = v/√3 ± u, of standard deviation 2σ.
+    """
+    keys = {"tolerance": jnp.zeros(LANES), "score": "position", "filter": None, **NOISY}
+    shared = Trimming(jnp.ones(1, int), jnp.zeros((1, 1), int))
+    _, honest, attacked = dropped(TrustedTrim.filled(keys), [0.0, 0.0, apart], shared)
+    root = 1 / np.sqrt(3)
+    a, b = (stats.rice(abs(root + sign) * apart / (2 * NOISE), scale=2 * NOISE) for sign in (-1, 1))
+    lengths = np.linspace(0, 60, 60_001)
+    known = np.trapezoid(a.sf(lengths) * b.pdf(lengths), lengths)
+    assert known == pytest.approx(0.5, abs=1e-6) if apart == 0 else known < 0.4
+    assert near(honest, known)
+    assert honest + attacked == pytest.approx(1)
+
+
+def test_noise_is_of_the_size_it_says_and_of_nobody_else():
+    """Normal, of each order, axis, source, tick and lane its own; the same in whatever company."""
+    rule, jets = WMSR.filled({"F": 1, **NOISY}), (jnp.zeros((2, 2, 3, LANES)),) * 3
+    now, later = (np.stack(rule.observed(jets, jnp.full(LANES, time))) for time in (0.1, 0.2))
+    rows = np.concatenate([each.reshape(-1, LANES) for each in (now, later)])
+    assert stats.kstest(rows.ravel()[::7] / NOISE, "norm").pvalue > 1e-3
+    apart = np.corrcoef(rows) - np.eye(len(rows))
+    assert np.abs(apart).max() < 5 / np.sqrt(LANES)
+    few = WMSR.filled({"F": 1, "noise": NOISY["noise"][5:9], "key": KEY[5:9], "drop_trusted": False})
+    alone = few.observed(jax.tree.map(lambda jet: jet[..., 5:9], jets), jnp.full(4, 0.1))
+    np.testing.assert_array_equal(np.stack(alone), now[..., 5:9])
+
+
+def test_it_costs_nothing_where_there_is_none():
+    """No number of it comes with the lanes, but for the tolerance."""
+    quiet, noisy = (
+        jax.tree.leaves(systems.lanes(systems.study(defence={"noise": noise}), 2, ()).inputs.lane.defence)
+        for noise in (0.0, 1.0)
+    )
+    assert (len(quiet), len(noisy)) == (1, 3)
+
+
+def test_both_engines_draw_the_same_in_any_company():
+    """Noise and random trust: weights in force at all ticks, and the first lanes whoever is beside them."""
+    keys = {"vehicles": 6, "attack": {"kind": "rotating", "vehicles": [2]}, "tick": 0.1}
+    keys |= {"horizon": 2.0, "tail": 1.0, "output_step": 0.1}
+    for defence in ({"kind": "w_msr", "noise": 5.0}, {"kind": "trust", "observation": "random"}):
+        few, many, nonlinear = (
+            systems.simulate(systems.lanes(systems.study(engine=engine, defence=defence, **keys), count))
+            for engine, count in (("exact", 2), ("exact", 5), ({"kind": "nonlinear", "rtol": 1e-9}, 2))
+        )
+        np.testing.assert_array_equal(few.series["state"], many.series["state"][:2])
+        np.testing.assert_allclose(few.series["kept"], nonlinear.series["kept"], rtol=0, atol=1e-8)
+        assert few.switches.min() > 0
