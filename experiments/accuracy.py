@@ -13,6 +13,7 @@ import jaxnet
 from jaxnet.config.cells import Cell
 from jaxnet.engine.batch import simulate
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
 from jaxnet.runs.exactness import deviations, ticked
 
@@ -62,7 +63,7 @@ def against(what: str, samples: int, **keys: Any) -> None:
 def static_gain(name: str, defence: str, error: float, apart: float) -> None:
     """A line: what a constant attack of 2 m leaves after 60 s, over ā."""
     (cell,) = cells(topology=name, defence=defence, attack={"kind": "bias", "magnitude": 2}, horizon=60)
-    metrics = simulate(job(cell.scenario, 0, [0])).metrics
+    metrics = simulate(job(cell.scenario, Keyed(0), [0])).metrics
     if (name, defence) == ("cyclic", "trusted_trim"):
         error = apart = 0.0
     what = name if defence == "none" else f"{name}, trimmed"

@@ -26,6 +26,7 @@ import jaxnet
 from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import hearing, trimming
 from jaxnet.runs.cache import enable
 
@@ -68,7 +69,7 @@ def agree(what: str, lanes: int, **keys: Any) -> tuple[list[Outcome], np.ndarray
 def lanes_of(engine: str, samples: Sequence[int], save: tuple[str, ...] = (), **keys: Any) -> Job:
     """Lanes of the default study with these keys."""
     (cell,) = jaxnet.load({"tick": TICK, "engine": engine, **keys}).cells
-    return job(cell.scenario, 0, samples, save)
+    return job(cell.scenario, Keyed(0), samples, save)
 
 
 def show(samples: list[int], apart: np.ndarray) -> None:

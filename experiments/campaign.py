@@ -27,6 +27,7 @@ import pandas as pd
 import jaxnet
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder
@@ -133,7 +134,7 @@ def compared(results: Results) -> int:
     types = rows.column_types(config, results.study.cells)
     for number in np.random.default_rng(0).choice(len(shards), AGAIN, replace=False):
         shard = shards[number]
-        outcome = batch.simulate(job(shard.cell.scenario, config.seed, shard.samples))
+        outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
         stored = rows.read_rows(results.path / rows.name_of(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
             rows.table_of(shard, outcome, types).to_pandas(), stored, check_exact=True

@@ -20,6 +20,7 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
 
 LANES = 1000
@@ -57,7 +58,7 @@ def fits(engine: str, fault: Status) -> bool:
 def lanes(count: int, **keys: Any) -> Job:
     """Lanes of the default study with these keys."""
     (cell,) = jaxnet.load(keys).cells
-    return job(cell.scenario, 0, range(count), ("tracking",))
+    return job(cell.scenario, Keyed(0), range(count), ("tracking",))
 
 
 def with_faults(given: Job, faults: Mapping[int, Status]) -> Job:

@@ -23,6 +23,7 @@ from jaxnet.config.scenario import safe_in
 from jaxnet.engine import batch
 from jaxnet.kinds.graphs import Graph
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph, hearing, safety
 from jaxnet.runs.cache import enable
 
@@ -123,7 +124,7 @@ def tally_of(number: int) -> dict[str, list[float]]:
     """Of each certificate of a batch: scenarios, vehicles certified in them, failed, worst [ā], stopped."""
     (cell,) = study_of(number).cells
     scenario = cell.scenario
-    lanes = job(scenario, number, range(LANES), ("state",))
+    lanes = job(scenario, Keyed(number), range(LANES), ("state",))
     outcome, (sources, *_) = batch.simulate(lanes), lanes.network.hearing
     path = scenario.navigator.jets(np.arange(56, 61) * 1.0)[0].T
     off = (

@@ -24,6 +24,7 @@ from jaxnet.config.scenario import outputs_of
 from jaxnet.engine.batch import Machine, simulate
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.limits import limits_of, tail_of
@@ -77,12 +78,12 @@ def stress(cells: int, seed: int) -> tuple[dict[str, Count], int]:
 def check(scenario: Scenario, seed: int) -> tuple[dict[str, Count], int]:
     """Counts by bound over lanes of one scenario, and how many failed."""
     lanes, times = range(LANES), np.arange(outputs_of(scenario) + 1) * scenario.output_step
-    outcome = simulate(job(scenario, seed, lanes, ("state",)), Machine(chunk=LANES // 2))
+    outcome = simulate(job(scenario, Keyed(seed), lanes, ("state",)), Machine(chunk=LANES // 2))
     path = scenario.navigator.jets(times)[0].T
     errors = np.linalg.norm(outcome.series["state"][..., :2] - path[:, None], axis=-1)
     greatest, ok = outcome.metrics["tail_max"], outcome.status == Status.ok
     counts = {}
-    for bound, limits in limits_of(scenario, seed, lanes, times).items():
+    for bound, limits in limits_of(scenario, Keyed(seed), lanes, times).items():
         limit = limits[-len(tail_of(scenario)) :].max(axis=(0, 1))
         over = (np.moveaxis(errors, 0, -1) > limits).any(axis=(0, 1)) | (greatest > limit)
         held = ok & np.isfinite(limit)

@@ -16,6 +16,7 @@ import jaxnet
 from jaxnet.engine.batch import simulate
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
 
 TICKS = (0.1, 0.05, 0.025, 0.0125)
@@ -62,7 +63,7 @@ def lane(tick: float, attack: dict[str, Any]) -> Any:
         "engine": {"max_steps": 20000},
     }
     (cell,) = jaxnet.load(keys).cells
-    return simulate(job(cell.scenario, 0, [0], ("state",)))
+    return simulate(job(cell.scenario, Keyed(0), [0], ("state",)))
 
 
 def positions(outcome: Any) -> np.ndarray:

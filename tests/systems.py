@@ -14,6 +14,7 @@ from jaxnet.engine.batch import Job
 from jaxnet.engine.metrics import SERIES
 from jaxnet.engine.plan import Outcome
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.store.results import Results
 
 FEW = batch.Machine(devices=1, chunk=4)
@@ -52,7 +53,7 @@ class Lanes(NamedTuple):
 
 def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any:
     """Lanes of all cells of a study: one job where there is one cell."""
-    jobs = [job(cell.scenario, given.config.seed, range(samples), save) for cell in given.cells]
+    jobs = [job(cell.scenario, Keyed(given.config.seed), range(samples), save) for cell in given.cells]
     return jobs[0] if len(jobs) == 1 else Lanes(jobs)
 
 

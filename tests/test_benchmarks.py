@@ -9,6 +9,7 @@ import pytest
 
 from experiments.benchmarks import peers
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from tests import systems
 
 BENCHMARKS = Path(peers.__file__).parent
@@ -34,7 +35,7 @@ def attacked():
         horizon=3.0,
         tail=1.0,
     ).cells
-    return job(cell.scenario, 0, [0])
+    return job(cell.scenario, Keyed(0), [0])
 
 
 @pytest.mark.parametrize("name", PEERS)

@@ -8,6 +8,7 @@ import jaxnet
 from jaxnet import film as animation
 from jaxnet.config.scenario import situation_of
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
@@ -134,7 +135,7 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         save={"trajectories": "all"},
     )
     results, cell = jaxnet.run(study, tmp_path / "out"), study.cells[0]
-    sets = cell.scenario.attack.chosen(Draw(0, range(3), 12))
+    sets = cell.scenario.attack.chosen(Draw(Keyed(0), range(3), 12))
     assert len(np.unique(sets, axis=1).T) == 3
     for each in watched(results):
         wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()

@@ -5,6 +5,7 @@ import numpy as np
 import jaxnet
 from experiments import stress
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 
 
 def test_no_lane_is_over_a_bound_that_holds_for_it():
@@ -30,7 +31,7 @@ def test_cells_share_two_programs():
     """Whatever is drawn, each hears as many sources, and where anybody trims one trusts all that it hears."""
     rng = np.random.default_rng(0)
     scenarios = [jaxnet.load(stress.keys(rng)).cells[0].scenario for _ in range(20)]
-    networks = [job(scenario, 0, [0]).network for scenario in scenarios]
+    networks = [job(scenario, Keyed(0), [0]).network for scenario in scenarios]
     assert {network.hearing.sources.shape for network in networks} == {(stress.HEARD, stress.VEHICLES)}
     trimming = [network.shared for network in networks if network.shared != ()]
     assert 0 < len(trimming) < 20

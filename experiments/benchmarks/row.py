@@ -19,6 +19,8 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from jaxnet.lanes.uniforms import Keyed
+
 SEED = 0
 PIECE = 16_384  # lanes drawn and simulated by one call, so that memory does not grow with their number
 WARM = 1_024  # lanes of the call that compiles, at most
@@ -78,8 +80,8 @@ def measure(what: str, keys: Mapping[str, Any], lanes: int, seconds: float = 0, 
     scenario, (run, warm) = scenario_of(keys), simulator(what)
     try:
         if warm:
-            run(job(scenario, SEED, range(min(lanes, warm))))
-        found = race(run, lambda samples: job(scenario, SEED, samples), lanes, seconds)
+            run(job(scenario, Keyed(SEED), range(min(lanes, warm))))
+        found = race(run, lambda samples: job(scenario, Keyed(SEED), samples), lanes, seconds)
     except peers.NotInstalledError as missing:
         return {"missing": str(missing)}
     error = greatest_error(run, what, scenario, checked) if checked else None
@@ -120,7 +122,7 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
 
     if scenario.defence.kind != "none":
         return float(exactness.deviations(exactness.ticked(scenario, SEED, range(lanes))).max())
-    one = job(scenario, SEED, range(lanes), ("state",) if what == "jaxnet" else ())
+    one = job(scenario, Keyed(SEED), range(lanes), ("state",) if what == "jaxnet" else ())
     found = run(one)
     positions = found.series["state"][..., :2] if what == "jaxnet" else found
     return peers.greatest_error(one, positions)

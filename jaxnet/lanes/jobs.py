@@ -14,19 +14,20 @@ from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
+from jaxnet.lanes.uniforms import Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import ORDERS, Apart, Falsified
 
 
-def job(scenario: Scenario, seed: int, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
+def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
     """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`.
 
     In double precision whatever the process's default is.
     """
     with jax.enable_x64(True):
-        return made(scenario, Draw(seed, samples, scenario.vehicles), save)
+        return made(scenario, Draw(source, samples, scenario.vehicles), save)
 
 
 def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
@@ -148,7 +149,7 @@ def attack_of(
     `navigator` is the one drawn, `start` the states at t = 0.
     """
     attack, start = scenario.attack, start[:2]
-    chosen, draw = attack.chosen(draw), Draw(draw.seed, draw.samples, scenario.vehicles, attack.targets())
+    chosen, draw = attack.chosen(draw), Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():
         sources = sources_of(scenario)
         owners = hearing.of_transmitters(sources).T.ravel()

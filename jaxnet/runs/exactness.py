@@ -11,6 +11,7 @@ from jaxtyping import Float
 from jaxnet.config.keys import Scenario
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 from jaxnet.model.hearing import Hearing
 from jaxnet.theory import exact
@@ -23,7 +24,9 @@ def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
         raise ValueError(
             "the exact solution is known of decisions at ticks and attacks that add a given path"
         )
-    return job(scenario.model_copy(update={"output_step": scenario.tick}), seed, samples, ("state", "kept"))
+    return job(
+        scenario.model_copy(update={"output_step": scenario.tick}), Keyed(seed), samples, ("state", "kept")
+    )
 
 
 def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:

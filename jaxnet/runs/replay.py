@@ -12,6 +12,7 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.arrays import open_store
@@ -31,7 +32,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     chosen = with_engine(study.cells[cell], engine)
     variables = layout.ERRORS | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
-    lane = job(chosen.scenario, study.config.seed, [sample], layout.series_of(variables))
+    lane = job(chosen.scenario, Keyed(study.config.seed), [sample], layout.series_of(variables))
     outcome = batch.simulate(lane, machine)
     path, folder = path_of(results, cell, sample, engine), Folder(results.path)
     for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
@@ -59,8 +60,8 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
     if lane is None:
         path, _ = replay(results, cell, sample)
         lane = open_store(path).isel(lane=0)
-    scenario, seed = results.study.cells[cell].scenario, results.study.config.seed
-    one = job(scenario, seed, [sample])
+    scenario = results.study.cells[cell].scenario
+    one = job(scenario, Keyed(results.study.config.seed), [sample])
     weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
     for sources, mine in zip(
         np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True

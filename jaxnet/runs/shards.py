@@ -26,6 +26,7 @@ from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.kinds.registry import Provenance
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Source
 from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
@@ -41,7 +42,7 @@ class Assignment(NamedTuple):
 
     folder: Folder
     study: str  # hash
-    seed: int
+    source: Source
     size: int  # samples of a whole shard
     types: dict[str, pa.DataType]  # of the swept keys' columns
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
@@ -115,15 +116,15 @@ def outcomes(
 ) -> Iterator[tuple[Shard, Outcome]]:
     """Outcome of each shard, those that fit one program in one go."""
     programs = {
-        cell.number: program_of(job(cell.scenario, work.seed, [0], work.series))
+        cell.number: program_of(job(cell.scenario, work.source, [0], work.series))
         for cell in {shard.cell.number: shard.cell for shard in shards}.values()
     }
     kinds: dict[Any, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(programs[shard.cell.number], []).append(shard)
     for alike in kinds.values():
-        one = job(alike[0].cell.scenario, work.seed, [0], work.series)
-        inputs = (job(shard.cell.scenario, work.seed, shard.samples, work.series).inputs for shard in alike)
+        one = job(alike[0].cell.scenario, work.source, [0], work.series)
+        inputs = (job(shard.cell.scenario, work.source, shard.samples, work.series).inputs for shard in alike)
         lanes = sum(len(shard.samples) for shard in alike)
         ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
         yield from zip(alike, ends, strict=True)

@@ -20,6 +20,7 @@ from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, sources_of, start_of
+from jaxnet.lanes.uniforms import Keyed, Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.store.results import Results
@@ -90,7 +91,7 @@ def violations(results: Results) -> pd.DataFrame:
     are drawn, or of whose defence nothing is known, are left out, and a failed lane has no tail_max that
     could exceed anything.
     """
-    seed, found = results.study.config.seed, []
+    source, found = Keyed(results.study.config.seed), []
     attacked = {
         cell.number: cell
         for cell in results.study.cells
@@ -98,25 +99,25 @@ def violations(results: Results) -> pd.DataFrame:
     }
     for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
         cell = attacked[number]
-        rows = rows[suspects(cell.scenario, seed, rows)]
+        rows = rows[suspects(cell.scenario, source, rows)]
         at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
-            found += excesses(results, cell, rows[first : first + at_once])
+            found += excesses(results, cell, source, rows[first : first + at_once])
     return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
-def suspects(scenario: Scenario, seed: int, rows: Any) -> Bool[np.ndarray, " lanes"]:
+def suspects(scenario: Scenario, source: Source, rows: Any) -> Bool[np.ndarray, " lanes"]:
     """Lanes over what a bound allows without a transient: no others can break it, so no others are drawn."""
-    magnitude = magnitudes(scenario, Draw(seed, rows["sample"].tolist(), scenario.vehicles))
+    magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
     least = [allowed(scenario, bound, magnitude).max(axis=0) for bound, _ in holding(scenario).values()]
     return np.any([errors > limit for limit in least], axis=0)
 
 
-def excesses(results: Results, cell: Cell, rows: Any) -> Iterator[tuple[Any, ...]]:
+def excesses(results: Results, cell: Cell, source: Source, rows: Any) -> Iterator[tuple[Any, ...]]:
     """Rows of the table of violations, of some lanes of one cell."""
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
-    for bound, limits in limits_of(scenario, results.study.config.seed, samples, tail_of(scenario)).items():
+    for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
         for n in np.flatnonzero(errors > limit):
             command = results.replay_command(cell.number, samples[n])
@@ -130,10 +131,10 @@ def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
 
 
 def limits_of(
-    scenario: Scenario, seed: int, samples: Sequence[int], times: Float[np.ndarray, " times"]
+    scenario: Scenario, source: Source, samples: Sequence[int], times: Float[np.ndarray, " times"]
 ) -> dict[str, Limits]:
     """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
-    draw = Draw(seed, samples, scenario.vehicles)
+    draw = Draw(source, samples, scenario.vehicles)
     error, attack = start_of_errors(scenario, draw)
     flow = influence(tuple(scenario.gain), tuple(times.tolist()))
     found = {}

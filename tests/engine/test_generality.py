@@ -14,6 +14,7 @@ from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.fields import Positive
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from tests import reference, systems
 from tests.engine.marching import march, received
 from tests.engine.test_exactness import attack_on_links, navigator_at
@@ -243,7 +244,9 @@ def test_no_attack_that_chooses_is_over_its_magnitude(number):
     attack = named(Returning) | {"magnitude": 3.0}
     scenario = systems.study(engine="exact", attack=attack, defence="none", **KEYS).cells[0].scenario
     made = scenario.attack.model_copy(update={"scale": number})
-    outcome = systems.simulate(job(scenario.model_copy(update={"attack": made}), 0, [0], systems.EVERYTHING))
+    outcome = systems.simulate(
+        job(scenario.model_copy(update={"attack": made}), Keyed(0), [0], systems.EVERYTHING)
+    )
     signal = outcome.series["attack"][0]
     if not np.isfinite(number):
         assert outcome.status.tolist() == [Status.nonfinite]

@@ -6,8 +6,16 @@ import pytest
 from scipy import stats
 
 from jaxnet.kinds import fields
-from jaxnet.lanes.draws import draw, slot, uniforms
+from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed, slot
 from tests import systems
+
+
+def draw(number, seed, name, samples, vehicles, components=1):
+    """Values of a number for each sample, vehicle and component."""
+    places = [(vehicle, component) for vehicle in vehicles for component in range(components)]
+    values = Draw(Keyed(seed), samples, 0).placed([number] * len(places), name, places)
+    return values.reshape(len(samples), len(vehicles), components)
 
 
 def test_a_draw_does_not_depend_on_who_is_drawn_beside_it():
@@ -91,7 +99,7 @@ RECORDED = {  # samples 0 and 599, seed 2⁴⁰
 def test_draws_are_what_they_were(place, recorded):
     """To the last bit, or a folder that is extended would mix two studies."""
     name, vehicle, component = place
-    drawn = uniforms(2**40, name, [0, 599], [(vehicle, component)])
+    drawn = Keyed(2**40).uniforms(name, [0, 599], [(vehicle, component)])
     assert [value.hex() for value in drawn[:, 0].tolist()] == list(recorded)
 
 

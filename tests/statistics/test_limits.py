@@ -7,6 +7,7 @@ from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.limits import limits_of, slopes_table, tail_of, violations
 from tests import reference, systems
@@ -93,7 +94,7 @@ def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
     every = violations(results_of(study, tail_max=errors))
     pd.testing.assert_frame_equal(some, every)
     suspected = few(
-        study.cells[0].scenario, 0, pd.DataFrame({"sample": range(200), "tail_max": errors})
+        study.cells[0].scenario, Keyed(0), pd.DataFrame({"sample": range(200), "tail_max": errors})
     ).sum()
     assert 0 < every["sample"].nunique() < suspected < 200
 
@@ -135,8 +136,8 @@ def test_the_transient_is_that_of_the_drawn_start(channel):
     keys = {"vehicles": 4, "topology": {"kind": "edges", "edges": EDGES}, "gain": GAIN, "defence": "none"}
     (cell,) = systems.study(attack=attack, **keys).cells
     times, samples = np.array([0.0, 0.7, 3.0]), [0, 4, 2]
-    found = limits_of(cell.scenario, 0, samples, times)
-    lanes = job(cell.scenario, 0, samples)
+    found = limits_of(cell.scenario, Keyed(0), samples, times)
+    lanes = job(cell.scenario, Keyed(0), samples)
     for n in range(len(samples)):
         one = systems.lane(lanes, n)
         cosine, sine = one.vectors.transpose(2, 0, 1)

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import title
 from jaxnet.config.scenario import situation_of
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.watched import Watched, watched
 from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
@@ -78,7 +79,7 @@ def links_of(results: Results, one: Watched, cell: Cell) -> Bool[np.ndarray, "m 
         return situation_of(cell.scenario).weights > 0
     from jaxnet.lanes.jobs import job
 
-    made = job(cell.scenario, results.study.config.seed, [one.sample])
+    made = job(cell.scenario, Keyed(results.study.config.seed), [one.sample])
     sources = np.asarray(made.network.hearing.sources)
     links = np.zeros((sources.shape[1], sources.shape[1] + 1), bool)
     slots, listeners = np.nonzero(np.asarray(made.inputs.lane.weights[0]))

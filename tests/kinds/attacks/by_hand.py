@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed
 from tests import reference, systems
 from tests.engine.test_exactness import navigator_at
 
@@ -66,7 +67,7 @@ def numbers_of(drawn, lane, vehicle):
 def attack_of(given, samples):
     """A study's attack with its numbers drawn."""
     scenario = given.cells[0].scenario
-    return scenario.attack.drawn(Draw(given.config.seed, range(samples), scenario.vehicles), "attack")
+    return scenario.attack.drawn(Draw(Keyed(given.config.seed), range(samples), scenario.vehicles), "attack")
 
 
 def unit_jets(drawn, lane, vehicle, times):

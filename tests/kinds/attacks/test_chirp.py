@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from jaxnet.kinds.attacks import scaled
 from jaxnet.kinds.attacks.chirp import Chirp
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 from tests import systems
 from tests.kinds.attacks import by_hand
@@ -22,7 +23,7 @@ DRAWN = {
 
 def chirp(**numbers):
     """A chirp of 12 vehicles in one lane."""
-    return Chirp(**numbers).drawn(Draw(3, [0], 12), "attack")
+    return Chirp(**numbers).drawn(Draw(Keyed(3), [0], 12), "attack")
 
 
 def jets_of(attack, horizon, times):

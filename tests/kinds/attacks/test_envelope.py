@@ -13,6 +13,7 @@ from jaxnet.kinds.attacks.envelope import Envelope
 from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.attacks.sinusoid import Sinusoid
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 from tests import systems
 from tests.kinds.attacks import by_hand
@@ -28,7 +29,7 @@ INNER = {
 
 def drawn(attack):
     """An attack of 12 vehicles in one lane."""
-    return attack.drawn(Draw(3, [0], 12), "attack")
+    return attack.drawn(Draw(Keyed(3), [0], 12), "attack")
 
 
 def jets_of(attack, times, horizon=HORIZON):

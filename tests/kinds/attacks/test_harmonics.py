@@ -15,6 +15,7 @@ from jaxnet.kinds.attacks.sinusoid import Sinusoid
 from jaxnet.kinds.fields import Uniform
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, tree
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import signal
 
 FLEET, ATTACKED, LANES, HORIZON = 12, [2, 5, 8, 11], 2, 100.0
@@ -36,7 +37,7 @@ times = st.floats(0.0, HORIZON)
 
 def drawn(attack, seed=0):
     """The numbers of an attack in some lanes, its functions and its vectors."""
-    draw = Draw(seed, range(LANES), FLEET)
+    draw = Draw(Keyed(seed), range(LANES), FLEET)
     functions, vectors, _ = attack_of(
         Scenario(attack=attack, horizon=HORIZON), draw, None, np.zeros((2, 12, 1))
     )

@@ -10,6 +10,7 @@ from jaxnet.config.document import ConfigError
 from jaxnet.kinds.fields import FULL_TURN, Uniform
 from jaxnet.lanes.draws import draw
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import hearing, signal
 from tests import reference, systems
 from tests.engine.test_exactness import navigator_at
@@ -107,7 +108,7 @@ KINDS = {
 def test_each_attacker_is_within_the_magnitude_by_its_own_numbers_and_near_it(kind):
     """Its value or one of its derivatives comes to ā, whatever others do; and they are derivatives."""
     study = systems.study(attack={"kind": kind, "magnitude": 3.0, **KINDS[kind]}, engine="exact")
-    lanes = job(study.cells[0].scenario, 0, range(3)).inputs.lane
+    lanes = job(study.cells[0].scenario, Keyed(0), range(3)).inputs.lane
     times = np.linspace(0.0, 30.0, 3001)
     for number in range(3):
         lane = jax.tree.map(lambda leaf, n=number: jnp.asarray(leaf[n]), lanes)
@@ -128,7 +129,7 @@ def test_each_attacker_is_within_the_magnitude_by_its_own_numbers_and_near_it(ki
 def signals(attack, samples=40, **keys):
     """Signals of vehicles, or links, at some instants: (instants, 2, signals, lanes)."""
     study = systems.study(attack={"kind": "sinusoid", "magnitude": 2.0, **attack}, **keys)
-    made = job(study.cells[0].scenario, 0, range(samples))
+    made = job(study.cells[0].scenario, Keyed(0), range(samples))
     lane = jax.tree.map(lambda leaf: np.moveaxis(leaf, 0, -1), made.inputs.lane)
     instants = (0.4, 2.3, 7.0)
     return np.stack([signal.jets(lane.vectors, lane.signal.basis(np.full(samples, t)))[0] for t in instants])

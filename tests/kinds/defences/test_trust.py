@@ -13,6 +13,7 @@ from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from tests import systems
 
 RING = Cyclic().weights(12)
@@ -86,7 +87,7 @@ def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():
     """A share of whom it may hear; the lane's graph says whom it does."""
     keys = {"vehicles": 9, "topology": {"kind": "erdos_renyi", "redraw": True}, "attack": "none"}
     given = systems.study(defence={"kind": "trusted_only", "trusted": {"share": 0.5}}, **keys)
-    network = job(given.cells[0].scenario, 0, range(2)).network
+    network = job(given.cells[0].scenario, Keyed(0), range(2)).network
     assert network.trusted.shape == (9, 9)
     assert (network.trusted.sum(axis=0) == 5).all(), "the navigator and four of the eight others"
 

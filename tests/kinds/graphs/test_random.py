@@ -12,6 +12,7 @@ from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.kinds.graphs.small_world import SmallWorld
 from jaxnet.kinds.kind import KindError
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph as graphs
 from tests import systems
 
@@ -111,7 +112,7 @@ def test_a_lane_s_graph_belongs_to_seed_and_sample_alone(kind, navigator):
     scenario = systems.study(topology=topology, **KEYS).cells[0].scenario
 
     def weights_of(samples, seed=0):
-        one = job(scenario, seed, samples)
+        one = job(scenario, Keyed(seed), samples)
         return np.stack([systems.lane(one, number).weights for number in range(len(samples))])
 
     many = weights_of(range(12))

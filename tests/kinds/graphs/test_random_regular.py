@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import jaxnet
 from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.patterns import drawn_regular
 from tests import systems
 
@@ -50,7 +51,7 @@ def test_another_seed_is_another_graph():
 def weights_of(samples, seed=0, **keys):
     """Each lane's graph: (lanes, m, m + 1)."""
     scenario = systems.study(engine="exact", topology=REDRAWN, **KEYS, **keys).cells[0].scenario
-    one = job(scenario, seed, samples)
+    one = job(scenario, Keyed(seed), samples)
     return np.stack([systems.lane(one, number).weights for number in range(len(samples))])
 
 

@@ -17,6 +17,7 @@ from jaxnet.kinds.graphs.lattice import Lattice
 from jaxnet.kinds.graphs.random_regular import RandomRegular
 from jaxnet.kinds.graphs.small_world import SmallWorld
 from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph as graphs
 from tests import systems
 
@@ -183,7 +184,7 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     keys = {"rows": 2, "columns": 3, "navigator": [1, 6], "weighting": weighting}
     drawn = {"kind": "grid", **keys, "navigator_weight": {"uniform": [0.2, 0.8]}}
     given = systems.study(topology=drawn, vehicles=6, engine="exact", attack="none")
-    one = job(given.cells[0].scenario, 0, range(5))
+    one = job(given.cells[0].scenario, Keyed(0), range(5))
     seen = np.stack([systems.lane(one, number).weights for number in range(5)])
     assert len(set(seen[:, 0, 0])) == 5
     assert ((seen[:, 0, 0] >= 0.2) & (seen[:, 0, 0] <= 0.8)).all()
@@ -196,7 +197,7 @@ def test_a_random_graph_may_have_a_drawn_weight_too():
     """Redrawn, and with a number of each lane's own."""
     keys = {"kind": "erdos_renyi", "redraw": True, "navigator_weight": {"uniform": [0.2, 0.8]}}
     given = systems.study(topology=keys, vehicles=6, engine="exact", attack="none")
-    one = job(given.cells[0].scenario, 0, range(5))
+    one = job(given.cells[0].scenario, Keyed(0), range(5))
     seen = np.stack([systems.lane(one, number).weights for number in range(5)])
     np.testing.assert_allclose(seen.sum(axis=2), 1, rtol=1e-14)
     assert len({weights[weights[:, 0] < 1, 0].max() for weights in seen}) == 5

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from jaxnet.kinds.vehicles.car import STEERING, Car
 from jaxnet.lanes.draws import Draw
+from jaxnet.lanes.uniforms import Keyed
 from tests import systems
 from tests.engine.test_exactness import exact
 
 seeds = st.integers(0, 2**32 - 1)
-drawn = Car(wheelbase={"uniform": [0.2, 3.0]}).drawn(Draw(0, range(3), 5), "vehicle")
+drawn = Car(wheelbase={"uniform": [0.2, 3.0]}).drawn(Draw(Keyed(0), range(3), 5), "vehicle")
 
 
 def states(seed):

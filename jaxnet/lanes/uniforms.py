@@ -1,0 +1,75 @@
+"""Uniform numbers that belong to what they are for, and to nothing else.
+
+One belongs to (seed, the quantity's dotted name, sample, vehicle, component): it does not change with the
+number of samples, the order in which lanes run, or any other key. Every distribution is its inverse CDF of
+that number, so cells that differ in anything share their draws (common random numbers).
+"""
+
+import zlib
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import jax
+import numpy as np
+from jaxtyping import Float, UInt32
+
+COMPONENTS = 4  # of a vehicle whose slots are side by side
+PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
+BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
+
+Entry = tuple[int, int]  # vehicle (0: the lane's own) and component
+Drawn = Float[np.ndarray, "samples places"]
+
+
+@runtime_checkable
+class Source(Protocol):
+    """Where the numbers of samples come from."""
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """Numbers inside (0, 1) of a quantity."""
+        ...
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """For what no fixed number of draws can make."""
+        ...
+
+
+class Keyed(NamedTuple):
+    """Random numbers of a seed."""
+
+    seed: int
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """In steps of 2⁻⁵³."""
+        rows, columns = in_blocks(samples, BLOCK[0]), in_blocks([slot(*place) for place in places], BLOCK[1])
+        with jax.enable_x64(True):
+            key = jax.random.fold_in(jax.random.key(self.seed), zlib.crc32(name.encode()))
+            drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
+        return ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """Of the seed, the name and the sample."""
+        return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
+
+
+def slot(vehicle: int, component: int) -> int:
+    """The number below 2³² that a place has to itself."""
+    page, component = divmod(component, COMPONENTS)
+    return page * PAGE + vehicle * COMPONENTS + component
+
+
+def in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
+    """Numbers in rows of this size, the last one filled up with zeros."""
+    padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
+    padded[: len(numbers)] = numbers
+    return padded.reshape(-1, size)
+
+
+@jax.jit
+def bits(key: Any, samples: Any, slots: Any) -> Any:
+    """64 random bits for each sample and slot."""
+
+    def one(sample: Any, slot: Any) -> Any:
+        return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64")
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(samples, slots)
