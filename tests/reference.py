@@ -13,6 +13,7 @@ vehicles are numbered 1..m and row i - 1 of any array over vehicles belongs to v
 first: index k of axis 0 is the k-th time derivative. The last axis is x, y.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -131,6 +132,12 @@ def _companion(gain):
     return np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-k0, -k1, -k2]])
 
 
+@functools.cache
+def _flows(k0, k1, k2, *times):
+    """Flows of (E, E', E'') over these times, which lanes of the same gain share: (times, 3, 3)."""
+    return expm(_companion((k0, k1, k2)) * np.asarray(times)[:, None, None])
+
+
 def _apply(flow, jets):
     """A (3, 3) flow applied to the jets (3, m, 2) of every vehicle and axis alike."""
     return np.einsum("kl,lmx->kmx", flow, jets)
@@ -139,7 +146,7 @@ def _apply(flow, jets):
 def nominal(navigator, gain, initial, times):
     """O1: positions (len(times), m, 2) without attack, by expm; `initial` is at t = 0."""
     error = np.asarray(initial, dtype=float) - np.asarray(navigator(0.0))[:3, None, :]
-    flows = expm(_companion(gain) * np.asarray(times)[:, None, None])
+    flows = _flows(*map(float, gain), *map(float, times))
     paths = np.asarray(navigator(np.asarray(times)))[0].T
     return paths[:, None] + np.einsum("tl,lmx->tmx", flows[:, 0], error)
 

@@ -18,6 +18,7 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.store.results import Results
 
 FEW = batch.Machine(devices=1, chunk=4)
+ROWS = 601  # output times that there is room for
 EVERYTHING = tuple(SERIES)  # saved wherever something is, for each choice is a program to be compiled
 
 
@@ -58,10 +59,22 @@ def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any
 
 
 def simulate(one: Any) -> Outcome:
-    """Outcomes of lanes; up to 24 run four side by side, for most of a wide chunk would be filling."""
-    jobs = getattr(one, "jobs", [one])
-    outcomes = [batch.simulate(each, FEW if each.size <= 24 else batch.EVERYTHING) for each in jobs]
+    """Outcomes of lanes."""
+    outcomes = [simulated(each) for each in getattr(one, "jobs", [one])]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
+
+
+def simulated(job: Job) -> Outcome:
+    """Outcome of a job; up to 24 lanes run four side by side, for most of a wide chunk would be filling.
+
+    These have room for more output times than there are, so that horizons share a program.
+    """
+    if job.size > 24:
+        return batch.simulate(job)
+    rows = job.plan.rows
+    roomy = job._replace(plan=job.plan._replace(rows=max(ROWS, rows) if rows else 0))
+    outcome = batch.simulate(roomy, FEW)
+    return outcome._replace(series={name: values[:, :rows] for name, values in outcome.series.items()})
 
 
 class OneLane(NamedTuple):

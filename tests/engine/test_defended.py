@@ -5,11 +5,13 @@ import pytest
 
 import jaxnet
 from jaxnet.config.scenario import safe_in, situation_of
+from jaxnet.engine import batch
 from jaxnet.engine.status import Status
 from jaxnet.kinds.attacks import Attack
 from jaxnet.view.text import check
 from tests import systems
 
+SIDE_BY_SIDE = 50  # lanes, of which all tests here have a multiple
 PAIR = {
     "vehicles": 4,
     "topology": {
@@ -31,7 +33,7 @@ SCORES = {
 
 def unrecovered(study, samples):
     """Share of lanes that end farther off than a hundredth of ā."""
-    outcome = systems.simulate(systems.lanes(study, samples, ()))
+    outcome = batch.simulate(systems.lanes(study, samples, ()), batch.Machine(chunk=SIDE_BY_SIDE))
     assert (outcome.status == 0).all()
     return (outcome.metrics["tail_mean"] > 0.01 * study.config.attack.magnitude).mean(), outcome
 
