@@ -29,7 +29,7 @@ MODULES = sorted((ROOT / "jaxnet").rglob("*.py"))
 # Each room may import itself and the rooms before it (docs/architecture.md).
 ROOMS = [
     *("model", "kinds", "theory", "engine", "config", "lanes", "store", "statistics", "runs"),
-    *("view", "film", "api", "cli"),
+    *("explore", "view", "film", "api", "cli"),
 ]
 
 

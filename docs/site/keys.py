@@ -17,7 +17,13 @@ LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
 DRAWN = ("Uniform", "Normal", "Choice")
-PARTS = {"initial": "Initial", "recovery": "Recovery", "save": "Save", "samples.until": "Criterion"}
+PARTS = {
+    "initial": "Initial",
+    "recovery": "Recovery",
+    "search": "Search",
+    "save": "Save",
+    "samples.until": "Criterion",
+}
 
 
 def main() -> None:
@@ -119,6 +125,8 @@ REFERENCES = {
     "ShareOfLinks": "{share: s, seed: n}",
     "ShareOfVehicles": "{share: s}",
     "Worst": "{worst: K}",
+    "Chosen": "{choose: n}",
+    "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",
 }

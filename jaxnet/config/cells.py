@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from jaxnet.config import faults, wording
+from jaxnet.config import faults, ranges, wording
 from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
 from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
 from jaxnet.kinds import registry
@@ -42,6 +42,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     """The study that a document describes; raises ConfigError with everything that is wrong."""
     name_kinds(document)
     complete_kinds(document)
+    ranges.widen(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.config.keys import KINDS, Config, Samples, Scenario, Sequential
+from jaxnet.config.keys import KINDS, Config, Samples, Scenario, Search, Sequential
 from jaxnet.config.wording import shown
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import bounds, is_drawn
@@ -13,6 +13,7 @@ from jaxnet.kinds.kind import Fault, Kind, KindError
 
 MULTIPLE = 1e-9  # relative
 MOST_MULTIPLE = 1e8
+LEAST_CHOICES = 100  # that a search tries
 
 
 def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
@@ -26,6 +27,8 @@ def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         )
     if study.recovery is not None:
         yield from recovery_faults(study, cells)
+    if study.search is not None:
+        yield from search_faults(study, study.search)
     yield from metric_faults(study)
 
 
@@ -48,6 +51,27 @@ def chosen_faults(chosen: list[int], samples: Any) -> Iterator[Fault]:
     beyond = [sample for sample in chosen if sample >= samples]
     if beyond:
         yield Fault((key, "samples"), f"samples are 0 to {samples - 1} (got {beyond[0]})")
+
+
+def search_faults(study: Config, search: Search) -> Iterator[Fault]:
+    """What is searched over is not swept, and what is maximised is measured."""
+    for key in search.over:
+        if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
+            yield Fault((f"search.over.{key}",), f"{swept[0]} is swept: search over it, or sweep it")
+    measured = [metric.name for metric in study.measured()]
+    if search.maximise == "unrecovered":
+        if study.recovery is None:
+            yield Fault(("search.maximise",), "needs to know what has recovered: give recovery: {tau: 0.01}")
+    elif search.maximise not in measured:
+        got = f"must be unrecovered, or one of {', '.join(measured)} (got {search.maximise})"
+        yield Fault(("search.maximise",), got)
+    if search.budget < LEAST_CHOICES * search.starts:
+        least = LEAST_CHOICES * search.starts
+        yield Fault(
+            ("search.budget", "search.starts"),
+            f"must be at least {least:,} lanes, {LEAST_CHOICES} choices from {search.starts} starts each"
+            f" (got {search.budget:,})",
+        )
 
 
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:

@@ -21,7 +21,7 @@ from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member
+from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member, ordered
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -180,6 +180,67 @@ class Recovery(Record):
     worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
 
 
+class Chosen(Record):
+    """So many vehicles, whom a search chooses."""
+
+    choose: int = Field(ge=1, description="how many")
+
+
+Bounds = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
+
+
+class EachIn(Record):
+    """A number for each attacked vehicle."""
+
+    each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
+
+
+def way_over(value: Any) -> str | None:
+    """Which way the range of a search is given."""
+    if isinstance(value, BaseModel):
+        return MARK + next(iter(type(value).model_fields))
+    if isinstance(value, dict):
+        return next((MARK + key for key in ("choose", "each") if key in value), None)
+    if isinstance(value, list):
+        return MARK + ("several" if value and isinstance(value[0], list) else "bounds")
+    return MARK + "word" if value == "each" else None
+
+
+Range = Annotated[
+    Annotated[Bounds, member("bounds")]
+    | Annotated[Literal["each"], member("word")]
+    | Annotated[EachIn, member("each")]
+    | Annotated[list[Bounds], member("several")]
+    | Annotated[Chosen, member("choose")],
+    Discriminator(
+        way_over,
+        custom_error_type="range",
+        custom_error_message="must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
+    ),
+]
+
+
+class Search(Record):
+    """What an attacker, or a designer, may choose, and how the worst choice is searched for."""
+
+    over: Annotated[dict[str, Range], Len(1)] = Field(
+        description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
+        " each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the attacked vehicles;"
+        " `jaxnet run` draws them there",
+    )
+    maximise: str = Field(
+        default="tail_max", description="a metric of rows, or unrecovered, the share of starts"
+    )
+    budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
+    starts: int = Field(
+        default=4,
+        ge=1,
+        le=10_000,
+        description="samples from whose start each choice is tried; the mean counts",
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's")
+
+
 class Criterion(Record):
     """When enough lanes were simulated."""
 
@@ -217,6 +278,7 @@ class Config(Scenario):
         Discriminator(samples_given),
     ] = Field(default=1, description="lanes per cell")
     recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
+    search: Search | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
     save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
 

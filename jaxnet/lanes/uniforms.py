@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import numpy as np
-from jaxtyping import Float, UInt32
+from jaxtyping import Float, Int, UInt32
 
 COMPONENTS = 4  # of a vehicle whose slots are side by side
 PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
@@ -19,6 +19,14 @@ BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that
 
 Entry = tuple[int, int]  # vehicle (0: the lane's own) and component
 Drawn = Float[np.ndarray, "samples places"]
+
+
+class Place(NamedTuple):
+    """What one uniform number of a sample is for."""
+
+    name: str
+    vehicle: int = 0  # the lane's own
+    component: int = 0
 
 
 @runtime_checkable
@@ -50,6 +58,53 @@ class Keyed(NamedTuple):
     def generator(self, name: str, sample: int) -> np.random.Generator:
         """Of the seed, the name and the sample."""
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
+
+
+class Recorded:
+    """A source, and which of its numbers were asked for, in the order in which they first were."""
+
+    def __init__(self, source: Source):
+        self.source, self.places = source, dict[Place, None]()
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """The source's."""
+        self.places.update({Place(name, *place): None for place in places})
+        return self.source.uniforms(name, samples, places)
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """The source's."""
+        return self.source.generator(name, sample)
+
+
+class Given(NamedTuple):
+    """Numbers given for some places, lane by lane; all others are those that a source has for a sample.
+
+    What is asked for by sample is asked for by the number of a lane here, from 0.
+    """
+
+    given: Drawn
+    columns: dict[Place, int]
+    samples: Int[np.ndarray, " lanes"]
+    source: Source
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """Those given, and others."""
+        lanes = np.asarray(samples)
+        columns = [self.columns.get(Place(name, *place)) for place in places]
+        found = np.empty((len(lanes), len(places)))
+        rest = [number for number, column in enumerate(columns) if column is None]
+        if rest:
+            theirs, where = np.unique(self.samples[lanes], return_inverse=True)
+            drawn = self.source.uniforms(name, theirs.tolist(), [places[number] for number in rest])
+            found[:, rest] = drawn[where]
+        for number, column in enumerate(columns):
+            if column is not None:
+                found[:, number] = self.given[lanes, column]
+        return found
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """Of the lane's sample."""
+        return self.source.generator(name, int(self.samples[sample]))
 
 
 def slot(vehicle: int, component: int) -> int:

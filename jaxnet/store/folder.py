@@ -28,7 +28,7 @@ from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.store import lock
 
-UNHASHED = ("name", "save", "samples", "recovery")  # keys that change no row
+UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
 OURS = (
     "study.yaml",

@@ -1,0 +1,61 @@
+"""What a search chooses: `search.over` says from where, and where nobody searches it is drawn from there."""
+
+from typing import Any
+
+from jaxnet.config.document import Document, Problem, put, split
+from jaxnet.config.keys import KINDS
+from jaxnet.kinds import registry
+from jaxnet.kinds.fields import FULL_TURN, is_drawn
+from jaxnet.kinds.kind import KindError
+
+
+def widen(document: Document) -> None:
+    """Write into a document, at each key that a search may choose, the distribution that it is drawn from.
+
+    What is not the way a range is written is left for the models to refuse.
+    """
+    search = document.data.get("search")
+    over = search.get("over") if isinstance(search, dict) else None
+    for key, given in over.items() if isinstance(over, dict) else ():
+        wrong = None
+        if key in document.overridden:
+            wrong = f"search.over.{key} replaces what is given on the command line; override that instead"
+        else:
+            try:
+                if (drawn := distribution_of(document, str(key), given)) is not None:
+                    put(document.data, split(str(key)), drawn)
+            except (LookupError, KindError) as error:
+                wrong = str(error.args[0])
+        if wrong:
+            at = ("search", "over", key)
+            document.problems.append(Problem(document.place(at), f"search.over.{key}", wrong))
+
+
+def distribution_of(document: Document, key: str, given: Any) -> Any:
+    """As a config writes it; None for what is no range."""
+    match given:
+        case [[*_], *_]:
+            return [distribution_of(document, key, each) for each in given]
+        case [_, _]:
+            return {"uniform": given}
+        case {"each": [_, _] as bounds}:
+            return {"each": {"uniform": bounds}}
+        case {"choose": number}:
+            return {"random": number}
+        case "each":
+            return own_distribution(document, key)
+    return None
+
+
+def own_distribution(document: Document, key: str) -> Any:
+    """What a key of a kind is drawn from by default, angles a full turn; else raises LookupError."""
+    root, _, name = key.partition(".")
+    there = document.data.get(root, {})
+    kind = there.get("kind") if isinstance(there, dict) else None
+    model = registry.find(root, kind) if root in KINDS and isinstance(kind, str) else None
+    field = model.model_fields.get(name) if model else None
+    if field is not None and is_drawn(field.default):
+        return field.default.model_dump()
+    if field is not None and (field.description or "").startswith("[rad]"):
+        return FULL_TURN.model_dump()
+    raise LookupError(f"give the bounds between which to search: {{each: [a, b]}} (got each for {key})")

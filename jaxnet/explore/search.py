@@ -1,0 +1,233 @@
+"""The worst choice: many populations of CMA-ES side by side, a generation of all of them one batch of lanes.
+
+Every choice is tried from the same starts, those of the study's first samples, and counts by their mean: what
+is maximised is then no random function, but one that jumps wherever a vehicle decides otherwise. CMA-ES
+does not mind. In the end the best is polished along its gradient, which a small step shows exactly where the
+error is affine in what is chosen and no decision changes.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from cmaes import CMA
+from jaxtyping import Float
+
+from jaxnet.engine import batch
+from jaxnet.engine.plan import Outcome
+from jaxnet.explore.box import Box, Coordinates
+
+POPULATIONS = 16  # side by side
+SPREAD = 0.25  # of a population at first, of the box's edge
+POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding out which sets are worth it
+MOST_SETS = 20_000  # that are enumerated
+LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
+AT_ONCE = 4096  # choices tried in a batch, where they could be more
+SMALL = 1e-6  # step by which a slope is found
+SHORTER = 0.25 * 0.5 ** np.arange(24)  # steps along it
+BETTER = 1e-9  # relative, or the polishing ends
+
+Point = Float[np.ndarray, " coordinates"]
+Means = Float[np.ndarray, " choices"]
+Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]
+
+
+class Generation(NamedTuple):
+    """A batch of choices that were tried, and how things stood after it."""
+
+    generation: int
+    phase: str  # sets, search or polish
+    lanes: int  # in all until then
+    best: float  # of all until then
+    generation_best: float
+    generation_median: float
+    failed: int  # lanes, in all until then
+
+
+class Trials:
+    """Choices that are tried, and the best of them so far.
+
+    `known` are values of a search that was broken off: this one goes the same way, and takes them.
+    """
+
+    def __init__(
+        self, box: Box, starts: int, measure: Measure, machine: batch.Machine, known: Sequence[Means] = ()
+    ):
+        self.box, self.starts, self.measure, self.machine = box, starts, measure, machine
+        self.known, self.values = list(known), list[Means]()
+        self.best, self.point = -math.inf, np.full(len(box.places), 0.5)
+        self.lanes = self.failed = 0
+
+    def attempt(self, phase: str, points: Coordinates) -> tuple[Means, Generation]:
+        """The mean over the starts at each point, not a number where a lane failed."""
+        number = len(self.values)
+        values = self.known[number] if number < len(self.known) else self.simulated(points)
+        self.values.append(values)
+        self.lanes += values.size
+        self.failed += int(np.isnan(values).sum())
+        means = values.mean(axis=1)
+        if not np.isnan(means).all():
+            leader = int(np.nanargmax(means))
+            if means[leader] > self.best:
+                self.best, self.point = float(means[leader]), points[leader].copy()
+        there = means[~np.isnan(means)]
+        best, median = (there.max(), np.median(there)) if there.size else (math.nan, math.nan)
+        return means, Generation(
+            number, phase, self.lanes, self.best, float(best), float(median), self.failed
+        )
+
+    def simulated(self, points: Coordinates) -> Float[np.ndarray, "choices starts"]:
+        """What lanes come to."""
+        samples = np.tile(np.arange(self.starts), len(points))
+        outcome = batch.simulate(self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine)
+        values = np.where(outcome.status == 0, self.measure(outcome), math.nan)
+        return values.reshape(len(points), self.starts)
+
+
+class Population:
+    """CMA-ES in some coordinates of a box; the others keep the values of `base`.
+
+    It moves in a space without edges: angles go round, other coordinates are mirrored at 0 and 1.
+    """
+
+    def __init__(self, box: Box, base: Point, seed: int):
+        self.base, self.free = base, box.free(box.attacked(base))
+        self.turns = box.turns[self.free]
+        self.strategy = CMA(mean=base[self.free], sigma=SPREAD, seed=seed)
+        self.asked = np.empty((0, len(self.free)))
+
+    def ask(self) -> Coordinates:
+        """A generation."""
+        self.asked = np.stack([self.strategy.ask() for _ in range(self.strategy.population_size)])
+        points = np.tile(self.base, (len(self.asked), 1))
+        points[:, self.free] = np.where(self.turns, self.asked % 1, 1 - np.abs(1 - self.asked % 2))
+        return points
+
+    def tell(self, values: Means) -> None:
+        """What the generation came to; a choice of which a lane failed counts less than all others."""
+        losses = np.where(np.isnan(values), math.inf, -values)
+        finite = losses[np.isfinite(losses)]
+        losses = np.where(np.isfinite(losses), losses, finite.max(initial=0.0) + 1.0)
+        self.strategy.tell(list(zip(self.asked, losses.tolist(), strict=True)))
+
+    def ended(self) -> bool:
+        """Whether there is nothing more to find where it is."""
+        return self.strategy.should_stop()
+
+
+def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
+    """Spend so many lanes, or fewer; what the trials came to then is their best."""
+    box, choices, random = trials.box, budget // trials.starts, np.random.default_rng(seed)
+    sets = sets_of(box, choices, random)
+    if not box.free(sets[0]):
+        for some in in_parts(sets, AT_ONCE):
+            yield trials.attempt("sets", np.stack([box.centre(each) for each in some]))[1]
+        return
+    begun = [random_points(box, each, 1, random)[0] for each in sets]
+    if len(sets) > 1:
+        begun = yield from screened(trials, sets, int(SCREEN * choices), random)
+    yield from evolved(trials, begun, int((1 - POLISH) * choices) * trials.starts, random)
+    yield from polished(trials, budget)
+
+
+def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[int]]:
+    """Sets of attacked vehicles: all that there are, or so many of them at random if there are more."""
+    if not box.lots:
+        return [box.scenario.attack.targets()]
+    vehicles, number = range(1, box.scenario.vehicles + 1), box.scenario.attack.number()
+    most = min(most, MOST_SETS)
+    if math.comb(len(vehicles), number) <= most:
+        return list(itertools.combinations(vehicles, number))
+    return [tuple(sorted(random.choice(vehicles, number, replace=False).tolist())) for _ in range(most)]
+
+
+def random_points(box: Box, attacked: Sequence[int], number: int, random: np.random.Generator) -> Coordinates:
+    """Points anywhere in the box where these vehicles are attacked."""
+    points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
+    points[:, free] = random.random((number, len(free)))
+    return points
+
+
+def screened(
+    trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
+) -> Iterator[Generation]:
+    """The sets by their best of some random points: the best half of them gets as many again, and so on.
+
+    Returns the best point of each set that was tried, the best set first.
+    """
+    rounds = max(1, math.ceil(math.log2(len(sets) / POPULATIONS)))
+    left = [sets[number] for number in random.permutation(len(sets))][: max(1, choices // rounds)]
+    best: dict[Sequence[int], tuple[float, Point]] = {}
+    for _ in range(rounds):
+        each = max(1, choices // rounds // len(left))
+        for some in in_parts(left, max(1, AT_ONCE // each)):
+            points = np.concatenate([random_points(trials.box, attacked, each, random) for attacked in some])
+            values, generation = trials.attempt("sets", points)
+            yield generation
+            values = np.nan_to_num(values, nan=-math.inf).reshape(len(some), each)
+            for attacked, theirs, at in zip(some, values, points.reshape(len(some), each, -1), strict=True):
+                found = float(theirs.max()), at[theirs.argmax()]
+                best[attacked] = max(best.get(attacked, found), found, key=lambda pair: pair[0])
+        left.sort(key=lambda attacked: -best[attacked][0])
+        left = left[: max(POPULATIONS, len(left) // 2)]
+    return [point for _, point in sorted(best.values(), key=lambda pair: -pair[0])]
+
+
+def evolved(
+    trials: Trials, begun: list[Point], until: int, random: np.random.Generator
+) -> Iterator[Generation]:
+    """Populations from these points on, until so many lanes are spent; one that has ended begins anew."""
+    box, points = trials.box, itertools.cycle(begun)
+
+    def another() -> Population:
+        point = next(points).copy()
+        if trials.lanes > 0 and not box.lots:
+            point[box.free(box.attacked(point))] = random.random(len(box.free(box.attacked(point))))
+        return Population(box, point, int(random.integers(2**32)))
+
+    size = another().strategy.population_size * trials.starts
+    side_by_side = min(POPULATIONS, max(1, (until - trials.lanes) // (LEAST_GENERATIONS * size)))
+    populations = [another() for _ in range(side_by_side)]
+    while trials.lanes + size * len(populations) <= until:
+        asked = [population.ask() for population in populations]
+        values, generation = trials.attempt("search", np.concatenate(asked))
+        yield generation
+        parts = np.split(values, np.cumsum([len(each) for each in asked])[:-1])
+        for number, (population, theirs) in enumerate(zip(populations, parts, strict=True)):
+            population.tell(theirs)
+            if population.ended():
+                populations[number] = another()
+
+
+def polished(trials: Trials, until: int) -> Iterator[Generation]:
+    """From the best up its slope, as long as it gets better and lanes are left."""
+    box = trials.box
+    free = box.free(box.attacked(trials.point))
+    while trials.lanes + (2 * len(free) + len(SHORTER)) * trials.starts <= until:
+        before, point = trials.best, trials.point
+        steps = np.zeros((len(free), len(point)))
+        steps[np.arange(len(free)), free] = SMALL
+        values, generation = trials.attempt("polish", moved(box, point, np.concatenate([steps, -steps])))
+        yield generation
+        slope = np.nan_to_num(values[: len(free)] - values[len(free) :])
+        if not slope.any():
+            return
+        along = np.zeros(len(point))
+        along[free] = slope / np.abs(slope).max()
+        _, generation = trials.attempt("polish", moved(box, point, SHORTER[:, None] * along))
+        yield generation
+        if not trials.best > before + BETTER * abs(before):
+            return
+
+
+def moved(box: Box, point: Point, steps: Coordinates) -> Coordinates:
+    """Points so far from one, inside the box; angles go round."""
+    points = point + steps
+    return np.where(box.turns, points % 1, np.clip(points, 0, 1))
+
+
+def in_parts(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
+    """So many at a time."""
+    return (items[first : first + size] for first in range(0, len(items), size))
