@@ -1,5 +1,6 @@
 """What a script calls: `load` a study, `run` or `simulate` it, `open` its results; `field` is one lane's."""
 
+import contextlib
 import dataclasses
 import uuid
 import weakref
@@ -11,6 +12,7 @@ import pandas as pd
 import xarray as xr
 from upath import UPath
 
+from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.study import Source, Study, load
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.steps import Steps, untold
@@ -36,6 +38,7 @@ __all__ = [
     "open",
     "run",
     "run_part",
+    "search",
     "simulate",
 ]
 
@@ -318,6 +321,51 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
         yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
         yield page.write_page(results)
+
+
+def search(
+    study: Source,
+    out: Place | None = None,
+    fresh: bool = False,
+    progress: Progress = None,
+    devices: int | None = None,
+    chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> Results:
+    """Look for the worst choice in each cell of a study that has `search`, and simulate as many random lanes.
+
+    These are a run of the study, and the arguments are `run`'s. Of the Results, `worst` has a row for each
+    cell and `searched` one for each generation. A search that was broken off goes on.
+
+    Raises ConfigError, FolderError or ClusterError.
+    """
+    results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
+    with contextlib.nullcontext(untold) if progress is False else reports.stepping() as told:
+        for _ in write_search(results, told, devices, chunk):
+            pass
+    return results
+
+
+def with_random_lanes(study: Source) -> Study:
+    """The study with as many random lanes as its search takes; raises ConfigError if it has none."""
+    study = load(study)
+    if study.config.search is None:
+        problem = Problem(study.config.name, "search", "is missing: search: {over: {attack.phase: each}}")
+        raise ConfigError([problem])
+    return load(study, {"samples": study.config.search.budget})
+
+
+def write_search(
+    results: stored.Results, told: Steps = untold, devices: int | None = None, chunk: int | None = None
+) -> Iterator[UPath]:
+    """Search in each cell of a study whose random lanes are there; the files, one after the other."""
+    enable()
+    from jaxnet.engine.batch import Machine
+    from jaxnet.explore.worst import search_each
+
+    with Folder(results.path).writing():
+        yield from search_each(results, Machine(devices, chunk), told)
 
 
 def default_out(study: Study, out: Place | None) -> Place:

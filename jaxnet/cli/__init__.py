@@ -6,7 +6,7 @@ import jaxnet
 from jaxnet.cli import lanes, results, studies
 
 SECTIONS = {
-    "A study": (studies.init, studies.check, studies.run, studies.schema),
+    "A study": (studies.init, studies.check, studies.run, studies.search, studies.schema),
     "Its results": (results.list_results, results.show, results.fit, results.report, results.figure),
     "One lane": (lanes.replay, lanes.animate),
     "Further": (results.compare, results.export),

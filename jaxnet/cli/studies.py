@@ -159,6 +159,41 @@ def run(
 
 @click.command()
 @takes_config
+@click.option(
+    "--out", metavar="DIR", type=click.Path(), help="Results folder or URL.  [default: results/NAME]"
+)
+@click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
+@click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
+@click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
+@click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
+def search(
+    config: Path,
+    overrides: tuple[str, ...],
+    out: str | None,
+    fresh: bool,
+    devices: int | None,
+    workers: int | None,
+    cluster: str | None,
+) -> None:
+    """Look for the worst of what `search.over` lets an attacker choose, beside as many random lanes.
+
+    The lanes are a run of the study; a search that was broken off goes on. The best choice of each cell is
+    tried from 10,000 other starts and by the nonlinear engine, and written as a study of its own.
+    """
+    with user_errors():
+        from jaxnet import api
+        from jaxnet.view.text import progress, worst
+
+        study = api.with_random_lanes(jaxnet.load(config, overrides))
+        results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
+        with progress.stepping() as told:
+            files = [str(file) for file in api.write_search(results, told, devices)]
+        click.echo(worst.text(results))
+        click.echo("\n".join(f"wrote {file}" for file in files), err=True)
+
+
+@click.command()
+@takes_config
 def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():

@@ -9,8 +9,9 @@ from jaxtyping import Float, Int
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Job
 from jaxnet.kinds import fields
+from jaxnet.lanes.draws import quantile
 from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Place, Given, Recorded, Source
+from jaxnet.lanes.uniforms import Given, Place, Recorded, Source
 
 INSIDE = 2.0**-54  # from the edges, where a normal number is infinite
 TURN = 1e-9  # [rad] of a full turn
@@ -35,6 +36,11 @@ class Box:
         inside = np.clip(points, INSIDE, 1 - INSIDE)
         given = Given(inside, self.columns, samples, self.source)
         return job(self.scenario, given, range(len(points)))
+
+    def number(self, place: Place, coordinate: float) -> float:
+        """The number that a coordinate stands for."""
+        inside = np.clip(np.array([coordinate]), INSIDE, 1 - INSIDE)
+        return float(quantile(value_at(self.scenario, place), inside)[0])
 
     def free(self, attacked: Collection[int]) -> list[int]:
         """Coordinates that matter where these vehicles are attacked: not those of the attack on others."""

@@ -31,7 +31,8 @@ BETTER = 1e-9  # relative, or the polishing ends
 
 Point = Float[np.ndarray, " coordinates"]
 Means = Float[np.ndarray, " choices"]
-Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]
+Starts = Float[np.ndarray, "choices starts"]
+Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]  # not a number of a lane that failed
 
 
 class Generation(NamedTuple):
@@ -53,10 +54,10 @@ class Trials:
     """
 
     def __init__(
-        self, box: Box, starts: int, measure: Measure, machine: batch.Machine, known: Sequence[Means] = ()
+        self, box: Box, starts: int, measure: Measure, machine: batch.Machine, known: Sequence[Starts] = ()
     ):
         self.box, self.starts, self.measure, self.machine = box, starts, measure, machine
-        self.known, self.values = list(known), list[Means]()
+        self.known, self.values = list(known), list[Starts]()
         self.best, self.point = -math.inf, np.full(len(box.places), 0.5)
         self.lanes = self.failed = 0
 
@@ -78,12 +79,11 @@ class Trials:
             number, phase, self.lanes, self.best, float(best), float(median), self.failed
         )
 
-    def simulated(self, points: Coordinates) -> Float[np.ndarray, "choices starts"]:
+    def simulated(self, points: Coordinates) -> Starts:
         """What lanes come to."""
         samples = np.tile(np.arange(self.starts), len(points))
         outcome = batch.simulate(self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine)
-        values = np.where(outcome.status == 0, self.measure(outcome), math.nan)
-        return values.reshape(len(points), self.starts)
+        return self.measure(outcome).reshape(len(points), self.starts)
 
 
 class Population:

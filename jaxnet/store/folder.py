@@ -38,6 +38,11 @@ OURS = (
     "errors.zarr",
     "trajectories.zarr",
     "replays",
+    "search",
+    "search.csv",
+    "worst",
+    "worst.csv",
+    "worst.yaml",
     *DERIVED,
 )
 ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes

@@ -109,10 +109,21 @@ class Results:
         """Lanes above a bound that claims to hold for them."""
         return self.table("violations.csv")
 
-    def table(self, name: str) -> pd.DataFrame:
-        """One of the tables of `jaxnet fit`; raises FolderError if it is not there."""
+    @property
+    def worst(self) -> pd.DataFrame:
+        """The worst that a search has found in each cell."""
+        return self.table("worst.csv", "jaxnet search CONFIG makes it")
+
+    @property
+    def searched(self) -> pd.DataFrame:
+        """Each generation of a search."""
+        return self.table("search.csv", "jaxnet search CONFIG makes it")
+
+    def table(self, name: str, remedy: str = "") -> pd.DataFrame:
+        """A table that is made when it is asked for; raises FolderError if it is not there."""
         if not (self.path / name).exists():
-            raise FolderError(f"{self.path} has no {name}: jaxnet fit {self.path} makes it, or Results.fit()")
+            remedy = remedy or f"jaxnet fit {self.path} makes it, or Results.fit()"
+            raise FolderError(f"{self.path} has no {name}: {remedy}")
         return read_table(self.path / name)
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:

@@ -8,6 +8,7 @@ import matplotlib as mpl
 from upath import UPath
 
 from jaxnet.config.cells import Cell
+from jaxnet.explore.courses import courses
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
@@ -20,6 +21,7 @@ from jaxnet.view.figures import (
     bands,
     heat,
     panels,
+    search,
     style,
     tails,
     topology,
@@ -27,6 +29,7 @@ from jaxnet.view.figures import (
     unrecovered,
 )
 from jaxnet.view.figures.style import Figure
+from jaxnet.view.text import worst
 
 NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
 NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
@@ -104,6 +107,29 @@ class Plots:
     def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
         """The mean tail error against ā, under its bounds and fits once there are some."""
         return against_magnitude(self.results, "tail_mean", *selection(self.results, where, column))
+
+    @in_style
+    def search(self, where: Where | None = None, column: str = "two") -> Figure:
+        """The best choice until then, by lanes, of a search and of as many random lanes."""
+        cells, width = selection(self.results, where, column)
+        asked = searched(self.results)
+        shown = cells[: search.room([cell.labels for cell in cells], width)]
+        return search.course(list(courses(self.results, shown)), len(cells), f"{asked} [m]", width)
+
+    @in_style
+    def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
+        """The worst that a search found, the best of as many random lanes, and the bound: a row a cell."""
+        cells, width = selection(self.results, where, column)
+        words = f"worst {searched(self.results)}, per ā"
+        return search.worst(worst.table(self.results), cells, words, width)
+
+
+def searched(results: Results) -> str:
+    """What a folder's search has maximised; raises FolderError if there was none."""
+    asked = results.study.config.search
+    if asked is None or not (results.path / "worst.csv").exists():
+        raise LackingError(f"{results.path} has no worst.csv: jaxnet search CONFIG makes it")
+    return asked.maximise
 
 
 def selection(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:

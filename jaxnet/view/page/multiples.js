@@ -129,6 +129,39 @@ const shares = {
   },
 };
 
+// The best until then, by lanes: of a search and of random lanes.
+const SEARCH_LINE = { color: "--blue", width: 2, dash: "solid", shape: "hv" };
+const RANDOM_LINE = { color: "--red", width: 1.6, dash: "5px,3px", shape: "hv" };
+const BOUND_LINE = { color: "--black", width: 1.4, dash: "2px,2px" };
+const searches = {
+  curves: () => [
+    { name: "search", look: { line: SEARCH_LINE } }, { name: "random lanes", look: { line: RANDOM_LINE } },
+    { name: "bound", look: { line: BOUND_LINE } },
+  ],
+  figure(given, [panel]) {
+    const lanes = given.panels.flatMap((each) => [...each.lanes, ...each.random_lanes]);
+    const heights = given.panels.flatMap((each) => [...each.best, ...each.random_best, each.bound]).filter((value) => value > 0);
+    const curve = (name, x, y, line) => {
+      const text = y.map((value, n) => `${name} ${measured(value)} m after ${x[n]} lanes`);
+      return { name, x, y, mode: "lines", line, text, hoverinfo: "text" };
+    };
+    const ends = [Math.min(...lanes), Math.max(...lanes)];
+    const bound = panel.bound === null ? [] : [curve("bound", ends, ends.map(() => panel.bound), BOUND_LINE)];
+    return {
+      data: [...bound, curve("random lanes", panel.random_lanes, panel.random_best, RANDOM_LINE),
+        curve("search", panel.lanes, panel.best, SEARCH_LINE)],
+      layout: { xaxis: { type: "log", dtick: 1, title: { text: "lanes" } },
+        yaxis: { type: "log", range: [Math.log10(Math.min(...heights) / 1.2), Math.log10(Math.max(...heights) * 1.2)],
+          nticks: 5, title: { text: given.words } } },
+    };
+  },
+  rows(given, [panel]) {
+    const column = (name, x, y) => x.map((lanes, n) => [name, lanes, y[n]]);
+    return [["what", "lanes", "best"], ...column("search", panel.lanes, panel.best),
+      ...column("random lanes", panel.random_lanes, panel.random_best)];
+  },
+};
+
 // A name on several short lines.
 function wrapped(name) {
   const lines = [""];
@@ -185,5 +218,5 @@ function showMultiples(section, given, kind) {
   followers.push(() => { page = 0; show(); });
   show();
 }
-for (const [id, kind] of Object.entries({ ultimate, bands, unrecovered: shares }))
+for (const [id, kind] of Object.entries({ ultimate, bands, unrecovered: shares, search: searches }))
   if (data.sections[id]) showMultiples(document.getElementById(id), data.sections[id], kind);

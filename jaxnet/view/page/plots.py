@@ -12,6 +12,7 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import bare, quantity, title
+from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
@@ -151,6 +152,19 @@ def coloured(metric: str, values: pd.Series) -> dict[str, Any]:
         "words": [digits(metric, value) if np.isfinite(value) else "" for value in values],
         "places": numbers(np.ma.filled(norm(values.to_numpy()), np.nan)),
         "ends": np.asarray(norm.inverse([0.0, 1.0])).tolist(),
+    }
+
+
+def searches(found: Iterable[Course], words: str) -> dict[str, Any]:
+    """The best until then, by lanes, of each cell's search and of random lanes."""
+    return {
+        "words": words,
+        "panels": [
+            panel([each.cell.number], each.cell.labels)
+            | {name: numbers(getattr(each, name)) for name in Course._fields[1:-1]}
+            | {"bound": each.bound if np.isfinite(each.bound) else None}
+            for each in found
+        ],
     }
 
 

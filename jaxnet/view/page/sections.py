@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.explore.courses import courses
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
@@ -27,7 +28,7 @@ from jaxnet.statistics.tiles import tiling
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded, sortable
-from jaxnet.view.text import check, tables
+from jaxnet.view.text import check, tables, worst
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200
@@ -58,6 +59,7 @@ def every(results: Results) -> list[Section]:
         bands_section(results),
         unrecovered_section(results, found),
         heat_section(results),
+        search_section(results),
         lanes_section(results),
         violations_section(results),
         failed(results),
@@ -202,6 +204,25 @@ def heat_section(results: Results) -> Section:
         " keys for its interval and lanes. * Some of its lanes failed; they are in no number.</p>"
     )
     return Section("heat", name, note + DRAWN, drawn)
+
+
+def search_section(results: Results) -> Section | None:
+    """What a search has found, beside random lanes and bounds."""
+    asked = results.study.config.search
+    if asked is None:
+        return None
+    name = "The worst that a search found"
+    if not (results.path / "worst.csv").exists():
+        return Section("search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>")
+    rows = worst.table(results)
+    chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
+    note = (
+        f"<p>{escape(asked.maximise)} over {chosen}, per ā. The best of as many random lanes, the bound of"
+        " theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
+        " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
+    )
+    drawn = plots.searches(courses(results, results.study.cells), f"{asked.maximise} [m]")
+    return Section("search", name, note + sortable(rows, ([cell] for cell in rows["cell"])) + DRAWN, drawn)
 
 
 def lanes_section(results: Results) -> Section:

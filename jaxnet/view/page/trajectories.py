@@ -1,5 +1,6 @@
 """Lanes with their trajectories, packed for the page's lane viewer."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,42 @@ from jaxnet.view.page.plots import packed
 
 BUDGET = 1_200_000  # bytes of the page that lanes take, at most
 MOST_LANES = 30
+MOST_SEARCHED = 6
 MOST_FRAMES, FEWEST_FRAMES = 601, 51
 LETTERS = 4 / 3  # per byte
 
 
 def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
     """As many lanes as the page has room for, and how many have a trajectory in all."""
-    found = watched(results)
-    most = max((frame_bytes(results.study.cells[each.cell]) for each in found[:MOST_LANES]), default=1.0)
+    found = [*searched_for(results), *((results, each) for each in watched(results))]
+    most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_LANES]), default=1.0)
     room = BUDGET / most
     count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
     frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
-    return [lane(results, each, frames) for each in found[:count]], len(found)
+    return [lane(of, each, frames) | about(results, of, each) for of, each in found[:count]], len(found)
+
+
+def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:
+    """The first lane of what a search found in each cell, the worst for its ā first, of a few cells."""
+    if not (results.path / "worst.csv").exists():
+        return
+    found = results.worst
+    order = (found["found"] / found["magnitude"]).sort_values(ascending=False).index[:MOST_SEARCHED]
+    for cell in found.loc[order, "cell"]:
+        alone = Results(results.path / "worst" / str(cell))
+        if (alone.path / "trajectories.zarr").exists():
+            yield from ((alone, each) for each in watched(alone)[:1])
+
+
+def about(results: Results, of: Results, one: Watched) -> dict[str, Any]:
+    """Of which cell a lane is, and what it is called, if a search has found it."""
+    if of is results:
+        return {}
+    number = int(of.path.name)
+    where = title(results.study.cells[number].labels)
+    error = float(of.lanes["tail_max"].iloc[0])
+    told = f"found by the search, cell {number}: greatest tail error {measured(error)} m"
+    return {"cells": [number], "label": ", ".join(filter(None, [where, told]))}
 
 
 def frame_bytes(cell: Cell) -> float:

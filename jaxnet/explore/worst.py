@@ -1,0 +1,198 @@
+"""A study's search in its results folder: what was tried, the worst found in each cell, and how it stands up.
+
+`search/CELL.npz` keeps what all choices came to, so that a search that is broken off goes on; `search.csv`
+has a row a generation, `worst.csv` a row a cell, and `worst.yaml` is a study of the worst choice alone.
+"""
+
+import functools
+import hashlib
+import io
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from upath import UPath
+
+from jaxnet.config.cells import Cell, plain
+from jaxnet.config.keys import Config, Search
+from jaxnet.config.study import Study
+from jaxnet.engine import batch
+from jaxnet.engine.batch import Machine
+from jaxnet.engine.plan import Outcome
+from jaxnet.explore import alone
+from jaxnet.explore.box import Box, places_of
+from jaxnet.explore.search import Generation, Trials, searched
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
+from jaxnet.runs.replay import with_engine
+from jaxnet.statistics import limits, recovery
+from jaxnet.statistics.steps import Steps
+from jaxnet.store import rows
+from jaxnet.store.folder import Folder, FolderError, digest
+from jaxnet.store.results import Results
+
+CHECKPOINT = 10.0  # [s]
+FRESH = 10_000  # starts from which the worst choice is tried again
+BOUNDED = {"tail_max": np.max, "tail_mean": np.mean}  # of what vehicles' bounds come to, metrics are at most
+
+
+class Worst(NamedTuple):
+    """What was found in a cell."""
+
+    cell: int
+    found: float
+    magnitude: float  # ā [m]
+    attacked: str  # vehicles
+    random: float  # the best of as many random lanes
+    bound: float  # of theory, where one holds
+    fresh: float  # mean over other starts
+    fresh_low: float  # 5 % quantile of them
+    fresh_high: float  # and their greatest
+    nonlinear: float  # from the same starts as `found`
+    lanes: int
+    failed: int
+
+
+class Hunt:
+    """The search in one cell."""
+
+    def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
+        assert study.search is not None
+        self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
+        self.asked: Search = study.search
+        source = Keyed(study.seed)
+        drawn = [place for place in places_of(cell.scenario, source) if place.name in self.asked.over]
+        if missing := [key for key in self.asked.over if key not in {place.name for place in drawn}]:
+            raise FolderError(f"{cell} does not draw {missing[0]}, so there is nothing to choose")
+        self.box = Box(cell.scenario, source, drawn)
+        self.trials = Trials(self.box, self.asked.starts, self.measured, machine, self.known())
+
+    def measured(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
+        """What is maximised, of each lane; not a number where it failed."""
+        return np.where(outcome.status == 0, self.counted(outcome.metrics), math.nan)
+
+    def counted(self, metrics: Mapping[str, Any]) -> Float[np.ndarray, " lanes"]:
+        """What is maximised, of lanes with these metrics."""
+        if self.asked.maximise != "unrecovered":
+            return np.asarray(metrics[self.asked.maximise])
+        assert self.study.recovery is not None
+        over = recovery.threshold(self.cell, self.study.recovery.tau)
+        return (np.asarray(metrics["tail_mean"]) > over).astype(float)
+
+    def generations(self) -> Iterator[Generation]:
+        """All, those that were there included; what they came to is kept now and then, and at the end."""
+        kept = time.monotonic()
+        try:
+            for generation in searched(self.trials, self.asked.budget, self.asked.seed):
+                yield generation
+                if time.monotonic() > kept + CHECKPOINT:
+                    self.keep()
+                    kept = time.monotonic()
+        finally:
+            self.keep()
+
+    @property
+    def file(self) -> str:
+        """Where it is kept what the choices came to."""
+        return f"search/{self.cell.number}.npz"
+
+    def stamp(self) -> str:
+        """Of all that makes the search go its way."""
+        said = json.dumps([digest(self.study), plain(self.asked), self.cell.number])
+        return hashlib.sha256(said.encode()).hexdigest()
+
+    def known(self) -> list[np.ndarray]:
+        """What the choices of a search like this one came to that was broken off."""
+        path = self.folder.path / self.file
+        if not path.exists():
+            return []
+        with np.load(io.BytesIO(path.read_bytes())) as kept:
+            if str(kept["stamp"]) != self.stamp():
+                return []
+            return np.split(kept["values"], np.cumsum(kept["sizes"])[:-1])
+
+    def keep(self) -> None:
+        """Write what the choices came to."""
+        values = self.trials.values
+        if len(values) > len(self.trials.known):
+            sizes = np.array([len(each) for each in values])
+            content = {"stamp": np.array(self.stamp()), "sizes": sizes, "values": np.concatenate(values)}
+            self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
+
+    def worst(self, results: Results) -> tuple[Worst, Study]:
+        """What was found, and the study of it alone."""
+        starts, trials = self.asked.starts, self.trials
+        study = alone.study_of(self.study, self.cell, self.box, trials.point)
+        (found,) = study.cells
+        fresh = self.box.lanes(np.tile(trials.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
+        same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
+        again, nonlinear = (self.measured(batch.simulate(each, self.machine)) for each in (fresh, same))
+        amplitude = float(found.scenario.attack.amplitude())
+        return Worst(
+            self.cell.number,
+            trials.best,
+            amplitude,
+            " ".join(map(str, found.scenario.attack.targets())),
+            self.best_random(results),
+            bound_of(found.scenario, self.asked.maximise) * amplitude,
+            *spread_of_values(again),
+            float(nonlinear.mean()),
+            trials.lanes,
+            trials.failed + int(np.isnan(again).sum()),
+        ), study
+
+    def best_random(self, results: Results) -> float:
+        """Of the folder's lanes of the cell; of shares their mean."""
+        column = "tail_mean" if self.asked.maximise == "unrecovered" else self.asked.maximise
+        ((_, found),) = results.by_cell(column, where=rows.OK, cells=[self.cell.number])
+        values = self.counted({column: found[column].to_numpy()})
+        return float(values.mean() if self.asked.maximise == "unrecovered" else values.max())
+
+
+def spread_of_values(values: Float[np.ndarray, " lanes"]) -> tuple[float, float, float]:
+    """Mean, 5 % quantile and greatest of those that are numbers."""
+    there = values[~np.isnan(values)]
+    if not there.size:
+        return math.nan, math.nan, math.nan
+    return float(there.mean()), float(np.quantile(there, 0.05)), float(there.max())
+
+
+def bound_of(scenario: Any, metric: str) -> float:
+    """The sharpest bound on a metric that holds, per ā; not a number where none is known."""
+    if metric not in BOUNDED or limits.spread_of(scenario) is None:
+        return math.nan
+    of_vehicles = BOUNDED[metric]
+    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.holding(scenario).values())
+
+
+def table_of(found: Sequence[Worst], cells: Sequence[Cell]) -> pd.DataFrame:
+    """A row a cell, its swept values first."""
+    labelled = ({"cell": each.cell, **cells[each.cell].labels, **each._asdict()} for each in found)
+    return pd.DataFrame(labelled)
+
+
+def search_each(results: Results, machine: Machine, told: Steps) -> Iterator[UPath]:
+    """Search in each cell of a study whose random lanes a folder holds; the files, one after the other."""
+    folder, study = Folder(results.path), results.study
+    config = study.config
+    assert config.search is not None
+    found, generations = list[Worst](), list[dict[str, Any]]()
+    for cell in study.cells:
+        hunt = Hunt(config, cell, folder, machine)
+        for generation in hunt.generations():
+            words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
+            told(words, generation.lanes, config.search.budget)
+            generations.append({"cell": cell.number, **cell.labels, **generation._asdict()})
+        worst, choice = hunt.worst(results)
+        found.append(worst)
+        yield alone.simulated(choice, Folder(results.path / "worst" / str(cell.number)), machine)
+        name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
+        yield folder.put(name, functools.partial(alone.write, choice, name))
+    tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
+    for name, table in tables.items():
+        yield folder.put(name, functools.partial(table.to_csv, index=False))

@@ -1,0 +1,61 @@
+"""What searches found: how they went, and the worst of each cell beside random lanes and bounds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.config.cells import Cell
+from jaxnet.explore.courses import Course
+from jaxnet.statistics.curves import MOST_PANELS
+from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures.style import Figure
+
+LINES = {"search": style.SERIES[0], "random lanes": style.SERIES[1]}
+MARKS = {
+    "random lanes": {"marker": "o", "markersize": 4, "markerfacecolor": "none", "color": style.RED},
+    "found": {"marker": "o", "markersize": 4, "color": style.BLUE},
+    "bound": {"marker": "|", "markersize": 8, "color": style.BLACK},
+}
+
+
+def course(found: Sequence[Course], there: int, words: str, width: float) -> Figure:
+    """The best until then, by lanes: a panel a cell."""
+    labels = [each.cell.labels for each in found]
+    drawn, panels = multiples.panels(labels, "lanes", words, width)
+    for panel, each in zip(panels, found, strict=True):
+        panel.step(each.lanes, each.best, where="post", label="search", **LINES["search"])
+        panel.step(
+            each.random_lanes, each.random_best, where="post", label="random lanes", **LINES["random lanes"]
+        )
+        if np.isfinite(each.bound):
+            panel.axhline(each.bound, label="bound", color=style.BLACK, linestyle=":")
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+    multiples.log_ticks(panels[0].yaxis)
+    known = [entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)]
+    entries = {name: line for line, name in known}
+    drawn.legend([*entries.values()], [*entries], loc="outside lower center", ncols=3)
+    multiples.note_left_out(drawn, (len(found), there, "cells"), where="search.csv")
+    return drawn
+
+
+def room(labels: Sequence[dict[str, object]], width: float) -> int:
+    """How many panels a page has room for."""
+    return multiples.room(labels, width)
+
+
+def worst(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
+    """A row a cell: the best of random lanes, what was found, and the bound, per ā."""
+    labels = [cell.labels for cell in cells]
+    shown = multiples.rows_room(labels, width, MOST_PANELS)
+    rows = table.set_index("cell").loc[[cell.number for cell in cells[:shown]]]
+    drawn, panel = multiples.named_rows(labels[:shown], width)
+    for name, look in MARKS.items():
+        panel.plot(rows[name], range(shown), linestyle="none", label=name, **look)
+    panel.set_xscale("log")
+    multiples.log_ticks(panel.xaxis)
+    panel.set_xlabel(words)
+    drawn.legend(loc="outside lower center", ncols=3)
+    multiples.note_left_out(drawn, (shown, len(cells), "cells"), where="worst.csv")
+    return drawn

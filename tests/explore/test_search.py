@@ -1,0 +1,148 @@
+"""The worst choice is found where it is known, is what its study of its own gives, and is found again."""
+
+import itertools
+import math
+
+import jax
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet import api
+from jaxnet.explore import worst
+from jaxnet.explore.box import Box, places_of
+from jaxnet.explore.search import Trials, searched
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
+from tests import systems
+
+KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
+BIAS = {"kind": "bias", "magnitude": 10.0}
+
+
+def study(over, budget=1000, **keys):
+    """A study that searches, of a constant attack."""
+    search = {"over": over, "budget": budget, "starts": 2, **keys.pop("search", {})}
+    return jaxnet.load({"name": "s", **KEYS, "attack": BIAS, **keys, "search": search})
+
+
+def box_of(given):
+    """The box of a study's first cell."""
+    scenario, source = given.cells[0].scenario, Keyed(given.config.seed)
+    drawn = [place for place in places_of(scenario, source) if place.name in given.config.search.over]
+    return Box(scenario, source, drawn)
+
+
+def largest(outcome):
+    """The greatest tail error of each lane."""
+    return np.where(outcome.status == 0, outcome.metrics["tail_max"], math.nan)
+
+
+@pytest.mark.parametrize(("topology", "greatest"), [("star", 1.0), ("cyclic", 90 / 29), ("path", 4.0)])
+def test_constant_attacks_end_in_phase(topology, greatest):
+    """Four directions are free, and all the same is the worst: 1, 3.1034 and 4 times ā, to 1 %."""
+    given = study({"attack.direction": "each"}, topology=topology)
+    trials = Trials(box_of(given), 2, largest, systems.FEW)
+    lanes = [generation.lanes for generation in searched(trials, 4000, 1)]
+    assert lanes == sorted(lanes)
+    assert lanes[-1] == trials.lanes <= 4000
+    assert 0.99 * greatest < trials.best / 10 < 1.001 * greatest
+
+
+def test_sets_of_vehicles_are_all_tried():
+    """Of six vehicles on a ring two adjacent attackers are no worse than the best pair by brute force."""
+    given = study({"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6)
+    box = box_of(given)
+    trials = Trials(box, 2, largest, systems.FEW)
+    (only,) = searched(trials, 200, 0)
+    assert only.phase == "sets"
+    assert only.lanes == 2 * math.comb(6, 2)
+    found = {}
+    for pair in itertools.combinations(range(1, 7), 2):
+        named = study({"attack.direction": [0, 1]}, vehicles=6, attack={**BIAS, "vehicles": list(pair)})
+        fixed = jaxnet.load(named, {"attack.direction": 0.0, "search": None})
+        found[pair] = largest(systems.simulate(systems.lanes(fixed, 2, ()))).mean()
+    best = max(found, key=lambda pair: found[pair])
+    assert trials.best == pytest.approx(found[best], rel=1e-9)
+    assert found[tuple(box.attacked(trials.point))] == pytest.approx(found[best], rel=1e-9)
+
+
+def test_a_point_is_the_lane_that_is_drawn_there():
+    """To the last bit, if its coordinates are the numbers of a sample; all else is the sample's."""
+    over = {"attack.phase": "each", "attack.frequency": [0.1, 4.0], "attack.vehicles": {"choose": 3}}
+    given = study(over, attack={"kind": "rotating"}, search={"maximise": "tail_mean"})
+    box = box_of(given)
+    drawn = [box.source.uniforms(place.name, [5, 8], [place[1:]])[:, 0] for place in box.places]
+    ours = box.lanes(np.stack(drawn, axis=1), np.array([5, 8]))
+    theirs = job(given.cells[0].scenario, Keyed(0), [5, 8])
+    for one, other in zip(jax.tree.leaves(ours.inputs), jax.tree.leaves(theirs.inputs), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_choices_of_which_a_lane_fails_count_less():
+    """They are counted, and what is found is the best of the others."""
+    given = study({"attack.direction": "each"})
+    count = itertools.count()
+
+    def failing(outcome):
+        return np.where(next(count) % 2, largest(outcome), math.nan)
+
+    trials = Trials(box_of(given), 2, failing, systems.FEW)
+    *_, last = searched(trials, 2000, 0)
+    assert last.failed > 500
+    assert last.best > 25
+
+
+OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
+TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "trusted_trim", "tick": 0.1}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A search that nobody disturbed, of two cells."""
+    given = study(OVER, budget=400, sweep={"topology": ["cyclic", "path"]}, **TRIMMED)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worst, "FRESH", 48)
+        yield jaxnet.search(given, tmp_path_factory.mktemp("whole") / "s", progress=False), given
+
+
+def test_the_worst_is_a_study_of_its_own(whole):
+    """Whose lanes come to what was found, to the last bit, and by the nonlinear engine to 1 %."""
+    results, given = whole
+    for cell, row in results.worst.iterrows():
+        alone = jaxnet.simulate(results.path / "worst" / f"{cell}.yaml", progress=False)
+        assert alone.lanes["tail_max"].mean() == row["found"]
+        assert alone.study.cells[0].scenario.topology == given.cells[cell].scenario.topology
+        assert row["nonlinear"] == pytest.approx(row["found"], rel=0.01)
+        assert row["lanes"] <= 400
+        random = results.lanes.query(f"cell == {cell}")["tail_max"]
+        assert row["random"] == random.max()
+        assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
+    assert results.searched.groupby("cell")["best"].last().tolist() == results.worst["found"].tolist()
+
+
+def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
+    """It ends as one that nobody disturbed, and does nothing twice."""
+    results, given = whole
+    random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
+    simulated, simulate = [], Trials.simulated
+
+    def counting(trials, points):
+        simulated.append(len(points))
+        return simulate(trials, points)
+
+    monkeypatch.setattr(Trials, "simulated", counting)
+
+    def stop(what, lanes, total):
+        if lanes > 200:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(api.write_search(random, stop))
+    before = len(simulated)
+    assert before > 1
+    list(api.write_search(random))
+    again = jaxnet.open(tmp_path / "s")
+    assert again.worst.equals(results.worst)
+    assert again.searched.equals(results.searched)
+    assert len(simulated) == len(results.searched)
