@@ -251,8 +251,16 @@ def as_words(value: Any) -> str:
 @functools.cache
 def version_of(module: str) -> str | None:
     """Version of the distribution that a module came with, None if it came with none."""
-    owners = metadata.packages_distributions().get(module.partition(".")[0])
-    return metadata.version(owners[0]) if owners else None
+    top = module.partition(".")[0]
+    return next((each.version for each in metadata.distributions() if installs(each, top)), None)
+
+
+def installs(distribution: metadata.Distribution, top: str) -> bool:
+    """Whether a package or module of this name came with it, by what it declares or else by its list of files."""
+    if declared := (distribution.read_text("top_level.txt") or "").split():
+        return top in declared
+    files = (distribution.read_text("RECORD") or "").splitlines()
+    return any(file.startswith((f"{top}/", f"{top}.")) for file in files)
 
 
 def refuse_changed(module: str, name: str) -> None:

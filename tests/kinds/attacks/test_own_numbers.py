@@ -8,7 +8,7 @@ import pytest
 import jaxnet
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds.fields import FULL_TURN, Uniform
-from jaxnet.lanes.draws import draw
+from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import hearing, signal
@@ -44,7 +44,7 @@ def test_attackers_superpose(engine, accuracy):
 
 def of_vehicle(name, distribution, j, component=0, count=2):
     """The numbers that a vehicle has in the first lanes, drawn by themselves."""
-    return draw(distribution, 0, name, range(count), [j], component + 1)[:, 0, component]
+    return Draw(Keyed(0), range(count), 12).placed([distribution], name, [(j, component)])[:, 0]
 
 
 def jets_by_hand(w, phase, magnitude, times):
