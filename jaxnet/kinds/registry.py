@@ -256,7 +256,7 @@ def version_of(module: str) -> str | None:
 
 
 def installs(distribution: metadata.Distribution, top: str) -> bool:
-    """Whether a package or module of this name came with it, by what it declares or else by its list of files."""
+    """Whether a package or module of this name came with it: by what it declares, or by its list of files."""
     if declared := (distribution.read_text("top_level.txt") or "").split():
         return top in declared
     files = (distribution.read_text("RECORD") or "").splitlines()
