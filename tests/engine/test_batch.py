@@ -11,12 +11,13 @@ from jaxnet.kinds import registry
 from tests import systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
+SHORTEST = {"horizon": 0.4, "tail": 0.2}
 
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])
 def test_a_failed_lane_is_named_and_spoils_no_other(engine):
     """Of 200 lanes three fail, and the others are the same to the last bit."""
-    given = systems.study(engine=engine, horizon=0.4, tail=0.2)
+    given = systems.study(engine=engine, **SHORTEST)
     clean, faulty = systems.lanes(given, 200), zip((17, 100, 199), faults.FAULTS.values(), strict=True)
     failed = {n: status for n, status in faulty if faults.fits(engine, status)}
     before, after = systems.simulate(clean), systems.simulate(faults.with_faults(clean, failed))
@@ -57,7 +58,7 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
 @pytest.mark.parametrize(("engine", "rtol"), [("nonlinear", 1e-12), ("exact", 0.0)])
 def test_what_is_saved_changes_no_row(engine, rtol):
     """Rows are the same with trajectories and without (optimised to the last bit: tests/runs/test_run.py)."""
-    given = systems.study(engine=engine, **SHORT)
+    given = systems.study(engine=engine, **SHORTEST)
     bare = systems.simulate(systems.lanes(given, 40, ()))
     saving = systems.simulate(systems.lanes(given, 40))
     for ours, theirs in zip(*map(jax.tree.leaves, (bare, saving._replace(series={}))), strict=True):
@@ -81,7 +82,7 @@ def test_numbers_never_compile_anew(engine):
     attack = {"kind": "sinusoid", "magnitude": {"normal": [3, 0]}}
     defence = {"kind": "trusted_trim", "tolerance": 1e-6}
     first, *others = (
-        systems.lanes(systems.study(engine=engine, **changed), 2, ())
+        systems.lanes(systems.study(engine=engine, **changed), 2)
         for changed in (SHORT, {"attack": attack, **keys}, {"defence": defence, **SHORT})
     )
     systems.simulate(first)
@@ -150,6 +151,6 @@ def test_numbers_beyond_all_bounds_are_nonfinite(engine):
     """An attack that overflows leaves no lane that calls itself ok."""
     attack = {"kind": "rotating", "magnitude": 1e308}
     given = systems.study(engine=engine, attack=attack, defence="none", **SHORT)
-    outcome = systems.simulate(systems.lanes(given, 2, ()))
+    outcome = systems.simulate(systems.lanes(given, 2))
     assert outcome.status.tolist() == [Status.nonfinite] * 2
     assert np.isnan(outcome.metrics["tail_mean"]).all()
