@@ -13,11 +13,11 @@ os.environ.setdefault("JAX_NUMPY_RANK_PROMOTION", "raise")
 # Programs are many and their lanes few: unoptimised they compile four times as fast, and every bound of
 # accuracy holds all the same. What users run is optimised, and one test in tests/runs/test_run.py runs it so.
 # Nor is one cut into parts that are compiled side by side, for the other core has tests of its own.
-FLAGS = (
+os.environ.setdefault(
+    "XLA_FLAGS",
     "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-    " --xla_cpu_parallel_codegen_split_count=1"
+    " --xla_cpu_parallel_codegen_split_count=1",
 )
-os.environ.setdefault("XLA_FLAGS", FLAGS)
 
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compiled serves the others
     os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxnet-tests-")
