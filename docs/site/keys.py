@@ -126,6 +126,7 @@ REFERENCES = {
     "ShareOfVehicles": "{share: s}",
     "Worst": "{worst: K}",
     "Chosen": "{choose: n}",
+    "Table": "a list of lists",
     "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",

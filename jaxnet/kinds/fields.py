@@ -8,7 +8,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, RootModel, Tag
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    RootModel,
+    Tag,
+)
 
 PI = 3.141592653589793
 
@@ -111,6 +120,38 @@ class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     """A number for each attacked vehicle, in the order in which they are listed."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+def in_rows(given: Any) -> Any:
+    """Lists of lists; of numbers alone, each is a list."""
+    return [[each] if isinstance(each, float | int) else each for each in given]
+
+
+Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(in_rows)]
+
+
+class Table(RootModel[Rows]):
+    """Several numbers for each attacked vehicle, in the order in which they are listed."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+def drawn_or_given(value: Any) -> str | None:
+    """Whether numbers of vehicles are drawn, all from one distribution, or given in a table."""
+    return MARK + "table" if isinstance(value, list | Table) else distribution(value)
+
+
+if TYPE_CHECKING:
+    Several = Any  # numbers that each attacked vehicle has several of
+else:
+    Several = Annotated[
+        Members | Annotated[Table, member("table")],
+        Discriminator(
+            drawn_or_given,
+            custom_error_type="distribution",
+            custom_error_message=f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
+        ),
+    ]
 
 
 def way(value: Any) -> str | None:

@@ -42,6 +42,9 @@ class Draw:
             case fields.Listed(root=listed):
                 given = dict(zip(self.listed, listed, strict=True))
                 numbers = [given.get(vehicle, listed[0]) for vehicle, _ in places]
+            case fields.Table(root=rows):
+                given = dict(zip(self.listed, rows, strict=True))
+                numbers = [given.get(vehicle, rows[0])[component] for vehicle, component in places]
             case fields.Apiece():
                 numbers = [number.each] * len(places)
             case _:

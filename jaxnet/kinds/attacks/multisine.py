@@ -1,38 +1,52 @@
-"""The multisine: harmonics of one frequency with random phases and directions."""
+"""Sums of harmonics of one frequency; the multisine, with random phases and directions."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along
-from jaxnet.kinds.fields import FULL_TURN, Number, PositivePerVehicle
+from jaxnet.kinds.fields import FULL_TURN, PositivePerVehicle, Several, Table
+from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model.signal import Harmonic
 
 FINENESS = 32  # instants of a grid in a period of the highest harmonic
 
 
-class Multisine(Attack):
-    """`Σ_l u(direction_l) cos(l · frequency · t + phase_l)`, l = 1 … harmonics, as great as ā allows.
+class Harmonics(Attack):
+    """A trigonometric polynomial of each attacker's own, as great as ā allows.
 
-    Each attacker has phases and directions of its own. The sum is divided by the greatest of its norm and of
-    its derivatives' on a grid, over cos(Ωδ/2) for the highest frequency Ω and the grid's step δ, under which
-    a trigonometric polynomial stays between the grid's points (Ehlich and Zeller, 1964).
+    It is divided by the greatest of its norm and of its derivatives' on a grid, over cos(Ωδ/2) for the
+    highest frequency Ω and the grid's step δ, under which a trigonometric polynomial stays between the grid's
+    points (Ehlich and Zeller, 1964).
     """
-
-    kind = "multisine"
 
     frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
-    phase: Number = Field(default=FULL_TURN, description="[rad], of each harmonic of each attacker")
-    direction: Number = Field(default=FULL_TURN, description="[rad], likewise")
 
-    def drawn(self, draw: Any, name: str) -> Any:
-        """Phases and directions are drawn for each vehicle and harmonic: (harmonics, m, lanes)."""
-        values = dict(vars(super().drawn(draw, name)))
-        for key in ("phase", "direction"):
-            values[key] = draw.each(getattr(self, key), f"{name}.{key}", self.harmonics).T
+    def pairs(self) -> np.ndarray:
+        """Vectors of cosine and sine of each harmonic, of any size: (2, m, 2 · harmonics, lanes)."""
+        raise KindError(f"{self.kind}: a sum of harmonics gives pairs(self)")
+
+    def with_several(self, draw: Any, name: str, **numbers: int) -> Any:
+        """The same drawn; of these keys so many numbers for each harmonic: (numbers, m, lanes)."""
+        others = self.model_copy(update=dict.fromkeys(numbers))
+        values = dict(vars(Attack.drawn(others, draw, name)))
+        for key, number in numbers.items():
+            values[key] = draw.each(getattr(self, key), f"{name}.{key}", number * self.harmonics).T
         return self.filled(values)
+
+    def tables(self, scenario: Any, **numbers: int) -> Iterator[Fault]:
+        """What is wrong with tables of so many numbers for each harmonic."""
+        for key, number in numbers.items():
+            table = getattr(self, key)
+            wanted = len(self.targets()), number * self.harmonics
+            if isinstance(table, Table) and {(len(table.root), len(row)) for row in table.root} != {wanted}:
+                message = (
+                    f"must be {wanted[0]} lists, one for each of attack.vehicles, of {wanted[1]} numbers"
+                )
+                yield Fault((f"attack.{key}", "attack"), message)
 
     def basis(self, time: Any) -> Any:
         """Cosines, then sines."""
@@ -42,9 +56,7 @@ class Multisine(Attack):
 
     def vectors(self) -> np.ndarray:
         """Of cosine and sine of each harmonic, in their order."""
-        unit, phase = along(np.asarray(self.direction)), np.asarray(self.phase)
-        pairs = np.stack([unit * np.cos(phase), -unit * np.sin(phase)], axis=2)  # (2, n, 2, m, lanes)
-        pairs = np.moveaxis(pairs.reshape(2, -1, *pairs.shape[3:]), 1, 2)
+        pairs = self.pairs()
         return pairs / self.greatest(pairs)
 
     def greatest(self, vectors: np.ndarray) -> np.ndarray:
@@ -60,3 +72,27 @@ class Multisine(Attack):
     def sizes(self, horizon: float) -> np.ndarray:
         """1, for the vectors are divided by what is greatest."""
         return np.ones((4, 1))
+
+
+class Multisine(Harmonics):
+    """`Σ_l u(direction_l) cos(l · frequency · t + phase_l)`, l = 1 … harmonics, as great as ā allows."""
+
+    kind = "multisine"
+
+    phase: Several = Field(default=FULL_TURN, description="[rad], of each harmonic of each attacker")
+    direction: Several = Field(default=FULL_TURN, description="[rad], likewise")
+
+    def drawn(self, draw: Any, name: str) -> Any:
+        """A phase and a direction for each harmonic."""
+        return self.with_several(draw, name, phase=1, direction=1)
+
+    def pairs(self) -> np.ndarray:
+        """By the rule of the cosine of a sum."""
+        unit, phase = along(np.asarray(self.direction)), np.asarray(self.phase)
+        pairs = np.stack([unit * np.cos(phase), -unit * np.sin(phase)], axis=2)  # (2, n, 2, m, lanes)
+        return np.moveaxis(pairs.reshape(2, -1, *pairs.shape[3:]), 1, 2)
+
+    def faults(self, scenario: Any) -> Iterator[Fault]:
+        """Tables have a row for each attacker."""
+        yield from super().faults(scenario)
+        yield from self.tables(scenario, phase=1, direction=1)

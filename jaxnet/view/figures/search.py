@@ -11,6 +11,7 @@ from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
+DECADES = 1e3  # of an axis, at most: what is below is next to nothing
 LINES = {"search": style.SERIES[0], "random lanes": style.SERIES[1]}
 MARKS = {
     "random lanes": {"marker": "o", "markersize": 4, "markerfacecolor": "none", "color": style.RED},
@@ -32,6 +33,8 @@ def course(found: Sequence[Course], there: int, words: str, width: float) -> Fig
             panel.axhline(each.bound, label="bound", color=style.BLACK, linestyle=":")
         panel.set_xscale("log")
         panel.set_yscale("log")
+    top = max(panel.get_ylim()[1] for panel in panels)
+    panels[0].set_ylim(top / DECADES, top)
     multiples.log_ticks(panels[0].yaxis)
     known = [entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)]
     entries = {name: line for line, name in known}
@@ -54,6 +57,7 @@ def worst(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) 
     for name, look in MARKS.items():
         panel.plot(rows[name], range(shown), linestyle="none", label=name, **look)
     panel.set_xscale("log")
+    panel.set_xlim(panel.get_xlim()[1] / DECADES, None)
     multiples.log_ticks(panel.xaxis)
     panel.set_xlabel(words)
     drawn.legend(loc="outside lower center", ncols=3)

@@ -40,8 +40,8 @@ def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:
     if not (results.path / "worst.csv").exists():
         return
     found = results.worst
-    order = (found["found"] / found["magnitude"]).sort_values(ascending=False).index[:MOST_SEARCHED]
-    for cell in found.loc[order, "cell"]:
+    order = np.argsort(-(found["found"] / found["magnitude"]).to_numpy(), kind="stable")[:MOST_SEARCHED]
+    for cell in found["cell"].to_numpy()[order]:
         alone = Results(results.path / "worst" / str(cell))
         if (alone.path / "trajectories.zarr").exists():
             yield from ((alone, each) for each in watched(alone)[:1])

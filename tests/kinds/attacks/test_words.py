@@ -54,9 +54,10 @@ def test_no_bound_is_told_of_what_the_magnitude_does_not_bound(kind):
     assert "not bounded by ā" in check.text(study)
 
 
-def test_a_multisine_and_its_derivatives_come_near_their_bound_and_never_exceed_it():
-    """On a grid far finer than the one by which it is scaled, lane by lane and vehicle by vehicle."""
-    attack = {"kind": "multisine", "magnitude": 3.0, "frequency": {"uniform": [0.2, 0.6]}, "harmonics": 5}
+@pytest.mark.parametrize("kind", ["multisine", "freeform"])
+def test_harmonics_and_their_derivatives_come_near_their_bound_and_never_exceed_it(kind):
+    """On a grid far finer than the one by which they are scaled, lane by lane and vehicle by vehicle."""
+    attack = {"kind": kind, "magnitude": 3.0, "frequency": {"uniform": [0.2, 0.6]}, "harmonics": 5}
     one = systems.lanes(systems.study(attack=attack, engine="exact"), 3)
     times = np.linspace(0.0, 40.0, 20_001)
     for number in range(3):
@@ -71,3 +72,48 @@ def test_a_multisine_and_its_derivatives_come_near_their_bound_and_never_exceed_
                 assert np.abs(slope - jets[k + 1]).max() < 1e-3
     directions = {tuple(np.round(lane.vectors[:, j - 1].ravel(), 6)) for j in ATTACKED}
     assert len(directions) == len(ATTACKED)
+
+
+def test_the_freeform_attack_is_what_its_coefficients_say():
+    """A circle is the rotating attack, of any size; and a multisine is one with coefficients of its own."""
+    keys = {"magnitude": 3.0, "vehicles": [2, 5]}
+    circle = {
+        "kind": "freeform",
+        "frequency": 0.6,
+        "harmonics": 1,
+        "coefficients": [[9, 0, 0, 9], [0, 1, -1, 0]],
+    }
+    turning = {"kind": "rotating", "frequency": 0.6, "phase": [0.0, np.pi / 2]}
+    phases, directions = [[0.1, 2.0], [3.0, 4.0]], [[0.5, 1.0], [2.5, 6.0]]
+    sine = {"kind": "multisine", "frequency": 0.4, "harmonics": 2, "phase": phases, "direction": directions}
+    given = [
+        [
+            number
+            for phase, along in zip(*each, strict=True)
+            for turn in (np.cos(phase), -np.sin(phase))
+            for number in (np.cos(along) * turn, np.sin(along) * turn)
+        ]
+        for each in zip(phases, directions, strict=True)
+    ]
+    free = {"kind": "freeform", "frequency": 0.4, "harmonics": 2, "coefficients": given}
+    for one, other, size in ((circle, turning, np.cos(np.pi / 32)), (free, sine, 1.0)):
+        signals = []
+        for attack in (one, other):
+            lane = systems.lane(systems.lanes(systems.study(attack={**keys, **attack}, engine="exact"), 1), 0)
+            basis = np.asarray(lane.signal.basis(np.linspace(0.0, 30.0, 301)))
+            signals.append(np.einsum("xjb,kbt->kxjt", lane.vectors, basis))
+        np.testing.assert_allclose(signals[0], size * signals[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "said"),
+    [
+        ("[[1, 0, 0, 1]]", "must be 2 lists, one for each attacked vehicle, of 4 numbers"),
+        ("[]", "at least 1"),
+    ],
+)
+def test_tables_that_do_not_fit_are_refused(coefficients, said):
+    """By how many lists of how many numbers there must be."""
+    attack = "{kind: freeform, vehicles: [2, 5], harmonics: 1, coefficients: %s}" % coefficients
+    with pytest.raises(jaxnet.ConfigError, match=said):
+        jaxnet.load({}, [f"attack={attack}"])

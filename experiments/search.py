@@ -1,0 +1,127 @@
+"""Does the search find the worst there is? Exact optima, and a trimmed ring beside as many random lanes.
+
+Untrimmed, the worst of a constant attack is known: star, ring and path end 1, 90/29 and 4 ā off where all
+directions are the same; a spoof of all orders eight times as far; an attack that replaces what is sent 9/11
+and 1. Of the trimmed ring, under rotating attacks of any phases and one frequency, nothing is known: each
+seed has starts of its own, and a search is held against the best of as many random lanes.
+
+Run it with `python experiments/search.py`; with `--seeds 2` to try it.
+"""
+
+import math
+import time
+from typing import Any
+
+import click
+import numpy as np
+
+import jaxnet
+from jaxnet.engine import batch
+from jaxnet.engine.plan import Outcome
+from jaxnet.explore.box import Box, places_of
+from jaxnet.explore.search import Trials, searched
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
+from jaxnet.runs.cache import enable
+
+BASE: dict[str, Any] = {"engine": "exact", "output_step": 0.5, "horizon": 40, "tail": 5}
+BIAS = {"kind": "bias", "magnitude": 10}
+SPOOF = {"kind": "spoof", "magnitude": 10}
+REPLACES = BIAS | {"threat": "replaces"}
+DIRECTIONS = {"attack.direction": "each"}
+KNOWN = {
+    "constant, star": ("star", BIAS, DIRECTIONS, 1.0),
+    "constant, ring": ("cyclic", BIAS, DIRECTIONS, 90 / 29),
+    "constant, path": ("path", BIAS, DIRECTIONS, 4.0),
+    "spoof, star": ("star", SPOOF, DIRECTIONS, 8.0),
+    "spoof, ring": ("cyclic", SPOOF, DIRECTIONS, 8 * 90 / 29),
+    "spoof, path": ("path", SPOOF, DIRECTIONS, 32.0),
+    "replaces, ring": ("cyclic", REPLACES, DIRECTIONS, 9 / 11),
+    "replaces, path": ("path", REPLACES, DIRECTIONS, 1.0),
+}
+TURNING = {"kind": "rotating", "magnitude": 10}
+OVER = {"attack.phase": "each", "attack.frequency": [0.1, 4.0]}
+SETS = {"attack.vehicles": {"choose": 4}}
+
+
+def study_of(over: dict[str, Any], seed: int, budget: int, starts: int, **keys: Any) -> jaxnet.Study:
+    """A study that searches."""
+    search = {"over": over, "budget": budget, "starts": starts, "seed": seed}
+    return jaxnet.load({**BASE, **keys, "seed": seed, "search": search})
+
+
+def largest(outcome: Outcome) -> np.ndarray:
+    """The greatest tail error of each lane [m], not a number where it failed."""
+    return np.where(outcome.status == 0, outcome.metrics["tail_max"], math.nan)
+
+
+def found(study: jaxnet.Study) -> tuple[Trials, float]:
+    """The end of the search in a study's one cell, and how much of its time was not the engine's."""
+    asked, (cell,), source = study.config.search, study.cells, Keyed(study.config.seed)
+    assert asked is not None
+    drawn = [place for place in places_of(cell.scenario, source) if place.name in asked.over]
+    engine = 0.0
+
+    def measured(outcome: Outcome) -> np.ndarray:
+        return largest(outcome)
+
+    simulate = batch.simulate
+
+    def timed(*given: Any) -> Outcome:
+        nonlocal engine
+        begun = time.perf_counter()
+        try:
+            return simulate(*given)
+        finally:
+            engine += time.perf_counter() - begun
+
+    trials = Trials(Box(cell.scenario, source, drawn), asked.starts, measured, batch.EVERYTHING)
+    begun, batch.simulate = time.perf_counter(), timed
+    try:
+        for _ in searched(trials, asked.budget, asked.seed):
+            pass
+    finally:
+        batch.simulate = simulate
+    return trials, (time.perf_counter() - begun - engine) / engine
+
+
+def random_best(study: jaxnet.Study) -> float:
+    """The best of as many random lanes [m]."""
+    assert study.config.search is not None
+    budget, best = study.config.search.budget, 0.0
+    for first in range(0, budget, 4096):
+        samples = range(first, min(budget, first + 4096))
+        lanes = job(study.cells[0].scenario, Keyed(study.config.seed), samples)
+        best = max(best, float(np.nanmax(largest(batch.simulate(lanes)))))
+    return best
+
+
+@click.command()
+@click.option("--seeds", default=20, show_default=True, help="Searches of each case.")
+@click.option("--budget", default=20_000, show_default=True, help="Lanes of each search.")
+@click.option("--starts", default=4, show_default=True, help="Initial conditions of each choice.")
+def main(seeds: int, budget: int, starts: int) -> None:
+    """Run all, and print a line for each case."""
+    enable()
+    print(f"{'case':16} {'exact / ā':>9} {'least found':>11} {'reached 99 %':>12} {'overhead':>8}")
+    for name, (topology, attack, over, exact) in KNOWN.items():
+        every = [
+            found(study_of(over, seed, budget, starts, topology=topology, attack=attack, defence="none"))
+            for seed in range(seeds)
+        ]
+        values = np.array([trials.best / 10 for trials, _ in every])
+        reached, overhead = np.count_nonzero(values >= 0.99 * exact), np.median([part for _, part in every])
+        print(f"{name:16} {exact:9.4f} {values.min():11.4f} {reached:9}/{seeds} {overhead:8.0%}", flush=True)
+    print(f"\n{'trimmed ring, seed':18} {'found / ā':>9} {'random':>7} {'overhead':>8}")
+    better = 0
+    for seed in range(seeds):
+        study = study_of(OVER, seed, budget, starts, topology="cyclic", attack=TURNING, horizon=60, tail=10)
+        trials, overhead = found(study)
+        random = random_best(study)
+        better += trials.best > random
+        print(f"{seed:18} {trials.best / 10:9.3f} {random / 10:7.3f} {overhead:8.0%}", flush=True)
+    print(f"better than as many random lanes: {better} of {seeds}")
+
+
+if __name__ == "__main__":
+    main()
