@@ -99,7 +99,7 @@ def random_best(study: jaxnet.Study) -> float:
 @click.command()
 @click.option("--seeds", default=20, show_default=True, help="Searches of each case.")
 @click.option("--budget", default=20_000, show_default=True, help="Lanes of each search.")
-@click.option("--starts", default=4, show_default=True, help="Initial conditions of each choice.")
+@click.option("--starts", default=1, show_default=True, help="Initial conditions of each choice.")
 def main(seeds: int, budget: int, starts: int) -> None:
     """Run all, and print a line for each case."""
     enable()

@@ -233,7 +233,7 @@ class Search(Record):
     )
     budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
     starts: int = Field(
-        default=4,
+        default=1,
         ge=1,
         le=10_000,
         description="samples from whose start each choice is tried; the mean counts",

@@ -108,12 +108,12 @@ def test_the_freeform_attack_is_what_its_coefficients_say():
 @pytest.mark.parametrize(
     ("coefficients", "said"),
     [
-        ("[[1, 0, 0, 1]]", "must be 2 lists, one for each attacked vehicle, of 4 numbers"),
-        ("[]", "at least 1"),
+        ([[1, 0, 0, 1]], "must be 2 lists, one for each attacked vehicle, of 4 numbers"),
+        ([], "at least 1"),
     ],
 )
 def test_tables_that_do_not_fit_are_refused(coefficients, said):
     """By how many lists of how many numbers there must be."""
-    attack = "{kind: freeform, vehicles: [2, 5], harmonics: 1, coefficients: %s}" % coefficients
-    with pytest.raises(jaxnet.ConfigError, match=said):
-        jaxnet.load({}, [f"attack={attack}"])
+    keys = {"kind": "freeform", "vehicles": [2, 5], "harmonics": 1, "coefficients": coefficients}
+    with pytest.raises(ConfigError, match=said):
+        systems.study(attack=keys)
