@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jaxnet.config.document import ConfigError
 from jaxnet.statistics import limits
 from jaxnet.view.text import check
 from tests import reference, systems
@@ -108,7 +109,7 @@ def test_the_freeform_attack_is_what_its_coefficients_say():
 @pytest.mark.parametrize(
     ("coefficients", "said"),
     [
-        ([[1, 0, 0, 1]], "must be 2 lists, one for each attacked vehicle, of 4 numbers"),
+        ([[1, 0, 0, 1]], "must be 2 lists, one for each of attack.vehicles, of 4 numbers"),
         ([], "at least 1"),
     ],
 )
