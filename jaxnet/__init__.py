@@ -1,8 +1,8 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
 `load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
-`open` reads a results folder, `compare` holds two against each other. `Results` has tables and arrays, fits,
-replays, films, plots, the report and a file for MATLAB.
+`open` reads a results folder, `compare` holds two against each other, `sensitivity` tells what matters.
+`Results` has tables and arrays, fits, replays, films, plots, the report and a file for MATLAB.
 `field` gives the vector field of one lane.
 """
 
@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from jaxnet.api import Part, Replay, Results, compare, field, open, run, run_part, simulate
+    from jaxnet.api import (
+        Part,
+        Replay,
+        Results,
+        compare,
+        field,
+        open,
+        run,
+        run_part,
+        sensitivity,
+        simulate,
+    )
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
     from jaxnet.kinds.kind import KindError
@@ -35,6 +46,7 @@ HOMES = {
     "open": "jaxnet.api",
     "run": "jaxnet.api",
     "run_part": "jaxnet.api",
+    "sensitivity": "jaxnet.api",
     "simulate": "jaxnet.api",
 }
 __all__ = [
@@ -52,6 +64,7 @@ __all__ = [
     "open",
     "run",
     "run_part",
+    "sensitivity",
     "simulate",
 ]
 

@@ -14,7 +14,7 @@ from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
-from jaxnet.lanes.uniforms import Source
+from jaxnet.lanes.uniforms import Recorded, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
@@ -53,6 +53,13 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     return Job(
         Inputs(lanes, numbers), network_of(scenario, sources), clock_of(scenario), plan_of(scenario, save)
     )
+
+
+def recorded(scenario: Scenario, source: Source) -> Recorded:
+    """All that a lane of a scenario draws, in the order in which it does."""
+    found = Recorded(source)
+    job(scenario, found, [0])
+    return found
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:

@@ -6,7 +6,7 @@ that number, so cells that differ in anything share their draws (common random n
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -64,16 +64,38 @@ class Recorded:
     """A source, and which of its numbers were asked for, in the order in which they first were."""
 
     def __init__(self, source: Source):
-        self.source, self.places = source, dict[Place, None]()
+        self.source, self.places, self.names = source, dict[Place, None](), dict[str, None]()
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         """The source's."""
         self.places.update({Place(name, *place): None for place in places})
+        self.names[name] = None
         return self.source.uniforms(name, samples, places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
         """The source's."""
+        self.names[name] = None
         return self.source.generator(name, sample)
+
+
+class Later(NamedTuple):
+    """A source's numbers, those of some names so many samples later, so that they are other ones."""
+
+    source: Source
+    by: int
+    names: Collection[str]
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """Those of the samples, or of later ones."""
+        return self.source.uniforms(name, [sample + self.lag(name) for sample in samples], places)
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """That of the sample, or of a later one."""
+        return self.source.generator(name, sample + self.lag(name))
+
+    def lag(self, name: str) -> int:
+        """Samples by which a quantity's numbers are later."""
+        return self.by if name in self.names else 0
 
 
 class Given(NamedTuple):

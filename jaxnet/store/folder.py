@@ -34,6 +34,7 @@ OURS = (
     "study.yaml",
     "manifest.json",
     "cells.csv",
+    "sensitivity.csv",
     "lanes",
     "errors.zarr",
     "trajectories.zarr",

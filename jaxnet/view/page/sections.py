@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.explore.sensitivity import FILE
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
@@ -28,6 +29,7 @@ from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded, sortable
 from jaxnet.view.text import check, tables
+from jaxnet.view.text.sensitivity import LEGEND
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200
@@ -60,6 +62,7 @@ def every(results: Results) -> list[Section]:
         heat_section(results),
         lanes_section(results),
         violations_section(results),
+        sensitivity_section(results),
         failed(results),
     ]
     return [section for section in each if section is not None]
@@ -202,6 +205,15 @@ def heat_section(results: Results) -> Section:
         " keys for its interval and lanes. * Some of its lanes failed; they are in no number.</p>"
     )
     return Section("heat", name, note + DRAWN, drawn)
+
+
+def sensitivity_section(results: Results) -> Section | None:
+    """Which part of what varies comes from which quantity drawn."""
+    if not (results.path / FILE).exists():
+        return None
+    rows = read_table(results.path / FILE).dropna(subset="first").drop(columns="tau")
+    note = f"<p>Sobol's indices: {escape(LEGEND)} A click on a header sorts.</p>"
+    return Section("sensitivity", "What matters", note + sortable(rows, ([cell] for cell in rows["cell"])))
 
 
 def lanes_section(results: Results) -> Section:
