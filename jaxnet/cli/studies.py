@@ -202,7 +202,7 @@ def sensitivity(config: Path, overrides: tuple[str, ...], metric: str, samples: 
         click.echo(words.plan(lanes_needed(study, samples), samples), err=True)
         with progress.stepping() as told:
             written = list(write_sensitivity(study, samples, out, told))
-        click.echo(words.text(read_table(written[0]), study, metric))
+        click.echo(words.printed(read_table(written[0]), study, metric))
         for path in written:
             click.echo(f"wrote {path}", err=True)
 

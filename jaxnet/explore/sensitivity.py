@@ -29,7 +29,7 @@ from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
 FILE = "sensitivity.csv"
-MOST_NAMED = 5  # failed lanes of a cell
+FAILURES_NAMED = 5  # failed lanes of a cell
 
 
 def quantities(study: Study, cell: Cell) -> list[str]:
@@ -130,9 +130,9 @@ def tell_failed(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
         draws = ["its own draws", "the later draws", *(f"the later {name}" for name in names)]
         told = [
             f"sample {sample} with {draws[run]}: {Status(status[run, sample]).name}"
-            for run, sample in zip(runs[:MOST_NAMED], samples[:MOST_NAMED], strict=True)
+            for run, sample in zip(runs[:FAILURES_NAMED], samples[:FAILURES_NAMED], strict=True)
         ]
-        more = f" and {len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""
+        more = f" and {len(runs) - FAILURES_NAMED} more" if len(runs) > FAILURES_NAMED else ""
         warnings.warn(
             f"cell {cell.number}: {len(runs)} lanes failed, whose samples are left out: "
             f"{', '.join(told)}{more}",

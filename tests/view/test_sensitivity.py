@@ -46,7 +46,7 @@ def test_the_figure_has_what_the_table_says(cells, width):
 def test_the_printed_table_names_cells_and_quantities():
     """In 80 columns, with the samples that were left out."""
     study, table = made(3)
-    said = words.text(table, study, "tail_mean").splitlines()
+    said = words.printed(table, study, "tail_mean").splitlines()
     assert max(map(len, said)) <= 80
     line = next(line for line in said if line.split()[0] == "2" and "gain" in line)
     assert "0.40 (0.30 to 0.60)" in line

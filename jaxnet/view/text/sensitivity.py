@@ -29,17 +29,17 @@ def plan(lanes: Mapping[int, int], samples: int) -> str:
     )
 
 
-def interval(estimate: float, low: float, high: float) -> str:
+def in_hundredths(estimate: float, low: float, high: float) -> str:
     """An index with its interval, to hundredths; a dash where there is none."""
     return "-" if np.isnan(estimate) else f"{estimate:z.2f} ({low:z.2f} to {high:z.2f})"
 
 
-def text(table: Any, study: Study, metric: str) -> str:
+def printed(table: Any, study: Study, metric: str) -> str:
     """The indices of one metric: a line per cell and quantity."""
     rows: Any = pd.DataFrame(
         [
             {"cell": row["cell"], **study.cells[row["cell"]].labels, "quantity": row["quantity"]}
-            | {order: interval(*(row[f"{order}{end}"] for end in ENDS)) for order in ("first", "total")}
+            | {order: in_hundredths(*(row[f"{order}{end}"] for end in ENDS)) for order in ("first", "total")}
             | {"left out": row["left_out"]}
             for row in table[table["metric"] == metric].to_dict("records")
         ]
