@@ -10,7 +10,7 @@ from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.store import rows
-from jaxnet.store.folder import UNHASHED, Folder, FolderError, digest, versions
+from jaxnet.store.folder import Folder, FolderError, digest, unhashed, versions
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 REMEDY = "give another folder with --out, or replace its results with --fresh"
@@ -79,7 +79,7 @@ def difference(folder: Folder, config: Config) -> str:
     keys = [
         key
         for key in dict.fromkeys([*theirs, *ours])
-        if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
+        if key.split(".")[0] not in unhashed(config) and theirs.get(key) != ours.get(key)
     ]
     if not keys:
         return ": its sweep has another order"

@@ -24,6 +24,7 @@ from jaxnet.statistics.curves import (
     shares,
 )
 from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.summary import units_told
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
@@ -115,10 +116,11 @@ def run_section(results: Results) -> Section:
 
 def summary_section(results: Results) -> Section:
     """The table of all cells."""
-    rows = tables.summary_rows(results)
+    rows, over = tables.summary_rows(results), units_told(results.study.config)
     note = (
-        "<p>Mean over lanes of the tail's mean error, with its 95 % t interval (mean low, mean high),"
-        " its median and 95 % quantile; worst is the greatest error of any vehicle in any lane."
+        f"<p>Mean over lanes of the tail's mean error, with its 95 % t interval over {over}"
+        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle in"
+        " any lane."
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
