@@ -15,7 +15,7 @@ from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
-from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Recorded, Scrambled, Source
+from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
@@ -71,12 +71,21 @@ def source_of(study: Config, scenario: Scenario) -> Source:
     keyed = Keyed(study.seed)
     if study.draws == "random" or not isinstance(study.samples, int):
         return keyed
-    places = recorded(scenario, keyed).places
+    places = sorted(recorded(scenario, keyed).places, key=lambda place: forgotten(scenario, place))
     if len(places) > MOST_DIMENSIONS:
         most = f"sobol takes {MOST_DIMENSIONS:,} numbers of a lane at most (got {len(places):,})"
         raise ConfigError([Problem("study", "draws", most)])
     columns = {place: column for column, place in enumerate(places)}
     return Scrambled(study.seed, study.samples // RANDOMISATIONS, columns)
+
+
+def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
+    """What makes a number the less important: that it is of the start, or of an attack on nobody.
+
+    Of the first dimensions also pairs are even when there are few points, of late ones they are not.
+    """
+    spared = place.vehicle not in (0, *scenario.attack.targets())
+    return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:
