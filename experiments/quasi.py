@@ -65,7 +65,7 @@ def draw(table: pd.DataFrame) -> None:
             labels, "lanes", "standard deviation of the mean [m]", style.WIDTH, 1.9
         )
         for panel, (name, mine) in zip(panels, table.groupby("study", sort=False), strict=True):
-            panel.set_title(name, fontsize=7.5)
+            panel.set_title(str(name), fontsize=7.5)
             for draws, look in zip(("random", "sobol"), style.SERIES, strict=False):
                 panel.loglog(mine["lanes"], mine[draws], marker="o", markersize=3, label=draws, **look)
         panels[0].set_xticks(SAMPLES, map(str, SAMPLES))

@@ -38,8 +38,10 @@ def indices(
 
     def ratios(weights: Float[np.ndarray, "some rows"]) -> Float[np.ndarray, "some indices"]:
         means = weights @ terms.T / len(a)
-        variance = means[:, -1] - means[:, -2] ** 2
-        return means[:, :-2] / variance[:, None]
+        variance = (means[:, -1] - means[:, -2] ** 2)[:, None]
+        return means[:, :-2] / np.where(
+            variance > 0, variance, np.nan
+        )  # where rows drawn again are all alike
 
     resampled = np.concatenate([ratios(counts.astype(float)) for counts in resamples(len(a), TOGETHER)])
     found = ratios(np.ones((1, len(a))))[0], *interval(resampled)

@@ -74,7 +74,10 @@ def spread(
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
     mean, half = values.mean(), np.nan
     with np.errstate(invalid="ignore"):  # infinite ones have no spread
-        means = values if units is None else pd.Series(values).groupby(units).mean().to_numpy()
+        means = values
+        if units is not None:
+            _, number = np.unique(units, return_inverse=True)
+            means = np.bincount(number, values) / np.bincount(number)
         if len(means) > 1:
             quantile = special.stdtrit(len(means) - 1, (1 + CONFIDENCE) / 2)
             half = quantile * means.std(ddof=1) / np.sqrt(len(means))
