@@ -1,8 +1,9 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
 `load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
-`search` looks for the worst choice; `open` reads a results folder, `compare` holds two against each other.
-`Results` has tables and arrays, fits, replays, films, plots, the report and a file for MATLAB.
+`search` looks for the worst choice, `sensitivity` tells what matters; `open` reads a results folder,
+`compare` holds two against each other. `Results` has tables and arrays, fits, replays, films, plots, the
+report and a file for MATLAB.
 `field` gives the vector field of one lane.
 """
 
@@ -12,7 +13,19 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from jaxnet.api import Part, Replay, Results, compare, field, open, run, run_part, search, simulate
+    from jaxnet.api import (
+        Part,
+        Replay,
+        Results,
+        compare,
+        field,
+        open,
+        run,
+        run_part,
+        search,
+        sensitivity,
+        simulate,
+    )
     from jaxnet.config.document import ConfigError
     from jaxnet.config.study import Study, load
     from jaxnet.kinds.kind import KindError
@@ -36,6 +49,7 @@ HOMES = {
     "run": "jaxnet.api",
     "run_part": "jaxnet.api",
     "search": "jaxnet.api",
+    "sensitivity": "jaxnet.api",
     "simulate": "jaxnet.api",
 }
 __all__ = [
@@ -54,6 +68,7 @@ __all__ = [
     "run",
     "run_part",
     "search",
+    "sensitivity",
     "simulate",
 ]
 

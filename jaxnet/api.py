@@ -39,6 +39,7 @@ __all__ = [
     "run",
     "run_part",
     "search",
+    "sensitivity",
     "simulate",
 ]
 
@@ -243,6 +244,33 @@ def compare(first: stored.Results | Place, second: stored.Results | Place) -> "C
 
     a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
     return held_against(a, b)
+
+
+def sensitivity(study: Source, samples: SupportsInt = 1024, out: Place | None = None) -> pd.DataFrame:
+    """Sobol's indices of each metric to each quantity that a study draws, cell by cell.
+
+    First-order and total, with 95 % intervals. It takes `samples` lanes for each quantity of a
+    cell, and twice as many more, and writes `sensitivity.csv` into `out` (default results/NAME), where a run
+    of the study may be; cells that are there are not done again. Raises ConfigError or FolderError.
+    """
+    study = load(study)
+    table, *_ = write_sensitivity(study, whole("samples", samples), out)
+    return stored.read_table(table)
+
+
+def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps = untold) -> Iterator[UPath]:
+    """Write `sensitivity.csv`, and its figures; the files, one after the other."""
+    enable()
+    from jaxnet.explore.sensitivity import analyse
+    from jaxnet.store.admission import claim
+    from jaxnet.view.figures import SENSITIVITY
+    from jaxnet.view.figures import every as figures
+
+    folder = Folder(default_out(study, out))
+    with folder.writing():
+        claim(folder, study.config)
+        yield analyse(study, folder, samples, told=told)
+        yield from figures.draw(stored.Results(folder.path), SENSITIVITY, told)
 
 
 def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:

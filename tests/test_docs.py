@@ -160,7 +160,9 @@ def test_what_the_tutorial_shows_works(reader):
     assert (reader.home / "errors.pdf").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("name", ["api", "config", "gallery", "performance", "results", "validation"])
+@pytest.mark.parametrize(
+    "name", ["api", "config", "gallery", "performance", "results", "sensitivity", "validation"]
+)
 def test_what_other_pages_show_can_be_done(name, reader, tmp_path):
     """Pages with code that no other test runs."""
     text = (ROOT / "docs" / f"{name}.md").read_text()

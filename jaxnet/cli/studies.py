@@ -204,6 +204,45 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
 
 
 @click.command()
+@takes_config
+@click.option(
+    "--metric", default="tail_mean", show_default=True, help="Of which to print; the file has all of them."
+)
+@click.option(
+    "--samples",
+    type=click.IntRange(30),
+    default=1024,
+    show_default=True,
+    help="Lanes of a cell for each quantity drawn; twice as many come on top.",
+)
+@click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
+def sensitivity(config: Path, overrides: tuple[str, ...], metric: str, samples: int, out: str | None) -> None:
+    """Tell which of the quantities drawn the results depend on.
+
+    Sobol's indices with 95 % intervals: which part of the variance over lanes comes from each, alone and with
+    interactions. Writes sensitivity.csv and its figure; cells that are there are not done again.
+    """
+    with user_errors():
+        study = jaxnet.load(config, overrides)
+        known = [each.name for each in study.config.measured()]
+        known += ["unrecovered"] if study.config.recovery else []
+        if metric not in known:
+            raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
+        from jaxnet.api import write_sensitivity
+        from jaxnet.explore.sensitivity import lanes_needed
+        from jaxnet.store.results import read_table
+        from jaxnet.view.text import progress
+        from jaxnet.view.text import sensitivity as words
+
+        click.echo(words.plan(lanes_needed(study, samples), samples), err=True)
+        with progress.stepping() as told:
+            written = list(write_sensitivity(study, samples, out, told))
+        click.echo(words.printed(read_table(written[0]), study, metric))
+        for path in written:
+            click.echo(f"wrote {path}", err=True)
+
+
+@click.command()
 def schema() -> None:
     """Print the config's JSON schema, for editors."""
     from jaxnet.config.schema import schema_text

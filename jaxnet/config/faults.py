@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxnet.config.keys import KINDS, Config, Samples, Scenario, Search, Sequential
+from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, Search, Sequential
 from jaxnet.config.wording import shown
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import bounds, is_drawn
@@ -25,6 +25,8 @@ def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield Fault(
             ("samples.until", "samples"), "needs to know what has recovered: give recovery: {tau: 0.01}"
         )
+    if study.draws == "sobol":
+        yield from sobol_faults(study)
     if study.recovery is not None:
         yield from recovery_faults(study, cells)
     if study.search is not None:
@@ -53,11 +55,29 @@ def chosen_faults(chosen: list[int], samples: Any) -> Iterator[Fault]:
         yield Fault((key, "samples"), f"samples are 0 to {samples - 1} (got {beyond[0]})")
 
 
+def sobol_faults(study: Config) -> Iterator[Fault]:
+    """Sequences are whole where their length is a power of two, and no interval of a share is known."""
+    each, rest = (0, 1) if isinstance(study.samples, Sequential) else divmod(study.samples, RANDOMISATIONS)
+    if rest or each & (each - 1):
+        got = "until: …" if isinstance(study.samples, Sequential) else shown(study.samples)
+        yield Fault(
+            ("samples", "draws"),
+            f"must be {RANDOMISATIONS} times a power of two where draws is sobol: {RANDOMISATIONS}, 32, 64, …"
+            f" (got {got})",
+        )
+    if study.recovery is not None:
+        yield Fault(
+            ("recovery", "draws"), "has an interval of independent lanes: give draws: random, or no recovery"
+        )
+
+
 def search_faults(study: Config, search: Search) -> Iterator[Fault]:
     """What is searched over is not swept, and what is maximised is measured."""
     for key in search.over:
         if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
             yield Fault((f"search.over.{key}",), f"{swept[0]} is swept: search over it, or sweep it")
+    if study.draws == "sobol":
+        yield Fault(("draws", "search"), "a search is held against random lanes: give draws: random")
     measured = [metric.name for metric in study.measured()]
     if search.maximise == "unrecovered":
         if study.recovery is None:

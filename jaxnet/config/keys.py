@@ -86,6 +86,7 @@ class Scenario(Record):
         return (*CONTRACT, *(registry.find("metrics", name) for name in self.metrics))
 
 
+RANDOMISATIONS = 16  # of Sobol's sequences, that stand for independent samples
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "engine")  # keys that take a kind
 
 
@@ -277,6 +278,11 @@ class Config(Scenario):
         Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
         Discriminator(samples_given),
     ] = Field(default=1, description="lanes per cell")
+    draws: Literal["random", "sobol"] = Field(
+        default="random",
+        description="random, independent; sobol, samples as even as can be, in 16 sequences scrambled"
+        " independently, by which intervals are made",
+    )
     recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
     search: Search | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})

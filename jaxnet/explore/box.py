@@ -10,8 +10,8 @@ from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Job
 from jaxnet.kinds import fields
 from jaxnet.lanes.draws import quantile
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Given, Place, Recorded, Source
+from jaxnet.lanes.jobs import job, recorded
+from jaxnet.lanes.uniforms import Given, Place, Source
 
 INSIDE = 2.0**-54  # from the edges, where a normal number is infinite
 TURN = 1e-9  # [rad] of a full turn
@@ -85,9 +85,7 @@ class Remembered:
 
 def places_of(scenario: Scenario, source: Source) -> list[Place]:
     """All that a scenario draws, in the order in which it does."""
-    recorded = Recorded(source)
-    job(scenario, recorded, [0])
-    return list(recorded.places)
+    return list(recorded(scenario, source).places)
 
 
 def value_at(scenario: Scenario, place: Place) -> Any:

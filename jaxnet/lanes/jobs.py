@@ -6,7 +6,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxnet.config.keys import Scenario
+from jaxnet.config.document import ConfigError, Problem
+from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, outputs_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
@@ -14,7 +15,7 @@ from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
-from jaxnet.lanes.uniforms import Source
+from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
@@ -53,6 +54,38 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     return Job(
         Inputs(lanes, numbers), network_of(scenario, sources), clock_of(scenario), plan_of(scenario, save)
     )
+
+
+def recorded(scenario: Scenario, source: Source) -> Recorded:
+    """All that a lane of a scenario draws, in the order in which it does."""
+    found = Recorded(source)
+    job(scenario, found, [0])
+    return found
+
+
+def source_of(study: Config, scenario: Scenario) -> Source:
+    """Where the numbers of a study's lanes come from in the scenario of one of its cells.
+
+    Raises ConfigError where Sobol's sequences have fewer dimensions than it draws numbers.
+    """
+    keyed = Keyed(study.seed)
+    if study.draws == "random" or not isinstance(study.samples, int):
+        return keyed
+    places = sorted(recorded(scenario, keyed).places, key=lambda place: forgotten(scenario, place))
+    if len(places) > MOST_DIMENSIONS:
+        most = f"sobol takes {MOST_DIMENSIONS:,} numbers of a lane at most (got {len(places):,})"
+        raise ConfigError([Problem("study", "draws", most)])
+    columns = {place: column for column, place in enumerate(places)}
+    return Scrambled(study.seed, study.samples // RANDOMISATIONS, columns)
+
+
+def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
+    """What makes a number the less important: that it is of the start, or of an attack on nobody.
+
+    Of the first dimensions also pairs are even when there are few points, of late ones they are not.
+    """
+    spared = place.vehicle not in (0, *scenario.attack.targets())
+    return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:

@@ -5,8 +5,9 @@ number of samples, the order in which lanes run, or any other key. Every distrib
 that number, so cells that differ in anything share their draws (common random numbers).
 """
 
+import functools
 import zlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -16,6 +17,9 @@ from jaxtyping import Float, Int, UInt32
 COMPONENTS = 4  # of a vehicle whose slots are side by side
 PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
 BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
+
+BITS = 32  # of a point's coordinates: with more SciPy cannot go on from the middle
+MOST_DIMENSIONS = 21_201  # that Joe and Kuo (2008) have direction numbers for
 
 Entry = tuple[int, int]  # vehicle (0: the lane's own) and component
 Drawn = Float[np.ndarray, "samples places"]
@@ -60,20 +64,63 @@ class Keyed(NamedTuple):
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
 
 
+class Scrambled(NamedTuple):
+    """Numbers of Sobol's sequences, one of so many points after the other, each scrambled independently.
+
+    A number's dimension is its column; what has none is random.
+    """
+
+    seed: int
+    points: int
+    columns: dict[Place, int]
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """In steps of 2⁻³²."""
+        given = sobol(self.seed, self.points, len(self.columns), tuple(samples))
+        lanes = Given(given, self.columns, np.asarray(samples), Keyed(self.seed))
+        return lanes.uniforms(name, range(len(samples)), places)
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """A random one."""
+        return Keyed(self.seed).generator(name, sample)
+
+
 class Recorded:
     """A source, and which of its numbers were asked for, in the order in which they first were."""
 
     def __init__(self, source: Source):
-        self.source, self.places = source, dict[Place, None]()
+        self.source, self.places, self.names = source, dict[Place, None](), dict[str, None]()
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         """The source's."""
         self.places.update({Place(name, *place): None for place in places})
+        self.names[name] = None
         return self.source.uniforms(name, samples, places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
         """The source's."""
+        self.names[name] = None
         return self.source.generator(name, sample)
+
+
+class Later(NamedTuple):
+    """A source's numbers, those of some names so many samples later, so that they are other ones."""
+
+    source: Source
+    by: int
+    names: Collection[str]
+
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """Those of the samples, or of later ones."""
+        return self.source.uniforms(name, [sample + self.lag(name) for sample in samples], places)
+
+    def generator(self, name: str, sample: int) -> np.random.Generator:
+        """That of the sample, or of a later one."""
+        return self.source.generator(name, sample + self.lag(name))
+
+    def lag(self, name: str) -> int:
+        """Samples by which a quantity's numbers are later."""
+        return self.by if name in self.names else 0
 
 
 class Given(NamedTuple):
@@ -105,6 +152,23 @@ class Given(NamedTuple):
     def generator(self, name: str, sample: int) -> np.random.Generator:
         """Of the lane's sample."""
         return self.source.generator(name, int(self.samples[sample]))
+
+
+@functools.lru_cache(maxsize=4)  # for each name asks for the same samples
+def sobol(seed: int, points: int, dimensions: int, samples: tuple[int, ...]) -> Drawn:
+    """Sample s is point s mod `points` of sequence s // `points`."""
+    from scipy.stats import qmc  # takes its time
+
+    found, (sequences, numbers) = np.empty((len(samples), dimensions)), np.divmod(samples, points)
+    for sequence in np.unique(sequences):
+        mine = sequences == sequence
+        first, last = int(numbers[mine].min()), int(numbers[mine].max())
+        drawn = qmc.Sobol(dimensions, bits=BITS, rng=np.random.default_rng([seed, int(sequence)]))
+        if first:
+            drawn.fast_forward(first)
+        whole = 2 ** (last - first).bit_length()  # or it warns
+        found[mine] = drawn.random(whole)[numbers[mine] - first]
+    return found + 2.0 ** -(BITS + 1)
 
 
 def slot(vehicle: int, component: int) -> int:

@@ -10,8 +10,7 @@ import jax.numpy as jnp
 
 from jaxnet.config.study import Study
 from jaxnet.engine.methods.stacked import Held, motion
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
+from jaxnet.lanes.jobs import job, source_of
 
 
 def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any], Any], jax.Array]:
@@ -27,7 +26,8 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
     if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
         kind = (attack if attack.strategic else defence).kind
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
-    one = job(scenario.model_copy(update={"tick": 0.0}), Keyed(study.config.seed), [sample])
+    source = source_of(study.config, scenario)
+    one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
     held = Held(lane, lane.weights[None], lane.vectors)

@@ -11,8 +11,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
+from jaxnet.lanes.jobs import job, source_of
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.arrays import open_store
@@ -32,7 +31,8 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     chosen = with_engine(study.cells[cell], engine)
     variables = layout.ERRORS | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
-    lane = job(chosen.scenario, Keyed(study.config.seed), [sample], layout.series_of(variables))
+    source = source_of(study.config, study.cells[cell].scenario)
+    lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
     outcome = batch.simulate(lane, machine)
     path, folder = path_of(results, cell, sample, engine), Folder(results.path)
     for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
@@ -61,7 +61,7 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
         path, _ = replay(results, cell, sample)
         lane = open_store(path).isel(lane=0)
     scenario = results.study.cells[cell].scenario
-    one = job(scenario, Keyed(results.study.config.seed), [sample])
+    one = job(scenario, source_of(results.study.config, scenario), [sample])
     weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
     for sources, mine in zip(
         np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True

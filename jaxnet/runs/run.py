@@ -20,8 +20,7 @@ from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Keyed
+from jaxnet.lanes.jobs import job, source_of
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
@@ -129,7 +128,7 @@ class Run:
         return Assignment(
             Folder(self.folder.path.absolute()),
             digest(self.study),
-            Keyed(self.study.seed),
+            self.study,
             self.size,
             rows.column_types(self.study, self.cells),
             layout.filled_stores(self.cells, self.study.save),
@@ -220,7 +219,8 @@ class Run:
         store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
         for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
-            one = job(cell.scenario, Keyed(self.study.seed), samples, layout.series_of(variables))
+            source = source_of(self.study, cell.scenario)
+            one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
             lane_store.write_lanes(store, first, cell, variables, series)
             first += len(samples)

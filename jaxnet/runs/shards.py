@@ -21,12 +21,12 @@ import pyarrow as pa
 from upath import UPath
 
 import jaxnet
+from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.kinds.registry import Provenance
-from jaxnet.lanes.jobs import job
-from jaxnet.lanes.uniforms import Source
+from jaxnet.lanes.jobs import job, source_of
 from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
@@ -42,7 +42,7 @@ class Assignment(NamedTuple):
 
     folder: Folder
     study: str  # hash
-    source: Source
+    config: Config  # of the study
     size: int  # samples of a whole shard
     types: dict[str, pa.DataType]  # of the swept keys' columns
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
@@ -115,16 +115,19 @@ def outcomes(
     work: Assignment, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
 ) -> Iterator[tuple[Shard, Outcome]]:
     """Outcome of each shard, those that fit one program in one go."""
-    programs = {
-        cell.number: program_of(job(cell.scenario, work.source, [0], work.series))
-        for cell in {shard.cell.number: shard.cell for shard in shards}.values()
-    }
+    some = {shard.cell.number: shard for shard in shards}  # one of each cell
+    sources = {number: source_of(work.config, shard.cell.scenario) for number, shard in some.items()}
+
+    def drawn(shard: Shard, samples: Sequence[int]) -> Job:
+        return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
+
+    programs = {number: program_of(drawn(shard, [0])) for number, shard in some.items()}
     kinds: dict[Any, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(programs[shard.cell.number], []).append(shard)
     for alike in kinds.values():
-        one = job(alike[0].cell.scenario, work.source, [0], work.series)
-        inputs = (job(shard.cell.scenario, work.source, shard.samples, work.series).inputs for shard in alike)
+        one = drawn(alike[0], [0])
+        inputs = (drawn(shard, shard.samples).inputs for shard in alike)
         lanes = sum(len(shard.samples) for shard in alike)
         ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
         yield from zip(alike, ends, strict=True)

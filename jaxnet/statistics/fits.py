@@ -4,7 +4,8 @@ Each group of cells that differ in ā alone, and each of tail_mean and tail_max,
 `curves` by the estimators of `regression`; cells with ā = 0 and failed lanes take no part. Intervals are the
 2.5 and 97.5 % points of fits to samples drawn again with replacement: samples and not rows, for sample s is
 the same random draw in every cell. The envelope has none, as the bootstrap fails for a maximum:
-`envelope_share` says what is known of it.
+`envelope_share` says what is known of it. Nor are there any of Sobol's sequences, whose points are not
+independent and whose number is small.
 """
 
 from collections.abc import Iterable, Iterator
@@ -102,7 +103,8 @@ def table(results: Results, told: Steps = untold) -> pd.DataFrame:
     def of(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
         labels, cells, metric = one
         errors = observed(results, cells, metric)
-        return [labels | {"metric": metric} | row for row in fits(errors)]
+        alone = results.study.config.draws == "random"
+        return [labels | {"metric": metric} | row for row in fits(errors, alone)]
 
     found = []
     told("curves fitted", 0, len(asked))
@@ -140,15 +142,15 @@ def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
         yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
 
 
-def fits(errors: Errors) -> Iterator[dict[str, Any]]:
-    """Rows on one set of errors."""
+def fits(errors: Errors, alone: bool = True) -> Iterator[dict[str, Any]]:
+    """Rows on one set of errors; without intervals if no sample is `alone`, independent of others."""
     if not errors.models:
         return
     samples, models, ranked = errors.y.shape[1], errors.models, errors.ranked()
     once = np.ones((1, samples), np.int16)
     points = estimates(ranked, once, (*QUANTILES, ENVELOPE), models, EXACT)
     at_once = max(1, min(ROWS, ROOM // ranked.data.ratios[:, :, 0].size))
-    drawn = bootstrap(ranked, resamples(samples, at_once), models)
+    drawn = bootstrap(ranked, resamples(samples, at_once), models) if alone else {}
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             blank = np.full_like(estimate, np.nan)

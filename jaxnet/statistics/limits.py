@@ -19,8 +19,8 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of
 from jaxnet.lanes.draws import Draw
-from jaxnet.lanes.jobs import attack_of, signals_of, sources_of, start_of
-from jaxnet.lanes.uniforms import Keyed, Source
+from jaxnet.lanes.jobs import attack_of, signals_of, source_of, sources_of, start_of
+from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.store.results import Results
@@ -91,7 +91,7 @@ def violations(results: Results) -> pd.DataFrame:
     are drawn, or of whose defence nothing is known, are left out, and a failed lane has no tail_max that
     could exceed anything.
     """
-    source, found = Keyed(results.study.config.seed), []
+    found = []
     attacked = {
         cell.number: cell
         for cell in results.study.cells
@@ -99,6 +99,7 @@ def violations(results: Results) -> pd.DataFrame:
     }
     for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
         cell = attacked[number]
+        source = source_of(results.study.config, cell.scenario)
         rows = rows[suspects(cell.scenario, source, rows)]
         at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):

@@ -16,9 +16,10 @@ from jaxtyping import Bool
 from scipy import special
 
 from jaxnet.config.cells import Cell, plain
+from jaxnet.config.keys import Config
 from jaxnet.statistics.curves import alike
 from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED, spread
+from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED, spread, units
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
@@ -50,11 +51,12 @@ def held_against(first: Results, second: Results) -> Comparison:
     changed = [
         lanes[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna() for lanes in judged
     ]
+    rows = [row_of(pair, lanes, first.study.config) for pair, lanes in zip(pairs, judged, strict=True)]
     return Comparison(
         (str(first.path), str(second.path)),
         settings(first, second),
         alone(first, second, pairs),
-        pd.DataFrame([row_of(pair, lanes) for pair, lanes in zip(pairs, judged, strict=True)]),
+        pd.DataFrame(rows),
         listed_lanes(
             pairs, changed, ["sample", "tail_mean_A", "tail_mean_B", "unrecovered_A", "unrecovered_B"]
         ),
@@ -70,6 +72,11 @@ def paired_cells(first: Results, second: Results) -> list[Pair]:
             f"seed: {seeds[0]} in {first.path}, {seeds[1]} in {second.path}; lanes are paired by their draws,"
             " so the seed must be the same"
         )
+    drawn = [design(results) for results in (first, second)]
+    if drawn[0] != drawn[1]:
+        raise FolderError(
+            f"draws: {drawn[0]} in {first.path}, {drawn[1]} in {second.path}; lanes are paired by their draws"
+        )
     common = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     theirs = by_values(second, common, first)
     mine = by_values(first, common, second)
@@ -81,6 +88,12 @@ def paired_cells(first: Results, second: Results) -> list[Pair]:
         )
         raise FolderError(f"sweep: no cell of one study has a like in the other: {swept}")
     return pairs
+
+
+def design(results: Results) -> str:
+    """By what samples are drawn; of Sobol's sequences their length matters too."""
+    study = results.study.config
+    return study.draws if study.draws == "random" else f"{study.draws} with {study.samples} samples"
 
 
 def by_values(results: Results, common: Sequence[str], other: Results) -> dict[tuple[str, ...], Cell]:
@@ -129,12 +142,13 @@ def taus(first: Results, second: Results) -> list[float]:
     return [np.nan if each is None else each.tau for each in asked]
 
 
-def row_of(pair: Pair, lanes: pd.DataFrame) -> dict[str, Any]:
+def row_of(pair: Pair, lanes: pd.DataFrame, study: Config) -> dict[str, Any]:
     """What the lanes of a pair of cells come to."""
     ok: Any = lanes[lanes["ok"]]
     row = numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
+    drawn = units(study, ok["sample"].to_numpy())
     for metric in SUMMARISED:
-        found = spread((ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float), -np.inf)
+        found = spread((ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float), -np.inf, drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
     if ok[["unrecovered_A", "unrecovered_B"]].isna().to_numpy().any() or not len(ok):
         return row | dict.fromkeys(Shift._fields, np.nan)

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int
 from scipy import special
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config
+from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics import recovery
 from jaxnet.store import rows
@@ -27,12 +28,12 @@ def summarise(
     And, if asked for, the share that did not recover; `samples` of a cell are those that all shards have.
     """
     table, counts, metrics = [], recovery.nobody(cells), summarised(study)
-    for number, lanes in rows.scan(folder, shards, ("status", *metrics)):
+    for number, lanes in rows.scan(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         for metric in metrics:
             least = 0.0 if metric in SUMMARISED else -np.inf
-            found = spread(ok[metric].to_numpy(), least)
+            found = spread(ok[metric].to_numpy(), least, units(study, ok["sample"].to_numpy()))
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         table.append(row)
         if study.recovery is not None:
@@ -48,19 +49,38 @@ def summarised(study: Config) -> list[str]:
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
-def spread(values: np.ndarray, least: float) -> dict[str, float]:
+def units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[np.ndarray, " lanes"] | None:
+    """The sequence that each sample is of, which are independent; None where the samples themselves are."""
+    if study.draws == "random" or not isinstance(study.samples, int):
+        return None
+    return samples // (study.samples // RANDOMISATIONS)
+
+
+def units_told(study: Config) -> str:
+    """What means have their intervals over."""
+    return "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
+
+
+def spread(
+    values: np.ndarray, least: float, units: Int[np.ndarray, " lanes"] | None = None
+) -> dict[str, float]:
     """Mean with its t interval, median, quantiles and maximum; not-a-number where there is no lane.
 
-    `least` is what a mean can be at least: the interval does not go below it.
+    `least` is what a mean can be at least: the interval does not go below it. Where lanes are of
+    `units`, the means of these are what is independent.
     """
     count = len(values)
     if count == 0:
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
     mean, half = values.mean(), np.nan
     with np.errstate(invalid="ignore"):  # infinite ones have no spread
-        if count > 1:
-            quantile = special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)
-            half = quantile * values.std(ddof=1) / np.sqrt(count)
+        means = values
+        if units is not None:
+            _, number = np.unique(units, return_inverse=True)
+            means = np.bincount(number, values) / np.bincount(number)
+        if len(means) > 1:
+            quantile = special.stdtrit(len(means) - 1, (1 + CONFIDENCE) / 2)
+            half = quantile * means.std(ddof=1) / np.sqrt(len(means))
         q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
     return {
         "mean": mean,

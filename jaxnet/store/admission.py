@@ -10,7 +10,7 @@ from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.store import rows
-from jaxnet.store.folder import UNHASHED, Folder, FolderError, digest
+from jaxnet.store.folder import Folder, FolderError, digest, unhashed, versions
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 REMEDY = "give another folder with --out, or replace its results with --fresh"
@@ -31,6 +31,21 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
         )
     elif holds not in (None, digest(config)):
         raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {REMEDY}")
+
+
+def claim(folder: Folder, config: Config) -> None:
+    """Admit a study, and have a folder that holds nothing say that it is this one's, before any run."""
+    admit(folder, config)
+    if not folder.manifest:
+        folder.write_study(config)
+        folder.write_manifest(
+            hash=digest(config),
+            versions=versions(),
+            modules={name: made._asdict() for name, made in registry.provenance(plain(config)).items()},
+            save=plain(config.save),
+            samples=0,
+            finished=False,
+        )
 
 
 def held(folder: Folder) -> tuple[str | None, str | None]:
@@ -64,7 +79,7 @@ def difference(folder: Folder, config: Config) -> str:
     keys = [
         key
         for key in dict.fromkeys([*theirs, *ours])
-        if key.split(".")[0] not in UNHASHED and theirs.get(key) != ours.get(key)
+        if key.split(".")[0] not in unhashed(config) and theirs.get(key) != ours.get(key)
     ]
     if not keys:
         return ": its sweep has another order"

@@ -34,6 +34,7 @@ OURS = (
     "study.yaml",
     "manifest.json",
     "cells.csv",
+    "sensitivity.csv",
     "lanes",
     "errors.zarr",
     "trajectories.zarr",
@@ -53,10 +54,15 @@ class FolderError(ValueError):
     """A results folder that cannot be used for what was asked."""
 
 
+def unhashed(config: Config) -> tuple[str, ...]:
+    """Keys that change no row: of Sobol's sequences the number of samples does."""
+    return UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
+
+
 def digest(config: Config) -> str:
     """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
     data = plain(config)
-    kept = {key: value for key, value in data.items() if key not in UNHASHED}
+    kept = {key: value for key, value in data.items() if key not in unhashed(config)}
     if made_of := registry.provenance(data):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells

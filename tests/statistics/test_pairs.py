@@ -105,7 +105,7 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     lanes = pairs.joined(without, trimmed, pair)
     lanes.loc[3, ["status_B", "tail_mean_B", "tail_max_B"]] = ["max_steps", np.nan, np.nan]
     judged = pairs.judge(lanes, pair, [0.3, 0.3])
-    row = pairs.row_of(pair, judged)
+    row = pairs.row_of(pair, judged, without.study.config)
     assert (row["pairs"], row["failed"]) == (9, 1)
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
@@ -145,7 +145,7 @@ def test_what_cannot_be_paired_is_refused(without, keys, words):
 
 def test_lanes_without_recovery_have_no_sides(without):
     """Blank where one study does not say when a lane has recovered."""
-    assert pd.isna(pairs.row_of(*unjudged(without))["p"])
+    assert pd.isna(pairs.row_of(*unjudged(without), without.study.config)["p"])
 
 
 def unjudged(results):

@@ -3,18 +3,21 @@
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import matplotlib as mpl
+import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import courses
+from jaxnet.explore.sensitivity import FILE
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.statistics.tiles import outcomes, tiling
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import Results
+from jaxnet.store.results import Results, read_table
 from jaxnet.view.figures import (
     COLUMNS,
     NAMES,
@@ -22,6 +25,7 @@ from jaxnet.view.figures import (
     heat,
     panels,
     search,
+    sensitivity,
     style,
     tails,
     topology,
@@ -123,6 +127,16 @@ class Plots:
         words = f"worst {searched(self.results)}, per ā"
         return search.worst(worst.table(self.results), cells, words, width)
 
+    @in_style
+    def sensitivity(self, where: Where | None = None, column: str = "two") -> Figure:
+        """Which part of the mean tail error's variance comes from which quantity drawn, a panel per cell."""
+        return parts_of_variance(self.results, "tail_mean", *selection(self.results, where, column))
+
+    @in_style
+    def sensitivity_unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
+        """The same of whether a lane recovers."""
+        return parts_of_variance(self.results, "unrecovered", *selection(self.results, where, column))
+
 
 def searched(results: Results) -> str:
     """What a folder's search has maximised; raises FolderError if there was none."""
@@ -157,6 +171,18 @@ def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: f
     if outcomes(results).loc[[cell.number for cell in cells], metric].isna().all():
         raise lacking(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
     return heat.figure(results, tiles, metric, width)
+
+
+def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
+    """Sobol's indices of a metric."""
+    file = results.path / FILE
+    table: Any = read_table(file) if file.exists() else pd.DataFrame({"metric": [], "cell": []})
+    wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
+    if not wanted.any():
+        raise LackingError(
+            f"{results.path} has no {FILE} of {metric} in these cells: jaxnet sensitivity makes it"
+        )
+    return sensitivity.figure(table[wanted], cells, width)
 
 
 def has(results: Results, name: str) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.explore.courses import courses
+from jaxnet.explore.sensitivity import FILE
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
@@ -24,11 +25,13 @@ from jaxnet.statistics.curves import (
     shares,
 )
 from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.summary import units_told
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded, sortable
 from jaxnet.view.text import check, tables, worst
+from jaxnet.view.text.sensitivity import LEGEND
 
 MOST_ROWS = 10_000
 MOST_LISTED = 200
@@ -62,6 +65,7 @@ def every(results: Results) -> list[Section]:
         search_section(results),
         lanes_section(results),
         violations_section(results),
+        sensitivity_section(results),
         failed(results),
     ]
     return [section for section in each if section is not None]
@@ -114,10 +118,11 @@ def run_section(results: Results) -> Section:
 
 def summary_section(results: Results) -> Section:
     """The table of all cells."""
-    rows = tables.summary_rows(results)
+    rows, over = tables.summary_rows(results), units_told(results.study.config)
     note = (
-        "<p>Mean over lanes of the tail's mean error, with its 95 % t interval (mean low, mean high),"
-        " its median and 95 % quantile; worst is the greatest error of any vehicle in any lane."
+        f"<p>Mean over lanes of the tail's mean error, with its 95 % t interval over {over}"
+        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle in"
+        " any lane."
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
@@ -223,6 +228,15 @@ def search_section(results: Results) -> Section | None:
     )
     drawn = plots.searches(courses(results, results.study.cells), f"{asked.maximise} [m]")
     return Section("search", name, note + sortable(rows, ([cell] for cell in rows["cell"])) + DRAWN, drawn)
+
+
+def sensitivity_section(results: Results) -> Section | None:
+    """Which part of what varies comes from which quantity drawn."""
+    if not (results.path / FILE).exists():
+        return None
+    rows = read_table(results.path / FILE).dropna(subset="first").drop(columns="tau")
+    note = f"<p>Sobol's indices: {escape(LEGEND)} A click on a header sorts.</p>"
+    return Section("sensitivity", "What matters", note + sortable(rows, ([cell] for cell in rows["cell"])))
 
 
 def lanes_section(results: Results) -> Section:

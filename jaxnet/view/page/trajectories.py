@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import title
 from jaxnet.config.scenario import situation_of
-from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.watched import Watched, watched
 from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
@@ -102,9 +101,9 @@ def links_of(results: Results, one: Watched, cell: Cell) -> Bool[np.ndarray, "m 
     """Who hears whom in a lane, whose graph may be its own."""
     if not cell.scenario.topology.differs():
         return situation_of(cell.scenario).weights > 0
-    from jaxnet.lanes.jobs import job
+    from jaxnet.lanes.jobs import job, source_of
 
-    made = job(cell.scenario, Keyed(results.study.config.seed), [one.sample])
+    made = job(cell.scenario, source_of(results.study.config, cell.scenario), [one.sample])
     sources = np.asarray(made.network.hearing.sources)
     links = np.zeros((sources.shape[1], sources.shape[1] + 1), bool)
     slots, listeners = np.nonzero(np.asarray(made.inputs.lane.weights[0]))

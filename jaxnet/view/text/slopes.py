@@ -57,7 +57,8 @@ def slopes(results: Results) -> str:
         LEAST_SLOPES,
         "fit.csv",
     )
-    draws = min(whole_draws(results, curve.group) for curve in found)
+    alone = results.study.config.draws == "random"
+    draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
         words = (
             f"envelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"

@@ -12,6 +12,7 @@ import pandas as pd
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
+from jaxnet.statistics.summary import units_told
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, Results
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
@@ -60,7 +61,8 @@ def summary(results: Results) -> str:
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
-        lines.append("mean low, mean high: 95 % t interval of the mean over lanes")
+        over = units_told(results.study.config)
+        lines.append(f"mean low, mean high: 95 % t interval of the mean over {over}")
     lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
     return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
 

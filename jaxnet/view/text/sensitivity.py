@@ -1,0 +1,54 @@
+"""What `jaxnet sensitivity` prints."""
+
+from collections.abc import Mapping
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jaxnet.config.study import Study
+from jaxnet.explore.sensitivity import FILE
+from jaxnet.model.wording import count
+from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
+
+ENDS = ("", "_low", "_high")
+LEAST_WANTED = (("left out",),)
+LEGEND = (
+    "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone; total: with its"
+    " interactions. A dash: nothing varies."
+)
+
+
+def plan(lanes: Mapping[int, int], samples: int) -> str:
+    """What is going to be simulated."""
+    cells, most = count(len(lanes), "cell"), max(lanes.values()) // samples - 2
+    return (
+        f"{count(sum(lanes.values()), 'lane')}: in {cells} {samples:,} for each quantity drawn,"
+        f" of which there are {most} at most, and twice as many more"
+    )
+
+
+def in_hundredths(estimate: float, low: float, high: float) -> str:
+    """An index with its interval, to hundredths; a dash where there is none."""
+    return "-" if np.isnan(estimate) else f"{estimate:z.2f} ({low:z.2f} to {high:z.2f})"
+
+
+def printed(table: Any, study: Study, metric: str) -> str:
+    """The indices of one metric: a line per cell and quantity."""
+    rows: Any = pd.DataFrame(
+        [
+            {"cell": row["cell"], **study.cells[row["cell"]].labels, "quantity": row["quantity"]}
+            | {order: in_hundredths(*(row[f"{order}{end}"] for end in ENDS)) for order in ("first", "total")}
+            | {"left out": row["left_out"]}
+            for row in table[table["metric"] == metric].to_dict("records")
+        ]
+    )
+    rows = rows.drop(columns="left out") if not rows["left out"].any() else rows
+    shown, left_out, is_cut = narrow(rows.head(MOST_ROWS), list(study.cells[0].labels), LEAST_WANTED)
+    lines = [f"{metric}:", as_lines(shown)]
+    if len(rows) > MOST_ROWS:
+        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {FILE}")
+    if "left out" in rows:
+        lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
+    return "\n".join([*lines, fill(LEGEND, WIDTH), *notes(left_out, is_cut, FILE)])

@@ -1,0 +1,148 @@
+"""Sobol's sequences as draws: the same points however they are asked for, and intervals that hold."""
+
+import jax
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+import jaxnet
+from experiments import quasi
+from jaxnet.config.keys import RANDOMISATIONS
+from jaxnet.lanes.jobs import job, source_of
+from jaxnet.lanes.uniforms import Keyed, Place, Scrambled
+from jaxnet.runs.replay import replay
+from jaxnet.statistics.summary import spread
+from jaxnet.view.text import tables
+from tests import systems
+
+DIMENSIONS = 5
+COLUMNS = {Place("x", vehicle): vehicle for vehicle in range(DIMENSIONS)}
+ENTRIES = [(vehicle, 0) for vehicle in range(DIMENSIONS)]
+KEYS = {
+    "vehicles": 3,
+    "topology": "complete",
+    "attack": {"vehicles": [2]},
+    "engine": "exact",
+    "horizon": 1.0,
+    "tail": 0.5,
+    "samples": 64,
+    "draws": "sobol",
+}
+
+
+def test_samples_are_points_of_sequences_however_they_are_asked_for():
+    """One after the other and in any order, those that SciPy makes at once; what has no column is random."""
+    source = Scrambled(3, 8, COLUMNS)
+    sequences = [qmc.Sobol(DIMENSIONS, bits=32, rng=np.random.default_rng([3, each])) for each in range(4)]
+    whole = np.concatenate([each.random(8) for each in sequences]) + 2.0**-33
+    np.testing.assert_array_equal(source.uniforms("x", range(32), ENTRIES), whole)
+    some = [31, 5, 6, 17, 3]
+    np.testing.assert_array_equal(source.uniforms("x", some, ENTRIES[::-2]), whole[some][:, ::-2])
+    random = Keyed(3).uniforms("y", some, ENTRIES)
+    np.testing.assert_array_equal(source.uniforms("y", some, ENTRIES), random)
+
+
+def integrand(u):
+    """A smooth function of mean 1."""
+    return np.prod(1 + 0.5 * (u - 0.5) + 0.3 * (3 * (u - 0.5) ** 2 - 0.25), axis=1)
+
+
+def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
+    """In 500 studies about 95 % of the time, without bias, and far narrower than random ones."""
+    samples = np.arange(RANDOMISATIONS * 16)
+    held, means, random = [], [], []
+    for seed in range(500):
+        values = integrand(Scrambled(seed, 16, COLUMNS).uniforms("x", samples.tolist(), ENTRIES))
+        found = spread(values, -np.inf, samples // 16)
+        held.append(found["low"] <= 1 <= found["high"])
+        means.append(found["mean"])
+        random.append(integrand(np.random.default_rng(seed).random((len(samples), DIMENSIONS))).mean())
+    assert abs(np.mean(held) - 0.95) < 0.025
+    assert abs(np.mean(means) - 1) < 4 * np.std(means) / np.sqrt(500)
+    assert np.var(means) < np.var(random) / 20
+
+
+def test_they_save_lanes_where_the_error_varies_smoothly():
+    """The untrimmed ring's mean error over four phases that are drawn: several times as many."""
+    random, sobol = (
+        np.var([quasi.estimate("no defence", 1024, seed, draws) for seed in range(8)], ddof=1)
+        for draws in ("random", "sobol")
+    )
+    assert random > 3 * sobol
+
+
+def test_what_matters_has_the_first_dimensions():
+    """The attack on those who are attacked, then on others; starts, which are forgotten, come last."""
+    study = systems.study(draws="sobol", samples=16)
+    columns = source_of(study.config, study.cells[0].scenario).columns
+    phases = [columns[Place("attack.phase", vehicle)] for vehicle in (2, 5, 8, 11, *range(1, 13))]
+    assert phases[:4] == [0, 1, 2, 3]
+    assert sorted({*phases}) == list(range(12))
+    assert columns[Place("initial.position", 1)] == 12
+
+
+def test_every_number_of_a_lane_has_a_dimension_of_its_own():
+    """As many as are drawn; so no two of them are the same in all lanes."""
+    study = systems.study(**KEYS)
+    source = source_of(study.config, study.cells[0].scenario)
+    assert isinstance(source, Scrambled)
+    assert sorted(source.columns.values()) == list(range(3 * 4 + 3))  # positions, headings, speeds, phases
+    lane = job(study.cells[0].scenario, source, range(64)).inputs.lane
+    assert len(np.unique(lane.initial[:, :2].ravel())) == 64 * 6
+
+
+def test_lanes_are_the_same_however_they_are_loaded(tmp_path):
+    """Alone, in any order, in shards and when they are replayed: to the last bit."""
+    study = systems.study(**KEYS)
+    scenario = study.cells[0].scenario
+    source, some = source_of(study.config, scenario), [63, 0, 17]
+    whole, few = (job(scenario, source, samples).inputs for samples in (range(64), some))
+    for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(few), strict=True):
+        np.testing.assert_array_equal(one[some], other)
+    results = jaxnet.run(study, tmp_path / "whole", progress=False)
+    for part in range(2):
+        jaxnet.run_part(study, part, 2, tmp_path / "parts", progress=False)
+    assert jaxnet.run(study, tmp_path / "parts", progress=False).lanes.equals(results.lanes)
+    _, row = replay(results, 0, 17)
+    assert row["tail_mean"] == results.lanes["tail_mean"][17]
+
+
+def test_intervals_are_over_the_sequences(tmp_path):
+    """In the table of cells, and in words; another number of samples is another study."""
+    results = jaxnet.run(systems.study(**KEYS), tmp_path / "out", progress=False)
+    means = results.lanes["tail_mean"].to_numpy().reshape(RANDOMISATIONS, -1).mean(axis=1)
+    half = 2.131449545559323 * means.std(ddof=1) / 4  # Student's t, 15 degrees of freedom
+    assert results.cells["tail_mean_high"][0] == pytest.approx(means.mean() + half, rel=1e-12)
+    assert "scrambled sequences" in tables.summary(results)
+    with pytest.raises(jaxnet.FolderError, match="samples is 64 there and 128 here"):
+        jaxnet.run(systems.study(**KEYS | {"samples": 128}), tmp_path / "out", progress=False)
+    assert results.fit()["low"].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"samples": 100}, "16 times a power of two"),
+        ({"samples": 48}, "16 times a power of two"),
+        ({"samples": {"until": {"half_width": 0.1}}, "recovery": {"tau": 0.1}}, "16 times a power of two"),
+        ({"recovery": {"tau": 0.1}}, "interval of independent lanes"),
+    ],
+)
+def test_what_has_no_interval_is_refused(keys, said):
+    """With the key that asks for it."""
+    with pytest.raises(jaxnet.ConfigError, match=said):
+        systems.study(**KEYS | keys)
+
+
+def test_studies_drawn_otherwise_are_not_held_against_each_other():
+    """But those drawn alike are, by their sequences."""
+    one, other, random = (
+        jaxnet.simulate(KEYS | keys, progress=False)
+        for keys in ({}, {"attack": {"vehicles": [2], "magnitude": 6.0}}, {"draws": "random"})
+    )
+    found = jaxnet.compare(one, other).cells
+    apart = (other.lanes["tail_mean"] - one.lanes["tail_mean"]).to_numpy()
+    known = spread(apart, -np.inf, np.arange(64) // 4)
+    assert found["tail_mean_low"][0] == pytest.approx(known["low"], rel=1e-12)
+    with pytest.raises(jaxnet.FolderError, match="draws: sobol with 64 samples"):
+        jaxnet.compare(one, random)

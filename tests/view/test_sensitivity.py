@@ -1,0 +1,54 @@
+"""The figure and the table of Sobol's indices."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jaxnet.view.figures import every, sensitivity
+from jaxnet.view.text import sensitivity as words
+from tests import systems
+
+NAMES = ["initial.position", "initial.heading", "initial.speed", "attack.phase", "gain"]
+
+
+def made(cells):
+    """A study of so many cells, and a table with indices that tell the cell and quantity they are of."""
+    study = systems.study(sweep={"attack.magnitude": list(range(1, cells + 1))})
+    rows = []
+    for cell in range(cells):
+        for number, name in enumerate(NAMES):
+            first, total = 0.1 * number + 0.001 * cell, 0.2 * number
+            rows.append(
+                {"cell": cell, "metric": "tail_mean", "quantity": name, "samples": 64, "left_out": cell == 1}
+            )
+            rows[-1] |= {"first": first, "first_low": first - 0.1, "first_high": first + 0.2}
+            rows[-1] |= {"total": total, "total_low": total - 0.1, "total_high": total + 0.2}
+    return study, pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize("cells", [1, 6, 30])
+@pytest.mark.parametrize("width", [3.5, 7.16])
+@every.in_style
+def test_the_figure_has_what_the_table_says(cells, width):
+    """Each panel the cell's numbers, beside the names of the quantities; what has no room is told."""
+    study, table = made(cells)
+    drawn = sensitivity.figure(table, study.cells, width)
+    drawn.canvas.draw()
+    panels = [panel for panel in drawn.axes if panel.containers]
+    assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES
+    for cell, panel in enumerate(panels):
+        for order, container in zip(("first", "total"), panel.containers, strict=True):
+            np.testing.assert_array_equal(container[0].get_xdata(), table[table["cell"] == cell][order])
+    assert len(panels) == cells or f"{len(panels)} of {cells} cells are drawn" in drawn.get_suptitle()
+    assert drawn.get_figheight() <= 9.5
+
+
+def test_the_printed_table_names_cells_and_quantities():
+    """In 80 columns, with the samples that were left out."""
+    study, table = made(3)
+    said = words.printed(table, study, "tail_mean").splitlines()
+    assert max(map(len, said)) <= 80
+    line = next(line for line in said if line.split()[0] == "2" and "gain" in line)
+    assert "0.40 (0.30 to 0.60)" in line
+    assert "0.80 (0.70 to 1.00)" in line
+    assert "left out: samples of which a lane failed, of 64" in said
