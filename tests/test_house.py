@@ -60,7 +60,8 @@ def test_imports_run_one_way(path):
 def test_every_config_loads_and_says_how_it_is_run(path):
     """Its first line is the command that runs it, and its name is the file's."""
     first, second = path.read_text().splitlines()[:2]
-    assert first == f"# jaxnet run configs/{path.name}"
+    command = "search" if jaxnet.load(path).config.search else "run"
+    assert first == f"# jaxnet {command} configs/{path.name}"
     assert second == "# yaml-language-server: $schema=schema.json"
     assert jaxnet.load(path).config.name == path.stem
 
@@ -310,6 +311,7 @@ ONE_MEANING = {
     "feedback": "P(y) = k0 y + k1 ẏ + k2 ÿ, as the paper writes it and as the programs need it",
     "figure": "what a file of view/figures draws",
     "legend": "that of a figure",
+    "text": "what a command prints",
     "ROUNDING": "what rounding may amount to, of the numbers that a module has",
 }
 ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked", "engine.tick"}

@@ -57,7 +57,7 @@ def simulated(study: Study, folder: Folder, machine: Machine) -> UPath:
     return folder.path
 
 
-def write(study: Study, name: str, file: BinaryIO) -> None:
+def write_config(study: Study, name: str, file: BinaryIO) -> None:
     """Write a study as a file of this name, whose first line is the command that runs it."""
     body = yaml.dump(plain(study.config), Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
     file.write(f"# jaxnet run {name}\n{body}".encode())

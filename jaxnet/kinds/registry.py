@@ -255,7 +255,7 @@ def version_of(module: str) -> str | None:
     return next((each.version for each in metadata.distributions() if installs(each, top)), None)
 
 
-def installs(distribution: metadata.Distribution, top: str) -> bool:
+def installs(distribution: Any, top: str) -> bool:
     """Whether a package or module of this name came with it: by what it declares, or by its list of files."""
     if declared := (distribution.read_text("top_level.txt") or "").split():
         return top in declared

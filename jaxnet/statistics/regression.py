@@ -190,13 +190,13 @@ def fitted(
     curves = [BENT[model] for model in models if model in BENT]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: search(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: scan(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
     ends = zip(curves, found.shape, found.scale, strict=True)
     read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
 
 
-def search(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
+def scan(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
     """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
 
     Where all slopes point to an end of the bracket, that end is the answer.

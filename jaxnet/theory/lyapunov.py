@@ -44,20 +44,20 @@ def corrected(gain: Gain, Q: Weight = IDENTITY) -> float:
 
 def best(gain: Gain) -> float:
     """The corrected constant, minimised over Q ≻ 0."""
-    return searched(tuple(gain.tolist()))
+    return best_known(tuple(gain.tolist()))
 
 
 @functools.cache
-def searched(gain: tuple[float, ...]) -> float:
+def best_known(gain: tuple[float, ...]) -> float:
     """The same, remembered. The Q found is judged in NumPy, so the search can be lazy but not wrong."""
     given = np.array(gain)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # optax counts in 32 bits
-        Q = np.asarray(search(jnp.asarray(exact.companion(given))))
+        Q = np.asarray(best_form(jnp.asarray(exact.companion(given))))
     return min(corrected(given), corrected(given, Q))
 
 
 @jax.jit
-def search(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def best_form(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
     """Q of the least corrected constant met on a descent (Adam) from the identity."""
     adam = optax.adam(optax.cosine_decay_schedule(RATE, STEPS))
 

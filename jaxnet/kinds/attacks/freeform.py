@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks.multisine import Harmonics
 from jaxnet.kinds.fields import Several, Uniform
+from jaxnet.kinds.harmonics import Harmonics
 from jaxnet.kinds.kind import Fault
 
 

@@ -23,6 +23,7 @@ from jaxnet.view.figures import (
     NAMES,
     bands,
     heat,
+    multiples,
     panels,
     search,
     sensitivity,
@@ -116,16 +117,16 @@ class Plots:
     def search(self, where: Where | None = None, column: str = "two") -> Figure:
         """The best choice until then, by lanes, of a search and of as many random lanes."""
         cells, width = selection(self.results, where, column)
-        asked = searched(self.results)
-        shown = cells[: search.room([cell.labels for cell in cells], width)]
+        asked = maximised(self.results)
+        shown = cells[: multiples.room([cell.labels for cell in cells], width)]
         return search.course(list(courses(self.results, shown)), len(cells), f"{asked} [m]", width)
 
     @in_style
     def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
         """The worst that a search found, the best of as many random lanes, and the bound: a row a cell."""
         cells, width = selection(self.results, where, column)
-        words = f"worst {searched(self.results)}, per ā"
-        return search.worst(worst.table(self.results), cells, words, width)
+        words = f"worst {maximised(self.results)}, per ā"
+        return search.beside_bounds(worst.rows_of(self.results), cells, words, width)
 
     @in_style
     def sensitivity(self, where: Where | None = None, column: str = "two") -> Figure:
@@ -138,7 +139,7 @@ class Plots:
         return parts_of_variance(self.results, "unrecovered", *selection(self.results, where, column))
 
 
-def searched(results: Results) -> str:
+def maximised(results: Results) -> str:
     """What a folder's search has maximised; raises FolderError if there was none."""
     asked = results.study.config.search
     if asked is None or not (results.path / "worst.csv").exists():

@@ -43,12 +43,7 @@ def course(found: Sequence[Course], there: int, words: str, width: float) -> Fig
     return drawn
 
 
-def room(labels: Sequence[dict[str, object]], width: float) -> int:
-    """How many panels a page has room for."""
-    return multiples.room(labels, width)
-
-
-def worst(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
+def beside_bounds(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
     """A row a cell: the best of random lanes, what was found, and the bound, per ā."""
     labels = [cell.labels for cell in cells]
     shown = multiples.rows_room(labels, width, MOST_PANELS)

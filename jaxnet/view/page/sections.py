@@ -219,7 +219,7 @@ def search_section(results: Results) -> Section | None:
     name = "The worst that a search found"
     if not (results.path / "worst.csv").exists():
         return Section("search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>")
-    rows = worst.table(results)
+    rows = worst.rows_of(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
     note = (
         f"<p>{escape(asked.maximise)} over {chosen}, per ā. The best of as many random lanes, the bound of"

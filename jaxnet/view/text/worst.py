@@ -11,7 +11,7 @@ LEAST = (("lanes",), ("fresh least 5 %",), ("nonlinear",))
 def text(results: Results) -> str:
     """A line for each cell."""
     labels = list(results.study.cells[0].labels)
-    shown, left_out, is_cut = narrow(table(results).head(MOST_ROWS), labels, LEAST)
+    shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
     asked = results.study.config.search
     assert asked is not None
     head = f"the worst {asked.maximise}, per ā; fresh: the same choice from other starts"
@@ -19,7 +19,7 @@ def text(results: Results) -> str:
     return "\n".join(filter(None, [head, as_lines(shown), tail]))
 
 
-def table(results: Results) -> pd.DataFrame:
+def rows_of(results: Results) -> pd.DataFrame:
     """What was found, per ā where that is not 0 and it is no share."""
     found, asked = results.worst, results.study.config.search
     assert asked is not None
