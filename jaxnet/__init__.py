@@ -1,10 +1,9 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
 `load` reads a study, `run` simulates it into a results folder, `run_part` a part of it, `simulate` in memory;
-`search` looks for the worst choice, `sensitivity` tells what matters; `open` reads a results folder,
-`compare` holds two against each other. `Results` has tables and arrays, fits, replays, films, plots, the
-report and a file for MATLAB.
-`field` gives the vector field of one lane.
+`search` looks for the worst choice, `sensitivity` tells what matters, `rare` how rarely a defence fails;
+`open` reads a results folder, `compare` holds two against each other. `Results` has tables and arrays, fits,
+replays, films, plots, the report and a file for MATLAB. `field` gives the vector field of one lane.
 """
 
 import importlib
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
         compare,
         field,
         open,
+        rare,
         run,
         run_part,
         search,
@@ -46,6 +46,7 @@ HOMES = {
     "field": "jaxnet.api",
     "load": "jaxnet.config.study",
     "open": "jaxnet.api",
+    "rare": "jaxnet.api",
     "run": "jaxnet.api",
     "run_part": "jaxnet.api",
     "search": "jaxnet.api",
@@ -65,6 +66,7 @@ __all__ = [
     "field",
     "load",
     "open",
+    "rare",
     "run",
     "run_part",
     "search",

@@ -36,6 +36,7 @@ __all__ = [
     "field",
     "load",
     "open",
+    "rare",
     "run",
     "run_part",
     "search",
@@ -271,6 +272,28 @@ def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps
         claim(folder, study.config)
         yield analyse(study, folder, samples, told=told)
         yield from figures.draw(stored.Results(folder.path), SENSITIVITY, told)
+
+
+def rare(study: Source, points: SupportsInt = 1000, out: Place | None = None) -> pd.DataFrame:
+    """The share of lanes that do not recover where it is very small, cell by cell, by subset simulation.
+
+    With a 95 % t interval over ten repeats, each of so many points a level. Writes `rare.csv` into `out`
+    (default results/NAME), where a run of the study may be; cells that are there are not done again. Raises
+    ConfigError or FolderError.
+    """
+    return stored.read_table(write_rare(load(study), whole("points", points), out))
+
+
+def write_rare(study: Study, points: int, out: Place | None, told: Steps = untold) -> UPath:
+    """Write `rare.csv`; its path."""
+    enable()
+    from jaxnet.explore.rare import count_rare
+    from jaxnet.store.admission import claim
+
+    folder = Folder(default_out(study, out))
+    with folder.writing():
+        claim(folder, study.config)
+        return count_rare(study, folder, points, told=told)
 
 
 def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:

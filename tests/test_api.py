@@ -20,7 +20,7 @@ from jaxnet import ConfigError, FolderError
 from jaxnet.config.study import native
 from jaxnet.runs import watched
 from jaxnet.statistics import fits
-from jaxnet.view.figures import SENSITIVITY, every
+from jaxnet.view.figures import SEARCH, SENSITIVITY, every
 
 KEYS = {
     "samples": 2,
@@ -34,7 +34,7 @@ KEYS = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "trajectories": "all"},
 }
-NOT_HERE = {"heat", "heat_worst", "unrecovered", *SENSITIVITY}  # two swept keys, `recovery`, another command
+NOT_HERE = {"heat", "heat_worst", "unrecovered", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
 EDGES = {"kind": "edges"}
 
 

@@ -60,10 +60,10 @@ def test_imports_run_one_way(path):
 def test_every_config_loads_and_says_how_it_is_run(path):
     """Its first line is the command that runs it, and its name is the file's."""
     first, second = path.read_text().splitlines()[:2]
-    command = "search" if jaxnet.load(path).config.search else "run"
-    assert first == f"# jaxnet {command} configs/{path.name}"
+    study = jaxnet.load(path).config
+    assert first == f"# jaxnet {'search' if study.search else 'run'} configs/{path.name}"
     assert second == "# yaml-language-server: $schema=schema.json"
-    assert jaxnet.load(path).config.name == path.stem
+    assert study.name == path.stem
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)

@@ -9,7 +9,7 @@ SECTIONS = {
     "A study": (studies.init, studies.check, studies.run, studies.search, studies.schema),
     "Its results": (results.list_results, results.show, results.fit, results.report, results.figure),
     "One lane": (lanes.replay, lanes.animate),
-    "Further": (studies.sensitivity, results.compare, results.export),
+    "Further": (studies.sensitivity, studies.rare, results.compare, results.export),
 }
 
 

@@ -20,8 +20,8 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
 POPULATIONS = 16  # side by side
-SPREAD = 0.25  # of a population at first, of the box's edge
-POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding out which sets are worth it
+SPREAD = 0.15  # of a population at first, of the box's edge
+POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
 AT_ONCE = 4096  # choices tried in a batch, where they could be more
@@ -39,7 +39,7 @@ class Generation(NamedTuple):
     """A batch of choices that were tried, and how things stood after it."""
 
     generation: int
-    phase: str  # sets, search or polish
+    phase: str  # sets, random, search or polish
     lanes: int  # in all until then
     best: float  # of all until then
     generation_best: float
@@ -125,9 +125,8 @@ def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
         for some in in_parts(sets, AT_ONCE):
             yield trials.attempt("sets", np.stack([box.centre(each) for each in some]))[1]
         return
-    begun = [random_points(box, each, 1, random)[0] for each in sets]
-    if len(sets) > 1:
-        begun = yield from screened(trials, sets, int(SCREEN * choices), random)
+    look = screened if len(sets) > 1 else scouted
+    begun = yield from look(trials, sets, int(SCREEN * choices), random)
     yield from evolved(trials, begun, int((1 - POLISH) * choices) * trials.starts, random)
     yield from polished(trials, budget)
 
@@ -148,6 +147,19 @@ def random_points(box: Box, attacked: Sequence[int], number: int, random: np.ran
     points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
     points[:, free] = random.random((number, len(free)))
     return points
+
+
+def scouted(
+    trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
+) -> Iterator[Generation]:
+    """Random points where the one set is attacked; returns them, the best first."""
+    tried, means = list[Coordinates](), list[Means]()
+    for some in in_parts(range(max(POPULATIONS, choices)), AT_ONCE):
+        tried.append(random_points(trials.box, sets[0], len(some), random))
+        values, generation = trials.attempt("random", tried[-1])
+        means.append(np.nan_to_num(values, nan=-math.inf))
+        yield generation
+    return list(np.concatenate(tried)[np.argsort(-np.concatenate(means), kind="stable")])
 
 
 def screened(
@@ -182,10 +194,7 @@ def evolved(
     box, points = trials.box, itertools.cycle(begun)
 
     def another() -> Population:
-        point = next(points).copy()
-        if trials.lanes > 0 and not box.lots:
-            point[box.free(box.attacked(point))] = random.random(len(box.free(box.attacked(point))))
-        return Population(box, point, int(random.integers(2**32)))
+        return Population(box, next(points), int(random.integers(2**32)))
 
     size = another().strategy.population_size * trials.starts
     side_by_side = min(POPULATIONS, max(1, (until - trials.lanes) // (LEAST_GENERATIONS * size)))

@@ -39,6 +39,7 @@ OURS = (
     "errors.zarr",
     "trajectories.zarr",
     "replays",
+    "rare.csv",
     "search",
     "search.csv",
     "worst",

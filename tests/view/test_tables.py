@@ -16,8 +16,9 @@ from tests import systems
 def results_of(labels: dict[str, object], columns: dict[str, str]) -> Results:
     """Results of one cell with these labels, and 0.123456 for every statistic."""
     row = {**labels, "ok": 5, "failed": 0, **dict.fromkeys(columns, 0.123456)}
-    cell = Cell(0, labels, systems.study().cells[0].scenario)
-    results, study = Results(UPath("nowhere")), SimpleNamespace(cells=[cell])
+    given = systems.study()
+    cell = Cell(0, labels, given.cells[0].scenario)
+    results, study = Results(UPath("nowhere")), SimpleNamespace(cells=[cell], config=given.config)
     vars(results).update(cells=pd.DataFrame([row]), study=study)  # what else would be read there
     return results
 

@@ -10,9 +10,10 @@ class Centerpoint(Sparing):
 
     Each closed half-plane that it lies in holds a third of the n positions received, or more; so it lies
     among the honest ones where fewer than a third are attacked, which takes four sources for one. Of the
-    weights that make it those nearest to the graph's, `Σ λ²/w` least, to 1e-8 m. Trusted sources keep no less
-    than their weight, without which the navigator would soon reach nobody. Source: Abbas, Shabbir, Li and
-    Koutsoukos, Resilient distributed vector consensus using centerpoint, 2022.
+    weights that make it those nearest to the graph's, `Σ λ²/w` least, to 1e-8 m (where points nearly lie on a
+    line a millionth of their distance). Trusted sources keep no less than their weight, without which the
+    navigator would soon reach nobody. Source: Abbas, Shabbir, Li and Koutsoukos, Resilient distributed vector
+    consensus using centerpoint, 2022.
     """
 
     kind = "centerpoint"

