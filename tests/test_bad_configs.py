@@ -64,6 +64,40 @@ NUMBERS = [
     Bad("recovery: {→ta: 1}", "recovery.ta", "did you mean 'tau'?"),
     Bad("recovery: {→worst: -1}", "recovery.worst", "must be at least 0 (got -1)"),
     Bad(
+        "search: {over: {→attack.phase: 3}}",
+        "search.over.attack.phase",
+        "must be [a, b], each, {each: [a, b]}",
+    ),
+    Bad("search: {over: {→attack.magnitude: each}}", "search.over.attack.magnitude", "give the bounds"),
+    Bad(
+        "search: {over: {→attack.frequency: [4, 0.1]}}",
+        "search.over.attack.frequency",
+        "lower bound stands first",
+    ),
+    Bad("search: {over: {→attack.frequenzy: [0, 1]}}", "attack.frequenzy", "did you mean 'frequency'?"),
+    Bad(
+        "search: {over: {→attack.vehicles: {choose: 20}}}",
+        "attack.vehicles",
+        "there are 12 vehicles (got 20)",
+    ),
+    Bad(
+        "search: {over: {attack.phase: each}, →maximise: speed}",
+        "search.maximise",
+        "one of tail_mean, tail_max",
+    ),
+    Bad("search: {over: {attack.phase: each}, →budget: 10}", "search.budget", "at least 100 lanes"),
+    Bad(
+        "search: {over: {attack.phase: each}, →maximise: unrecovered}",
+        "search.maximise",
+        "give recovery: {tau: 0.01}",
+    ),
+    Bad("search: {over: {attack.phase: each}}\nsamples: 256\n→draws: sobol", "draws", "give draws: random"),
+    Bad(
+        "search: {over: {→attack.frequency: [0, 1]}}\nsweep: {attack.frequency: [1, 2]}",
+        "search.over.attack.frequency",
+        "attack.frequency is swept",
+    ),
+    Bad(
         "→recovery: {tau: 0.1}\nattack: {→magnitude: {uniform: [1, 2]}}",
         "recovery|attack.magnitude",
         "compares with ā, which is drawn here",

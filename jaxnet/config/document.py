@@ -216,10 +216,14 @@ class Document:
         self.places = kept | {(*here, *inner): source for inner in [(), *reader.places]}
 
 
+DOTTED = ("sweep", "search.over")  # keys that hold dotted names
+
+
 def split(key: str) -> Keys:
-    """Keys of a dotted name, whole numbers as such; what follows `sweep.` is one key, dotted itself."""
-    if key.startswith("sweep."):
-        return ("sweep", key.removeprefix("sweep."))
+    """Keys of a dotted name, whole numbers as such; what follows DOTTED is one key, dotted itself."""
+    for before in DOTTED:
+        if key.startswith(f"{before}."):
+            return (*before.split("."), key.removeprefix(f"{before}."))
     return tuple(int(part) if part.isascii() and part.isdigit() else part for part in key.split("."))
 
 

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from jaxnet.config.document import Document, Problem, put, split
-from jaxnet.config.keys import KINDS
+from jaxnet.config.document import Document, Problem, put, split, spot
+from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import FULL_TURN, is_drawn
 from jaxnet.kinds.kind import KindError
@@ -17,18 +17,25 @@ def widen(document: Document) -> None:
     search = document.data.get("search")
     over = search.get("over") if isinstance(search, dict) else None
     for key, given in over.items() if isinstance(over, dict) else ():
-        wrong = None
+        wrong, at = None, document.place(("search", "over", key))
+        name_default(document, str(key).partition(".")[0])
         if key in document.overridden:
             wrong = f"search.over.{key} replaces what is given on the command line; override that instead"
         else:
             try:
                 if (drawn := distribution_of(document, str(key), given)) is not None:
                     put(document.data, split(str(key)), drawn)
+                    document.places[spot(split(str(key)))] = at
             except (LookupError, KindError) as error:
                 wrong = str(error.args[0])
         if wrong:
-            at = ("search", "over", key)
-            document.problems.append(Problem(document.place(at), f"search.over.{key}", wrong))
+            document.problems.append(Problem(at, f"search.over.{key}", wrong))
+
+
+def name_default(document: Document, root: str) -> None:
+    """Write out the kind that a study has at a key where it says nothing."""
+    if root in KINDS:
+        document.data.setdefault(root, {"kind": Scenario.model_fields[root].default.reference()})
 
 
 def distribution_of(document: Document, key: str, given: Any) -> Any:
@@ -36,9 +43,9 @@ def distribution_of(document: Document, key: str, given: Any) -> Any:
     match given:
         case [[*_], *_]:
             return [distribution_of(document, key, each) for each in given]
-        case [_, _]:
+        case [int() | float() as low, int() | float() as high] if low <= high:
             return {"uniform": given}
-        case {"each": [_, _] as bounds}:
+        case {"each": [int() | float() as low, int() | float() as high] as bounds} if low <= high:
             return {"each": {"uniform": bounds}}
         case {"choose": number}:
             return {"random": number}
