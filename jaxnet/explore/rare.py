@@ -33,7 +33,7 @@ def count_rare(
     """
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
-    tau, rows = study.config.recovery.tau, there(folder, points, study.config.recovery.tau)
+    tau, rows = study.config.recovery.tau, known_rows(folder, points, study.config.recovery.tau)
     known = {row["cell"] for row in rows}
     for number, cell in enumerate(study.cells):
         told("cells", number, len(study.cells))
@@ -44,7 +44,7 @@ def count_rare(
     return folder.path / TABLE
 
 
-def there(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
+def known_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
     """Rows that the folder holds of the same question."""
     if not (folder.path / TABLE).exists():
         return []

@@ -13,15 +13,18 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import stats
 
+from jaxnet.statistics.recovery import CONFIDENCE
+
 PART = 0.1  # of the points that go on
 CHAIN = round(1 / PART)  # points of a chain, its first included
 MOST_LEVELS = 12
 WANTED = 0.44  # share of steps that are taken
-CONFIDENCE = 0.95
 
-Points = Float[np.ndarray, "points coordinates"]
+Normals = Float[np.ndarray, "points coordinates"]
 Heights = Float[np.ndarray, " points"]
-Height = Callable[[Points, Int[np.ndarray, " points"]], Heights]  # of points, and the chains that they are of
+Height = Callable[
+    [Normals, Int[np.ndarray, " points"]], Heights
+]  # of points, and the chains that they are of
 
 
 class Estimate(NamedTuple):

@@ -193,6 +193,7 @@ def search_each(results: Results, machine: Machine, told: Steps) -> Iterator[UPa
         yield alone.simulated(choice, Folder(results.path / "worst" / str(cell.number)), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
-    tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
-    for name, table in tables.items():
-        yield folder.put(name, functools.partial(table.to_csv, index=False))
+        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
+        for name, table in tables.items():
+            folder.put(name, functools.partial(table.to_csv, index=False))
+    yield from (results.path / name for name in ("search.csv", "worst.csv"))
