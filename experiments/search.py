@@ -62,9 +62,6 @@ def found(study: jaxnet.Study) -> tuple[Trials, float]:
     drawn = [place for place in places_of(cell.scenario, source) if place.name in asked.over]
     engine = 0.0
 
-    def measured(outcome: Outcome) -> np.ndarray:
-        return largest(outcome)
-
     simulate = batch.simulate
 
     def timed(*given: Any) -> Outcome:
@@ -75,7 +72,7 @@ def found(study: jaxnet.Study) -> tuple[Trials, float]:
         finally:
             engine += time.perf_counter() - begun
 
-    trials = Trials(Box(cell.scenario, source, drawn), asked.starts, measured, batch.EVERYTHING)
+    trials = Trials(Box(cell.scenario, source, drawn), asked.starts, largest, batch.EVERYTHING)
     begun, batch.simulate = time.perf_counter(), timed
     try:
         for _ in searched(trials, asked.budget, asked.seed):

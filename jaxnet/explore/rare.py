@@ -37,7 +37,7 @@ def count_rare(
     known = {row["cell"] for row in rows}
     for number, cell in enumerate(study.cells):
         told("cells", number, len(study.cells))
-        if cell.number not in known and cell.scenario.attack.present:
+        if cell.number not in known and threshold(cell, tau) > 0:
             rows.append({"cell": cell.number, **cell.labels, **row_of(study, cell, points, tau, machine)})
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
             folder.put(TABLE, lambda file, table=table: table.to_csv(file, index=False))

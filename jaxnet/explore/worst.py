@@ -27,6 +27,7 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Generation, Trials, searched
+from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.replay import with_engine
@@ -70,7 +71,9 @@ class Hunt:
         if missing := [key for key in self.asked.over if key not in {place.name for place in drawn}]:
             raise FolderError(f"{cell} does not draw {missing[0]}, so there is nothing to choose")
         self.box = Box(cell.scenario, source, drawn)
-        self.trials = Trials(self.box, self.asked.starts, self.measured, machine, self.known())
+        self.kept = self.read()
+        known = np.split(self.kept["values"], np.cumsum(self.kept["sizes"])[:-1]) if self.kept else []
+        self.trials = Trials(self.box, self.asked.starts, self.measured, machine, known)
 
     def measured(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
         """What is maximised, of each lane; not a number where it failed."""
@@ -106,36 +109,47 @@ class Hunt:
         said = json.dumps([digest(self.study), plain(self.asked), self.cell.number])
         return hashlib.sha256(said.encode()).hexdigest()
 
-    def known(self) -> list[np.ndarray]:
-        """What the choices of a search like this one came to that was broken off."""
+    def read(self) -> dict[str, np.ndarray]:
+        """What a search like this one has kept; nothing if there was none."""
         path = self.folder.path / self.file
         if not path.exists():
-            return []
+            return {}
         with np.load(io.BytesIO(path.read_bytes())) as kept:
-            if str(kept["stamp"]) != self.stamp():
-                return []
-            return np.split(kept["values"], np.cumsum(kept["sizes"])[:-1])
+            return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
 
-    def keep(self) -> None:
-        """Write what the choices came to."""
+    def keep(self, **more: str) -> None:
+        """Write what the choices came to, unless it is there."""
         values = self.trials.values
-        if len(values) > len(self.trials.known):
+        if more or len(values) > len(self.trials.known):
             sizes = np.array([len(each) for each in values])
             content = {"stamp": np.array(self.stamp()), "sizes": sizes, "values": np.concatenate(values)}
+            content |= {name: np.array(text) for name, text in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
-    def worst(self, results: Results) -> tuple[Worst, Study]:
-        """What was found, and the study of it alone."""
+    def worst(self, study: Study, results: Results) -> Worst:
+        """What was found, whose study alone this is; it is kept."""
+        if "worst" not in self.kept:
+            found = self.tried_again(study, results)
+            self.keep(worst=json.dumps(found))
+            return found
+        return Worst(*json.loads(str(self.kept["worst"])))
+
+    def alone(self) -> Study:
+        """The study of what was found."""
+        return alone.study_of(self.study, self.cell, self.box, self.trials.point)
+
+    def tried_again(self, study: Study, results: Results) -> Worst:
+        """What was found, beside random lanes and bounds, from other starts and by the other engine."""
         starts, trials = self.asked.starts, self.trials
-        study = alone.study_of(self.study, self.cell, self.box, trials.point)
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(trials.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
         same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
         again, nonlinear = (self.measured(batch.simulate(each, self.machine)) for each in (fresh, same))
-        amplitude = float(found.scenario.attack.amplitude())
+        given = found.scenario.attack.amplitude()
+        amplitude = math.nan if is_drawn(given) else float(given)
         return Worst(
             self.cell.number,
-            trials.best,
+            trials.best if np.isfinite(trials.best) else math.nan,
             amplitude,
             " ".join(map(str, found.scenario.attack.targets())),
             self.best_random(results),
@@ -144,14 +158,15 @@ class Hunt:
             float(nonlinear.mean()),
             trials.lanes,
             trials.failed + int(np.isnan(again).sum()),
-        ), study
+        )
 
     def best_random(self, results: Results) -> float:
-        """Of the folder's lanes of the cell; of shares their mean."""
+        """Of the folder's lanes of the cell; of shares their mean. Not a number if all failed."""
         column = "tail_mean" if self.asked.maximise == "unrecovered" else self.asked.maximise
-        ((_, found),) = results.by_cell(column, where=rows.OK, cells=[self.cell.number])
-        values = self.counted({column: found[column].to_numpy()})
-        return float(values.mean() if self.asked.maximise == "unrecovered" else values.max())
+        for _, found in results.by_cell(column, where=rows.OK, cells=[self.cell.number]):
+            values = self.counted({column: found[column].to_numpy()})
+            return float(values.mean() if self.asked.maximise == "unrecovered" else values.max())
+        return math.nan
 
 
 def spread_of_values(values: Float[np.ndarray, " lanes"]) -> tuple[float, float, float]:
@@ -188,8 +203,9 @@ def search_each(results: Results, machine: Machine, told: Steps) -> Iterator[UPa
             words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
             told(words, generation.lanes, config.search.budget)
             generations.append({"cell": cell.number, **cell.labels, **generation._asdict()})
-        worst, choice = hunt.worst(results)
-        found.append(worst)
+        told(f"{cell}: again from other starts", config.search.budget, config.search.budget)
+        choice = hunt.alone()
+        found.append(hunt.worst(choice, results))
         yield alone.simulated(choice, Folder(results.path / "worst" / str(cell.number)), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))

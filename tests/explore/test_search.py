@@ -146,3 +146,25 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     assert again.worst.equals(results.worst)
     assert again.searched.equals(results.searched)
     assert len(simulated) == len(results.searched)
+
+
+def test_a_cell_that_has_ended_is_not_tried_from_other_starts_again(whole, monkeypatch):
+    """What was found there is kept with the search."""
+    results, _ = whole
+    monkeypatch.setattr(worst.Hunt, "tried_again", lambda *_: pytest.fail("again"))
+    before = results.worst
+    list(api.write_search(results))
+    assert results.worst.equals(before)
+
+
+def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
+    """With no number, and ā drawn for each lane has none either."""
+    keys = {"defence": "w_msr", "topology": "path", "tick": 0.1}
+    attack = {"kind": "rotating", "magnitude": {"uniform": [1.0, 2.0]}}
+    given = study({"attack.phase": "each"}, budget=200, attack=attack, **keys)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worst, "FRESH", 8)
+        (row,) = jaxnet.search(given, tmp_path / "s", progress=False).worst.to_dict("records")
+    for name in ("found", "random", "bound", "fresh", "nonlinear", "magnitude"):
+        assert math.isnan(row[name])
+    assert row["failed"] >= row["lanes"]

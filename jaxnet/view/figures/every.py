@@ -117,15 +117,17 @@ class Plots:
     def search(self, where: Where | None = None, column: str = "two") -> Figure:
         """The best choice until then, by lanes, of a search and of as many random lanes."""
         cells, width = selection(self.results, where, column)
-        asked = maximised(self.results)
+        refuse_unsearched(self.results)
+        words = worst.with_unit(self.results)
         shown = cells[: multiples.room([cell.labels for cell in cells], width)]
-        return search.course(list(courses(self.results, shown)), len(cells), f"{asked} [m]", width)
+        return search.course(list(courses(self.results, shown)), len(cells), words, width)
 
     @in_style
     def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
         """The worst that a search found, the best of as many random lanes, and the bound: a row a cell."""
         cells, width = selection(self.results, where, column)
-        words = f"worst {maximised(self.results)}, per ā"
+        refuse_unsearched(self.results)
+        words = f"worst {worst.named(self.results)}"
         return search.beside_bounds(worst.rows_of(self.results), cells, words, width)
 
     @in_style
@@ -139,12 +141,10 @@ class Plots:
         return parts_of_variance(self.results, "unrecovered", *selection(self.results, where, column))
 
 
-def maximised(results: Results) -> str:
-    """What a folder's search has maximised; raises FolderError if there was none."""
-    asked = results.study.config.search
-    if asked is None or not (results.path / "worst.csv").exists():
+def refuse_unsearched(results: Results) -> None:
+    """Raise FolderError if a folder has had no search."""
+    if results.study.config.search is None or not (results.path / "worst.csv").exists():
         raise LackingError(f"{results.path} has no worst.csv: jaxnet search CONFIG makes it")
-    return asked.maximise
 
 
 def selection(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:

@@ -142,7 +142,7 @@ const searches = {
     const lanes = given.panels.flatMap((each) => [...each.lanes, ...each.random_lanes]);
     const heights = given.panels.flatMap((each) => [...each.best, ...each.random_best, each.bound]).filter((value) => value > 0);
     const curve = (name, x, y, line) => {
-      const text = y.map((value, n) => `${name} ${measured(value)} m after ${x[n]} lanes`);
+      const text = y.map((value, n) => `${name} ${short(value)} after ${x[n]} lanes`);
       return { name, x, y, mode: "lines", line, text, hoverinfo: "text" };
     };
     const ends = [Math.min(...lanes), Math.max(...lanes)];

@@ -12,19 +12,34 @@ def text(results: Results) -> str:
     """A line for each cell."""
     labels = list(results.study.cells[0].labels)
     shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
-    asked = results.study.config.search
-    assert asked is not None
-    head = f"the worst {asked.maximise}, per ā; fresh: the same choice from other starts"
+    head = f"the worst {named(results)}; fresh: the same choice from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
     return "\n".join(filter(None, [head, as_lines(shown), tail]))
 
 
-def rows_of(results: Results) -> pd.DataFrame:
-    """What was found, per ā where that is not 0 and it is no share."""
-    found, asked = results.worst, results.study.config.search
+def named(results: Results) -> str:
+    """What was maximised, and in what it is told."""
+    return with_unit(results).replace(" [m]", ", per ā")
+
+
+def with_unit(results: Results) -> str:
+    """What was maximised, with its unit if it has one."""
+    asked = results.study.config.search
     assert asked is not None
-    labels = list(results.study.cells[0].labels)
-    size = 1.0 if asked.maximise == "unrecovered" else found["magnitude"].where(found["magnitude"] > 0, 1.0)
+    return f"{asked.maximise} [{unit_of(results)}]".removesuffix(" []")
+
+
+def unit_of(results: Results) -> str:
+    """The unit of what was maximised; none of a share."""
+    config = results.study.config
+    assert config.search is not None
+    return {each.name: each.unit for each in config.measured()}.get(config.search.maximise, "")
+
+
+def rows_of(results: Results) -> pd.DataFrame:
+    """What was found: a length per ā, where that is known and not 0."""
+    found, labels = results.worst, list(results.study.cells[0].labels)
+    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if unit_of(results) == "m" else 1.0
     per = {
         "found": found["found"] / size,
         "random lanes": found["random"] / size,
