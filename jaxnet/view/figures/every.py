@@ -127,7 +127,7 @@ class Plots:
         """The worst that a search found, the best of as many random lanes, and the bound: a row a cell."""
         cells, width = selection(self.results, where, column)
         refuse_unsearched(self.results)
-        words = f"worst {worst.named(self.results)}"
+        words = f"worst {worst.maximised(self.results)}"
         return search.beside_bounds(worst.rows_of(self.results), cells, words, width)
 
     @in_style

@@ -222,8 +222,8 @@ def search_section(results: Results) -> Section | None:
     rows = worst.rows_of(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
     note = (
-        f"<p>{escape(worst.named(results))}, over {chosen}. The best of as many random lanes, the bound of"
-        " theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
+        f"<p>{escape(worst.maximised(results))}, over {chosen}. The best of as many random lanes, the bound"
+        " of theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
         " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
     )
     drawn = plots.searches(

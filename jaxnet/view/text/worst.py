@@ -12,12 +12,12 @@ def text(results: Results) -> str:
     """A line for each cell."""
     labels = list(results.study.cells[0].labels)
     shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
-    head = f"the worst {named(results)}; fresh: the same choice from other starts"
+    head = f"the worst {maximised(results)}; fresh: the same choice from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
     return "\n".join(filter(None, [head, as_lines(shown), tail]))
 
 
-def named(results: Results) -> str:
+def maximised(results: Results) -> str:
     """What was maximised, and in what it is told."""
     return with_unit(results).replace(" [m]", ", per ā")
 
