@@ -25,6 +25,8 @@ from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, mem
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.laws import Law
+from jaxnet.kinds.laws.exact import ExactLaw
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
@@ -70,6 +72,7 @@ class Scenario(Record):
     gain: Annotated[list[Number], Len(3, 3)] = Field(
         default=[1.0, 3.0, 3.0], description="k0, k1, k2: of the law, on ε, ε̇, ε̈"
     )
+    law: Annotated[Law, Of("law"), Field(description="how the law is solved")] = ExactLaw()
     attack: Annotated[AnyAttack, Of("attack"), Field(description="what is false in what is heard")] = (
         Rotating()
     )
@@ -87,7 +90,7 @@ class Scenario(Record):
 
 
 RANDOMISATIONS = 16  # of Sobol's sequences, that stand for independent samples
-KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "engine")  # keys that take a kind
+KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "engine")  # keys that take a kind
 
 
 class Linspace(Record):

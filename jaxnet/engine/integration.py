@@ -40,7 +40,8 @@ class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
     weights: AxisWeights
-    inverse: Float[Array, "m axes m lanes"]  # columns, of the Laplacian of these weights
+    inverse: Any  # (m, axes, m, lanes), columns, of the Laplacian of these weights; () where a jerk is held
+    jerk: Any  # (2, m, lanes), else ()
 
 
 class Signals(NamedTuple):
@@ -130,7 +131,8 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     none, zero = jnp.zeros_like(status), jnp.zeros_like(lane.amplitude)
     mind = ticks.begin(lane, network, plan)
     weights = ticks.weights_of(lane, mind, plan)
-    m = lane.initial.shape[1]
+    m, lanes = lane.initial.shape[1:]
+    inverse = () if lane.law.holds else jnp.zeros((m, len(weights), m, lanes))
     return Fleet(
         state=lane.initial,
         slope=jnp.zeros_like(lane.initial),
@@ -140,7 +142,7 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
         at_tick=jnp.ones(status.shape, bool),
         steps=none,
         mind=mind,
-        held=Held(weights, jnp.zeros((m, len(weights), m, *status.shape))),
+        held=Held(weights, inverse, jnp.zeros((2, m, lanes)) if lane.law.holds else ()),
         switches=none,
         status=status,
     )
@@ -195,7 +197,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
     """Receive and decide in the lanes at a tick; count the vehicles that changed their mind.
 
     Where a weight changed, and at the start, the Laplacian is inverted; there, and where an attack changed,
-    the vector field is evaluated anew.
+    the vector field is evaluated anew. Where a jerk is held, vehicles exchange instead, at every tick.
     """
     lane, tolerances = inputs
     here, first = fleet.at_tick & (fleet.status == Status.ok), fleet.ticks == 0
@@ -206,20 +208,24 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
 
     def some(few: Any, carry: Any) -> Any:
         held, slope, step, status = carry
-        part, now, chosen, tolerated = jax.tree.map(
-            lambda leaf: picked(leaf, few), (lane, fleet.signals, mind, tolerances)
+        part, now, chosen, tolerated, last = jax.tree.map(
+            lambda leaf: picked(leaf, few), (lane, fleet.signals, mind, tolerances, held)
         )
         state = picked(fleet.state, few)
-        new, connected = hold(part, network, chosen, plan)
+        if lane.law.holds:
+            new, connected = exchange(part, network, last, chosen, now, state, plan)
+        else:
+            new, connected = hold(part, network, chosen, plan)
         there = field(part, network, new, chosen, now, state, plan)
         proposed = stepper.first_step(state, there, tolerated)
         proposed = jnp.where(picked(first, few) & (proposed > 0), proposed, picked(step, few))
         cut_off = fail(picked(status, few), Status.disconnected, ~connected)
-        held = Held(put(held.weights, few, new.weights), put(held.inverse, few, new.inverse))
+        held = jax.tree.map(lambda all_lanes, these: put(all_lanes, few, these), held, new)
         return held, put(slope, few, there), put(step, few, proposed), put(status, few, cut_off)
 
     carry = fleet.held, fleet.slope, fleet.step, fleet.status
-    held, slope, step, status = for_each(here & (first | lanes), SOLVED, some, carry)
+    anew = here if lane.law.holds else here & (first | lanes)
+    held, slope, step, status = for_each(anew, SOLVED, some, carry)
     switches = fleet.switches + jnp.where(first, 0, vehicles)
     return fleet._replace(mind=mind, held=held, slope=slope, step=step, status=status, switches=switches)
 
@@ -248,13 +254,28 @@ def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bo
     weights = ticks.weights_of(lane, mind, plan)
     matrix = jnp.stack([network.hearing.matrix(each) for each in weights], axis=2)
     inverse, residual = control.invert(matrix)
-    return Held(weights, inverse.swapaxes(1, 2)), residual.max(axis=0) < CONNECTED
+    return Held(weights, inverse.swapaxes(1, 2), ()), residual.max(axis=0) < CONNECTED
+
+
+def exchange(
+    lane: Lane, network: Network, last: Held, mind: Mind, now: Signals, state: State, plan: Plan
+) -> tuple[Held, Bool[Array, " lanes"]]:
+    """The weights in force, the jerk that comes of exchanges, and whether the navigator reaches everybody."""
+    weights, attack = (
+        ticks.weights_of(lane, mind, plan),
+        signal.combined(ticks.vectors_of(lane, mind), now.drive),
+    )
+    own = lane.vehicle.output_jets(state)
+    jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last.jerk)
+    return Held(weights, (), jerk), ticks.joined(weights, network.hearing)
 
 
 def field(
     lane: Lane, network: Network, held: Held, mind: Mind, now: Signals, state: State, plan: Plan
 ) -> State:
-    """`ẋ = f(x, u(t, x))` with the weights held, or decided at every evaluation without memory."""
+    """`ẋ = f(x, u(t, x))` with the weights, or the jerk, held; or decided at every evaluation without memory."""
+    if lane.law.holds:
+        return lane.vehicle.motion(state, lane.vehicle.inputs_for(state, held.jerk))
     if plan.in_field:
         chosen = decide(lane, network, plan, ticks.begin(lane, network, plan), state, now)
         held, _ = hold(lane, network, chosen, plan)

@@ -1,4 +1,4 @@
-"""One tick, the same in every engine: receive → decide → (follow) → measure.
+"""One tick, the same in every engine: receive → decide → (exchange) → (follow) → measure.
 
 At a tick attackers that are strategic choose their vectors, every vehicle receives the jets that its sources
 send, attacked or not, and decides whom to retain. Jets are told relative to the navigator's, in which form
@@ -18,7 +18,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, retained, signal
-from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.lane import Lane, Network
 
 
@@ -178,6 +178,37 @@ def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], 
     if not isinstance(now.vectors, tuple):
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others
+
+
+def exchanged(
+    lane: Lane, network: Network, weights: AxisWeights, own: Any, path: Any, attack: Any, last: Any
+) -> Float[Array, "2 m lanes"]:
+    """The jerk that vehicles hold until the next tick, where the law has one held.
+
+    From their own jets, `R(y_0)`, `R(a)`, and what they held until now.
+    """
+    demand = control.demand(own, path, attack, network.hearing, weights, lane.gain)
+
+    def heard(jerk: Any) -> Any:
+        sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)
+        return network.hearing.mean(weights, sources, jnp.zeros_like(attack))
+
+    return lane.law.exchange(last, demand, heard)
+
+
+def joined(weights: AxisWeights, hearing: Hearing) -> Bool[Array, "lanes"]:
+    """Lanes in which the navigator's word reaches every vehicle over these weights, on every axis."""
+    heard = weights > 0
+
+    def spread(carry: Any) -> Any:
+        reached, _ = carry
+        word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
+        further = reached | (heard & word.at[:, hearing.speakers].get(mode="promise_in_bounds")).any(axis=1)
+        return further, (further != reached).any()
+
+    nobody = jnp.zeros_like(heard[:, 0])
+    reached, _ = jax.lax.while_loop(lambda carry: carry[1], spread, (nobody, jnp.asarray(True)))
+    return reached.all(axis=(0, 1))
 
 
 def status_at_start(lane: Lane) -> Code:

@@ -39,6 +39,7 @@ FAMILIES = {
     "vehicle": Family("jaxnet.kinds.vehicles", "Vehicle", "jaxnet.vehicles"),
     "attack": Family("jaxnet.kinds.attacks", "AnyAttack", "jaxnet.attacks"),
     "defence": Family("jaxnet.kinds.defences", "AnyDefence", "jaxnet.defences"),
+    "law": Family("jaxnet.kinds.laws", "Law", "jaxnet.laws"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
     "engine": Family("jaxnet.engine.methods", "Engine", "jaxnet.engines"),
 }

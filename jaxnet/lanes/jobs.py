@@ -43,6 +43,7 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         initial=lanes_first(start),
         weights=weights,
         gain=gain,
+        law=tree(scenario.law.drawn(draw, "law")),
         vehicle=tree(vehicle),
         navigator=tree(navigator),
         defence=tree(scenario.defence.drawn(draw, "defence")),

@@ -10,12 +10,13 @@ from jaxnet.model.hearing import Hearing
 class Lane(NamedTuple):
     """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes.
 
-    Vehicle, navigator and defence are kinds with their numbers drawn; the attack's signal gives its `basis`.
+    Vehicle, navigator, law and defence are kinds with their numbers drawn; the attack's signal gives its `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
     weights: Float[Array, "slots m *lanes"]
     gain: Float[Array, "3 *lanes"]
+    law: Any
     vehicle: Any
     navigator: Any
     defence: Any

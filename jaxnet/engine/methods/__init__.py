@@ -14,6 +14,7 @@ class Engine(Kind):
     shard: ClassVar[int] = 512  # lanes whose rows make one file, about a second's work
     accuracy: ClassVar[float] = 1e-5  # [m], what it may be off at its default tolerances
     in_field: ClassVar[bool] = False  # whether it can decide inside the vector field (`tick: 0`)
+    holds: ClassVar[bool] = False  # whether it can hold a jerk from tick to tick, as some laws do
 
     def options(self) -> tuple[Any, ...]:
         """What its compiled program depends on besides shapes: hashable."""
@@ -32,6 +33,9 @@ class Engine(Kind):
         raise NotImplementedError
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Deciding at every instant is not for everybody."""
+        """Deciding at every instant, or holding a jerk, is not for everybody."""
+        if scenario.law.holds and not self.holds:
+            message = f"the {self.kind} engine solves the law at every instant: {scenario.law.kind} does not"
+            yield Fault(("engine", "law"), message)
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")

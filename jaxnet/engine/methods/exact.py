@@ -20,6 +20,7 @@ class Exact(Engine):
     chunk: ClassVar[int] = 256
     shard: ClassVar[int] = 4096
     accuracy: ClassVar[float] = 1e-8
+    holds: ClassVar[bool] = True
 
     def numbers(self, draw: Any, gain: Any, interval: float) -> Flow:
         """The flow of each lane's gains."""
@@ -33,7 +34,8 @@ class Exact(Engine):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
-        """See `engine.propagation`."""
-        from jaxnet.engine import propagation
+        """See `engine.propagation`, and `engine.exchange` where the law holds the jerk."""
+        from jaxnet.engine import exchange, propagation
 
-        return propagation.simulate(queue, count, network, clock, plan)
+        way = exchange if queue.lane.law.holds else propagation
+        return way.simulate(queue, count, network, clock, plan)

@@ -14,6 +14,7 @@ class Nonlinear(Engine):
     kind = "nonlinear"
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
+    holds: ClassVar[bool] = True
 
     solver: Literal["dopri5", "tsit5", "dopri8"] = Field(
         default="dopri5", description="an explicit Runge–Kutta pair"
