@@ -128,6 +128,11 @@ NUMBERS = [
 ]
 
 KINDS = [
+    Bad("law: {kind: rounds, →rounds: 0}", "law.rounds", "must be at least 1 (got 0)"),
+    Bad("law: {kind: rounds, →round: 2}", "law.round", "did you mean 'rounds'?"),
+    Bad("→law: round", "law.kind", "must be one of exact, rounds"),
+    Bad("→law: rounds\n→tick: 0", "law|tick", "rounds holds the jerk from tick to tick: give a tick"),
+    Bad("→engine: stacked\nlaw: rounds", "engine", "the stacked engine solves the law at every instant"),
     Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
     Bad(
         "→topology: ring",

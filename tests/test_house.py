@@ -314,7 +314,13 @@ ONE_MEANING = {
     "text": "what a command prints",
     "ROUNDING": "what rounding may amount to, of the numbers that a module has",
 }
-ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked", "engine.tick"}
+ENGINES = {
+    "engine.integration",
+    "engine.propagation",
+    "engine.exchange",
+    "engine.methods.stacked",
+    "engine.tick",
+}
 
 
 def defined(tree: ast.Module) -> set[str]:

@@ -56,10 +56,9 @@ def differs_by_lane(scenario: Scenario) -> bool:
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Whether anything happens at ticks: somebody decides, what an attack does is summed up, a jerk is held."""
-    attack, holds = scenario.attack, scenario.law.holds
-    something = scenario.defence.decides or attack.strategic or not attack.consistent() or holds
-    return something and scenario.tick > 0
+    """Whether anything happens at ticks: somebody decides, effects are summed up, a jerk is held."""
+    something = scenario.defence.decides or scenario.attack.strategic or not scenario.attack.consistent()
+    return (something or scenario.law.holds) and scenario.tick > 0
 
 
 def interval_of(scenario: Scenario) -> float:

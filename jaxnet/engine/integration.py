@@ -132,7 +132,6 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     mind = ticks.begin(lane, network, plan)
     weights = ticks.weights_of(lane, mind, plan)
     m, lanes = lane.initial.shape[1:]
-    inverse = () if lane.law.holds else jnp.zeros((m, len(weights), m, lanes))
     return Fleet(
         state=lane.initial,
         slope=jnp.zeros_like(lane.initial),
@@ -142,7 +141,9 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
         at_tick=jnp.ones(status.shape, bool),
         steps=none,
         mind=mind,
-        held=Held(weights, inverse, jnp.zeros((2, m, lanes)) if lane.law.holds else ()),
+        held=Held(weights, (), jnp.zeros((2, m, lanes)))
+        if lane.law.holds
+        else Held(weights, jnp.zeros((m, len(weights), m, lanes)), ()),
         switches=none,
         status=status,
     )
@@ -208,12 +209,13 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
 
     def some(few: Any, carry: Any) -> Any:
         held, slope, step, status = carry
-        part, now, chosen, tolerated, last = jax.tree.map(
-            lambda leaf: picked(leaf, few), (lane, fleet.signals, mind, tolerances, held)
+        part, now, chosen, tolerated = jax.tree.map(
+            lambda leaf: picked(leaf, few), (lane, fleet.signals, mind, tolerances)
         )
         state = picked(fleet.state, few)
         if lane.law.holds:
-            new, connected = exchange(part, network, last, chosen, now, state, plan)
+            last = picked(held.jerk, few)
+            new, connected = exchange(part, network, chosen, last, now, state, plan)
         else:
             new, connected = hold(part, network, chosen, plan)
         there = field(part, network, new, chosen, now, state, plan)
@@ -258,22 +260,19 @@ def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bo
 
 
 def exchange(
-    lane: Lane, network: Network, last: Held, mind: Mind, now: Signals, state: State, plan: Plan
+    lane: Lane, network: Network, mind: Mind, last: Any, now: Signals, state: State, plan: Plan
 ) -> tuple[Held, Bool[Array, " lanes"]]:
     """The weights in force, the jerk that comes of exchanges, and whether the navigator reaches everybody."""
-    weights, attack = (
-        ticks.weights_of(lane, mind, plan),
-        signal.combined(ticks.vectors_of(lane, mind), now.drive),
-    )
-    own = lane.vehicle.output_jets(state)
-    jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last.jerk)
-    return Held(weights, (), jerk), ticks.joined(weights, network.hearing)
+    weights, own = ticks.weights_of(lane, mind, plan), lane.vehicle.output_jets(state)
+    attack = signal.combined(ticks.vectors_of(lane, mind), now.drive)
+    jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last)
+    return Held(weights, (), jerk), ticks.all_reached(weights, network.hearing)
 
 
 def field(
     lane: Lane, network: Network, held: Held, mind: Mind, now: Signals, state: State, plan: Plan
 ) -> State:
-    """`ẋ = f(x, u(t, x))` with the weights, or the jerk, held; or decided at every evaluation without memory."""
+    """`ẋ = f(x, u(t, x))` with the weights held, or a jerk, or decided at every evaluation without memory."""
     if lane.law.holds:
         return lane.vehicle.motion(state, lane.vehicle.inputs_for(state, held.jerk))
     if plan.in_field:

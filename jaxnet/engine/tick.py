@@ -196,7 +196,7 @@ def exchanged(
     return lane.law.exchange(last, demand, heard)
 
 
-def joined(weights: AxisWeights, hearing: Hearing) -> Bool[Array, "lanes"]:
+def all_reached(weights: AxisWeights, hearing: Hearing) -> Bool[Array, "lanes"]:
     """Lanes in which the navigator's word reaches every vehicle over these weights, on every axis."""
     heard = weights > 0
 

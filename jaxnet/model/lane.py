@@ -10,7 +10,8 @@ from jaxnet.model.hearing import Hearing
 class Lane(NamedTuple):
     """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes.
 
-    Vehicle, navigator, law and defence are kinds with their numbers drawn; the attack's signal gives its `basis`.
+    Vehicle, navigator, law and defence are kinds with their numbers drawn; the attack's signal gives its
+    `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]

@@ -20,9 +20,11 @@ from jaxnet.theory import exact
 def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
     """Lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
     attack = scenario.attack
-    if scenario.tick == 0 or attack.strategic or attack.replaces() or not attack.consistent():
+    known = scenario.tick > 0 and attack.consistent() and not scenario.law.holds
+    if not known or attack.strategic or attack.replaces():
         raise ValueError(
-            "the exact solution is known of decisions at ticks and attacks that add a given path"
+            "the exact solution is known of decisions at ticks, attacks that add a given path, and the law"
+            " solved at every instant"
         )
     return job(
         scenario.model_copy(update={"output_step": scenario.tick}), Keyed(seed), samples, ("state", "kept")

@@ -26,6 +26,8 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
     if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
         kind = (attack if attack.strategic else defence).kind
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
+    if scenario.law.holds:
+        raise ValueError(f"law {scenario.law.kind} has a jerk held, and a vector field knows of no ticks")
     source = source_of(study.config, scenario)
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)

@@ -30,8 +30,8 @@ from jaxnet.theory.bounds import Bound, Spread
 ROUNDING = 1e-9  # relative
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
 UNCHECKED = (
-    "their weights or gains are drawn, ā does not bound the attack, or nothing is known of whom the defence"
-    " retains"
+    "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
+    " retains, or the law is not solved at every instant"
 )
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
@@ -41,8 +41,8 @@ Limits = Float[np.ndarray, "times m lanes"]
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """Slopes per ā of every bound, vehicle by vehicle, worst and fleet, for each group of attacked cells.
 
-    All are blank where weights or gains are drawn, for then each lane has bounds of its own, and where
-    nothing is known of whom the defence retains.
+    All are blank where weights or gains are drawn, for then each lane has bounds of its own, where nothing is
+    known of whom the defence retains, and where the law has a jerk held.
     """
     blocks = []
     for group in attacked_groups(cells):
@@ -63,14 +63,15 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
 
 def spread_of(scenario: Scenario) -> Spread | None:
     """How far the attack of a scenario spreads; None where that is not known, or differs from lane to
-    lane, or ā does not bound the attack. Where attacked vehicles are drawn, as if all were attacked.
+    lane, or ā does not bound the attack, or a jerk is held. Where attacked vehicles are drawn, as if all were
+    attacked.
     """
     known = situation_of(scenario)
     if known.retained is None or differs_by_lane(scenario):
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
     attack = scenario.attack
-    if not attack.bounded or attack.identities() > 1:
+    if not attack.bounded or attack.identities() > 1 or scenario.law.holds:
         return None
     smooth = attack.consistent() and not attack.strategic and not attack.splits()
     return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())

@@ -4,20 +4,20 @@ With T = A^r for r rounds, a tick of length h and E = y - y_0,
 
     q ← T q + (1 - T) L⁻¹b,      (E, Ė, Ë) ← Φ (E, Ė, Ë) + Γ q,      Γ = [h³/6, h²/2, h]',
 
-and L⁻¹b = -P(E) without navigator and attacks, which are inputs. T has the eigenvectors of A, so along each of
-them the loop is a matrix of four by four, of μ = λ^r alone.
+and L⁻¹b = -P(E) but for navigator and attacks, which are inputs. T has the eigenvectors of A, so along each
+of them the loop is a matrix of four by four, of μ = λ^r alone.
 """
 
 from typing import Any
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex
 
 from jaxnet.model.graph import Weights
 from jaxnet.theory.response import Gain
 
 LEAST_TICK, MOST_TICK = 1e-6, 10.0  # [s]
-STEP = 1.05  # from a tick to the next that is looked at
+RATIO = 1.05  # from a tick to the next that is looked at
 HALVINGS = 40
 ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # of a circle's upper half
 
@@ -70,11 +70,11 @@ def greatest_tick(weights: Weights, gain: Gain, rounds: int) -> float:
     """The tick [s] up to which all are stable with so many rounds; infinite if those up to MOST_TICK are."""
     left = eigenvalues(weights) ** rounds
     low = LEAST_TICK
-    while growth(left, gain, low * STEP) < 1:
-        low *= STEP
+    while growth(left, gain, low * RATIO) < 1:
+        low *= RATIO
         if low > MOST_TICK:
             return np.inf
-    high = low * STEP
+    high = low * RATIO
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if growth(left, gain, middle) < 1 else (low, middle)

@@ -1,15 +1,18 @@
 """The law by exchanges with neighbours: both engines against a plain program, and growth against theory."""
 
+import jax
 import numpy as np
 import pytest
 
 from jaxnet.engine.status import Status
-from jaxnet.model import graph
+from jaxnet.kinds.laws import Law
 from jaxnet.theory import rounds as theory
+from jaxnet.view.text import check
 from tests import reference, systems
 from tests.engine.test_exactness import attack_on_links, navigator_at
 
 TICK, TICKS = 0.05, 120
+APART = 1e6  # [m], so that nothing else that a lane does matters by its rounding
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
 ENGINES = [("exact", 1e-9), ("nonlinear", 1e-5)]
 SMALL = {"topology": "figure1", "vehicles": 5}
@@ -74,3 +77,136 @@ def test_vehicles_move_as_the_plain_program(case, engine, accuracy):
         known = plain(one, number, kept, 2 + number // 2, carried)
         assert np.abs(outcome.series["state"][number, :, :, :2] - known).max() <= accuracy
     assert (outcome.switches > 0).all() == (case == "trimmed")
+
+
+def random_digraph(seed):
+    """Seven vehicles, each of which hears the one before; the weights are drawn too."""
+    rng = np.random.default_rng(seed)
+    heard = [(i, j) for i in range(1, 8) for j in range(8) if j == i - 1 or (j != i and rng.random() < 0.4)]
+    return {"kind": "edges", "edges": [[i, j, float(rng.uniform(0.2, 1.0))] for i, j in heard]}
+
+
+GRAPHS = {  # each with a tick and rounds that are stable, and others that are not
+    "ring": ({"topology": "cyclic"}, (0.05, 2), (0.05, 1)),
+    "path": ({"topology": "path"}, (0.2, 1), (0.7, 1)),
+    "figure1": (SMALL, (0.2, 1), (0.4, 1)),
+    "digraph": ({"topology": random_digraph(0), "vehicles": 7}, (0.05, 2), (0.2, 1)),
+    "another": ({"topology": random_digraph(1), "vehicles": 7}, (0.05, 1), (0.4, 2)),
+}
+
+
+def apart_along_eigenvectors(study):
+    """How far apart lanes are along each eigenvector of A that they start apart along: (m, ticks + 1).
+
+    What one lane does and another does not is linear, and free of the navigator: a complex number whose parts
+    are the two axes.
+    """
+    scenario = study.cells[0].scenario
+    weights = scenario.topology.normalised(scenario.vehicles)
+    values, vectors = np.linalg.eig(weights[:, 1:])
+    one = systems.lanes(study, len(weights) + 1)
+    lane = one.inputs.lane
+    initial = np.repeat(lane.initial[:1], len(weights) + 1, axis=0)
+    initial[1:, 0] += APART * vectors.T.real
+    initial[1:, 1] += APART * vectors.T.imag
+    outcome = systems.simulate(one._replace(inputs=one.inputs._replace(lane=lane._replace(initial=initial))))
+    positions = outcome.series["state"][..., 0] + 1j * outcome.series["state"][..., 1]
+    return values, np.einsum("lti,il->lt", positions[1:] - positions[:1], vectors.conj())
+
+
+def slowest(path):
+    """By what the slowest of at most four motions is multiplied from one number to the next."""
+    windows = np.lib.stride_tricks.sliding_window_view(path, 4)
+    now, then = windows[:-1], windows[1:]
+    scale = np.abs(now).max(axis=1, keepdims=True)
+    return np.abs(np.linalg.eigvals(np.linalg.pinv(now / scale, rcond=1e-11) @ (then / scale))).max()
+
+
+@pytest.mark.parametrize("stable", [True, False])
+@pytest.mark.parametrize("graph", GRAPHS)
+def test_growth_is_the_spectral_radius(graph, stable):
+    """Of the motion along each eigenvector, and of all."""
+    keys, *pairs = GRAPHS[graph]
+    tick, rounds = pairs[not stable]
+    times = {"tick": tick, "output_step": tick, "horizon": 20 * tick, "tail": tick}
+    law = {"kind": "rounds", "rounds": rounds}
+    study = systems.study(engine="exact", law=law, attack="none", defence="none", **times, **keys)
+    values, paths = apart_along_eigenvectors(study)
+    found, gain = [slowest(path[:12]) for path in paths], np.array([1.0, 3.0, 3.0])
+    known = [theory.growth(value**rounds, gain, tick) for value in values]
+    np.testing.assert_allclose(found, known, rtol=1e-6)
+    scenario = study.cells[0].scenario
+    weights = scenario.topology.normalised(scenario.vehicles)
+    radius = theory.spectral_radius(weights, gain, tick, rounds)
+    assert max(found) == pytest.approx(radius, rel=1e-6)
+    assert (radius < 1) == stable
+
+
+def test_many_rounds_and_short_ticks_come_to_the_law_itself():
+    """Half the tick, half the distance; a sinusoid on the ring, nobody trimmed."""
+    keys = {"attack": "sinusoid", "defence": "none", "horizon": 10.0, "output_step": 0.1, "engine": "exact"}
+    limit = systems.simulate(systems.lanes(systems.study(**keys), 2)).series["state"][..., :2]
+    apart = []
+    for tick in (0.02, 0.01):
+        study = systems.study(law={"kind": "rounds", "rounds": 200}, tick=tick, **keys)
+        ours = systems.simulate(systems.lanes(study, 2)).series["state"][..., :2]
+        apart.append(np.abs(ours - limit).max())
+    assert apart[0] < 5.0
+    assert apart[1] == pytest.approx(apart[0] / 2, rel=0.1)
+
+
+def test_what_a_lane_that_diverges_comes_to():
+    """Its error as far as numbers go, then it has failed; the other engine may run out of steps before."""
+    keys = {"law": "rounds", "tick": 0.5, "output_step": 0.5, "attack": "none", "defence": "none"}
+    near, far = (
+        systems.simulate(systems.lanes(systems.study(engine="exact", horizon=horizon, **keys), 1))
+        for horizon in (30.0, 400.0)
+    )
+    assert (near.status, far.status) == ([Status.ok], [Status.nonfinite])
+    assert near.metrics["tail_mean"] > 1e25
+    assert np.isnan(far.metrics["tail_mean"])
+    steps = {"kind": "nonlinear", "max_steps": 3000}
+    study = systems.study(engine=steps, horizon=30.0, **keys)
+    assert systems.simulate(systems.lanes(study, 1)).status == [Status.max_steps]
+
+
+def test_numbers_of_rounds_share_a_program_and_lanes_may_differ():
+    """A program is told apart by the shapes of its arguments alone; each lane takes its own rounds."""
+    one, two = systems.lanes(
+        systems.study(engine="exact", sweep={"law.rounds": [1, 2]}, law="rounds", **KEYS), 2
+    ).jobs
+    assert jax.tree.structure(one.inputs) == jax.tree.structure(two.inputs)
+    assert one.plan == two.plan
+    mixed = jax.tree.map(lambda a, b: np.concatenate([a[:1], b[1:]]), one.inputs, two.inputs)
+    both = systems.simulate(one._replace(inputs=mixed))
+    for number, alone in enumerate(map(systems.simulate, (one, two))):
+        np.testing.assert_array_equal(both.series["state"][number], alone.series["state"][number])
+
+
+class Halfway(Law):
+    """From what was held halfway to what a round makes of it."""
+
+    kind = "halfway"
+
+    def exchange(self, last, demand, heard):
+        """Jacobi's iteration, relaxed."""
+        return (last + heard(last) + demand) / 2
+
+    def left(self, eigenvalues):
+        """Nothing of -1."""
+        return (1 + eigenvalues) / 2
+
+
+def test_a_law_from_outside():
+    """Stable at a tick at which one round is not, as its growth and `check` say."""
+    law = {"kind": f"{__name__}:Halfway"}
+    times = {"tick": 0.04, "output_step": 0.04, "horizon": 0.8, "tail": 0.4}
+    study = systems.study(engine="exact", law=law, attack="none", defence="none", **times)
+    values, paths = apart_along_eigenvectors(study)
+    found = [slowest(path) for path in paths]
+    known = theory.growth((1 + values) / 2, np.array([1.0, 3.0, 3.0]), 0.04)
+    assert max(found) == pytest.approx(known, rel=1e-6)
+    assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
+    assert f"stable, deviations times {max(found):.4f} at each tick of 0.04 s" in " ".join(
+        check.text(study).split()
+    )

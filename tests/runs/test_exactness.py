@@ -17,10 +17,11 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
     assert deviations(coarse).max() > 1e-4
 
 
-def test_trimming_in_the_vector_field_has_no_such_solution():
+@pytest.mark.parametrize("keys", [{"tick": 0}, {"law": "rounds"}])
+def test_what_has_no_such_solution(keys):
     """It is refused, not compared with something else."""
-    with pytest.raises(ValueError, match="decisions at ticks"):
-        ticked(systems.study(tick=0).cells[0].scenario, 0, [0])
+    with pytest.raises(ValueError, match="the law solved at every instant"):
+        ticked(systems.study(**keys).cells[0].scenario, 0, [0])
 
 
 def test_drawn_numbers_are_each_lane_s_own():

@@ -40,10 +40,11 @@ def test_cells_without_attack_have_no_bounds():
     [
         {"gain": [1, 3, {"uniform": [3, 4]}]},
         {"topology": {"kind": "cyclic", "navigator_weight": {"uniform": [0.1, 0.2]}}},
+        {"law": "rounds"},
     ],
 )
 def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
-    """All slopes are blank, and no lane is held against one."""
+    """All slopes are blank, and no lane is held against one; nor where jerks are held."""
     study = jaxnet.load(drawn)
     slopes = slopes_table(study.cells)
     assert len(slopes) == 6 * 14

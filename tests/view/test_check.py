@@ -82,3 +82,24 @@ def test_what_differs_is_what_is_told_of_further_networks():
         assert first == f"cyclic, cell {number - 1}: as the first, but"
         assert rest[0].startswith(f"  trimming  ϑ = {number},")
         assert all(line.startswith(" " * 12) for line in rest[1:])
+
+
+def test_the_law_by_exchanges():
+    """Whether it is stable, how many rounds are, and that no guarantee is of it; each tick by itself."""
+    sweep = {"tick": [0.05, 0.2], "law": ["exact", "rounds"]}
+    text = " ".join(check.text(systems.study(output_step=0.2, sweep=sweep)).split())
+    first, short, long = (text.index(f"cyclic, cell{named}") for named in ("s 0, 2", " 1", " 3"))
+    assert "law" not in text[first:short].replace("law=", "")
+    assert (
+        "law UNSTABLE, deviations times 1.0458 at each tick of 0.05 s; 2 rounds are the least"
+        in text[short:long]
+    )
+    assert "4 rounds are the least that is stable, and every number from 6 on" in text[long:]
+    assert "that is while everybody is retained" in text[long:]
+    assert text.count("safe not known: what is proved is of the law solved at every instant") == 2
+    assert "law rounds what is proved" in text
+    untrimmed = check.text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
+    assert "stable, deviations times 0.9667" in untrimmed
+    assert "retained" not in untrimmed
+    never = check.text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
+    assert "no number of rounds is stable" in " ".join(never.split())

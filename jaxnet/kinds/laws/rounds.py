@@ -9,8 +9,8 @@ from jaxnet.kinds.laws import Law
 
 
 class Rounds(Law):
-    """`q ← A q + b` at each tick, so many times, from the q of the tick before: every time, each vehicle hears
-    its neighbours' q. What comes of it is held until the next tick.
+    """`q ← A q + b` at each tick, so many times, from the q of the tick before, which neighbours tell each
+    other anew every time. What comes of it is held until the next tick.
     """
 
     kind = "rounds"

@@ -28,12 +28,14 @@ def words(study: Study) -> str:
         others = [count(len(found) - MOST_NAMED, "other")] if len(found) > MOST_NAMED else []
         return " or ".join(found[:MOST_NAMED] + others)
 
+    held = any(cell.scenario.law.holds for cell in cells)
+    law = f" Law: {among(lambda cell: str(cell.labels.get('law', cell.scenario.law.kind)))}." if held else ""
     vehicles = among(lambda cell: count(cell.scenario.vehicles, f"{cell.scenario.vehicle.kind} vehicle"))
     return (
         f"{vehicles} follow a {among(lambda cell: cell.scenario.navigator.kind)} navigator"
         f" for {among(lambda cell: f'{cell.scenario.horizon:g} s')}, from random starts."
         f" Network: {among(name)}. Attack: {among(attack_words)}; {among(magnitude_words)}."
-        f" Defence: {among(defence_words)}."
+        f" Defence: {among(defence_words)}.{law}"
         f" The {among(lambda cell: cell.scenario.engine.reference())} engine follows them, with ticks"
         f" {among(lambda cell: f'{cell.scenario.tick:g} s')} apart. The last"
         f" {among(lambda cell: f'{cell.scenario.tail:g} s')} are the tail, from which errors are told."

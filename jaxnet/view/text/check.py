@@ -9,10 +9,10 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
-from jaxnet.config.scenario import safe_in, situation_of
+from jaxnet.config.scenario import Situation, safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import numbered
 from jaxnet.model import safety
 from jaxnet.model.graph import Links, Weights
@@ -20,7 +20,7 @@ from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.store import layout
-from jaxnet.theory import certificate, robustness
+from jaxnet.theory import certificate, robustness, rounds
 from jaxnet.view.text.width import WIDTH, clipped
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -30,6 +30,7 @@ MOST_NETWORKS = 20
 SOME = 12  # values or cells that are named one by one
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
+SOLVED_ALONE = "what is proved is of the law solved at every instant"
 
 
 def text(study: Study) -> str:
@@ -113,18 +114,23 @@ def cell_list(cells: Sequence[Cell]) -> str:
 
 def guarantees(cells: Sequence[Cell]) -> str:
     """What each kind of defence promises, in words."""
-    defences = (cell.scenario.defence for cell in cells)
-    return wrapped(network_text("guarantees", {each.kind: each.guarantee for each in defences}))
+    rows = {cell.scenario.defence.kind: cell.scenario.defence.guarantee for cell in cells}
+    rows |= {f"law {cell.scenario.law.kind}": SOLVED_ALONE for cell in cells if cell.scenario.law.holds}
+    return wrapped(network_text("guarantees", rows))
 
 
 def network_key(cell: Cell) -> Any:
-    """What cells share that have one network, one kind of attack and of defence, and one navigator."""
+    """What cells share that have one network, one kind of attack and of defence, and one navigator.
+
+    Where a jerk is held, one law, gain and tick as well.
+    """
     scenario = cell.scenario
     weights, attacked, trusted, _ = situation_of(scenario)
     attack = scenario.attack
     words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), attack.kind
     threat = attack.replaces(), attack.falsified(), attack.identities()
-    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, threat, scenario.horizon
+    held = (scenario.law.model_dump_json(), scenario.tick, repr(scenario.gain)) if scenario.law.holds else ()
+    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, threat, scenario.horizon, held
 
 
 def title(cells: Sequence[Cell], most: int) -> str:
@@ -146,7 +152,8 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     What takes trying sets of vehicles is told of small ones, if they are looked at closely.
     """
     scenario = cells[0].scenario
-    weights, attacked, trusted, _ = situation_of(scenario)
+    known = situation_of(scenario)
+    weights, attacked, trusted, _ = known
     closely = closely and len(weights) <= robustness.MOST_NODES
     facts = certificate.certify(weights, attacked)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
@@ -159,10 +166,42 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
         "Assumption 1": honest_line(facts),
         **scenario.defence.describe(weights, attacked, trusted),
         **cut_off_line(scenario.defence.may_drop(weights, trusted)),
-        "safe": safe_line(safe_in(scenario, weights, attacked)),
-        **(margin_lines(scenario, weights) if closely and scenario.attack.present else {}),
+        **(held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)),
         **drawn_lines(cells),
     }
+
+
+def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
+    """Who is safe, and what breaks it."""
+    lines = {"safe": safe_line(safe_in(scenario, known.weights, known.attacked))}
+    return lines | (margin_lines(scenario, known.weights) if closely and scenario.attack.present else {})
+
+
+def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
+    """Whether the loop is stable where the law has a jerk held, and that nobody is known to be safe."""
+    return {"law": stability_line(scenario, known), "safe": f"not known: {SOLVED_ALONE}"}
+
+
+def stability_line(scenario: Scenario, known: Situation) -> str:
+    """By what deviations are multiplied at a tick, and how many rounds it takes."""
+    law, tick, kept = scenario.law, scenario.tick, known.retained
+    fixed = None if kept is None else kept.fixed
+    weights = (known.weights if fixed is None else fixed) * ~(known.attacked & scenario.attack.replaces())
+    left = law.left(rounds.eigenvalues(weights))
+    if left is None:
+        return f"{law.kind}: nothing is known of its stability"
+    gain = np.array([median(each) for each in scenario.gain])
+    grown, least = rounds.growth(left, gain, tick), rounds.least_rounds(weights, gain, tick)
+    line = (
+        f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s; "
+    )
+    if least is None:
+        line += "no number of rounds is stable at this tick"
+    else:
+        few, surely = least
+        line += f"{count(few, 'round')} {'is' if few == 1 else 'are'} the least that is stable"
+        line += f", and every number from {surely} on" * (surely > few)
+    return line + "; that is while everybody is retained" * (fixed is None)
 
 
 def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
@@ -283,7 +322,9 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     if weights:
         lines["weights"] = f"drawn in {cells_named(weights)}; what is said is of their medians"
     if gain:
-        lines["gain"] = f"drawn in {cells_named(gain)}; stable whatever is drawn"
+        held = cells[0].scenario.law.holds
+        told = "what is said is of their medians" if held else "stable whatever is drawn"
+        lines["gain"] = f"drawn in {cells_named(gain)}; {told}"
     return lines
 
 

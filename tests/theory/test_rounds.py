@@ -1,0 +1,99 @@
+"""Stability of exchanges: known figures, a polynomial by hand, closed forms, all numbers of rounds."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.path import Path
+from jaxnet.theory import rounds
+
+GAIN = np.array([1.0, 3.0, 3.0])
+RING = Cyclic().normalised(12)
+KNOWN = [  # of the paper's ring, found by two independent programs
+    *((0.05, 1, 1.0458), (0.05, 2, 0.9667), (0.05, 10, 0.9612), (0.05, 10_000, 0.9591)),
+    *((0.02, 1, 0.9862), (0.1, 1, 1.2140), (0.1, 2, 0.9574)),
+]
+
+
+@pytest.mark.parametrize(("tick", "number", "known"), KNOWN)
+def test_the_papers_ring(tick, number, known):
+    """To the figures that are known."""
+    assert rounds.spectral_radius(RING, GAIN, tick, number) == pytest.approx(known, abs=5e-5)
+
+
+NUMBERS = st.floats(-0.99, 0.99)
+
+
+@given(real=NUMBERS, imaginary=NUMBERS, tick=st.floats(0.01, 1.0), gain=st.tuples(*[st.floats(0.1, 9)] * 3))
+def test_growth_is_that_of_the_polynomial(real, imaginary, tick, gain):
+    """`(z - μ)(z - 1)³ + (1 - μ) z N(z)`, N from what a held jerk adds to E, Ė and Ë over a tick."""
+    mu, (k0, k1, k2), h = real + 1j * imaginary, gain, tick
+    N = (
+        k0 * h**3 / 6 * np.array([1, 4, 1])
+        + k1 * h**2 / 2 * np.array([1, 0, -1])
+        + k2 * h * np.array([1, -2, 1])
+    )
+    polynomial = np.polyadd(np.polymul([1, -mu], np.poly([1, 1, 1])), (1 - mu) * np.append(N, 0))
+    known = np.abs(np.roots(polynomial)).max()
+    assert rounds.growth(mu, np.array(gain), tick) == pytest.approx(known, rel=1e-4)
+
+
+def test_the_greatest_tick_of_one_round_on_the_ring():
+    """Where z = -1 solves that polynomial for λ = -0.9, a little over 2 (1 - 0.9) / (k2 (1 + 0.9))."""
+    found = rounds.greatest_tick(RING, GAIN, 1)
+    assert 1.9 * (4 * 3 * found - found**3 / 3) == pytest.approx(8 * 0.1, rel=1e-9)
+    assert found == pytest.approx(2 * 0.1 / (3 * 1.9), rel=1e-3)
+
+
+@pytest.mark.parametrize("gain", [(1, 3, 3), (6, 11, 6), (2, 1, 5)])
+def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
+    """Of a slow eigenvalue alone, just below it grows and just above it shrinks, whatever the rounds."""
+    gain = np.array(gain, float)
+    for left in (0.99, 0.999):
+        rate = rounds.least_rate(left, gain)
+        for number in (1, 3):
+            tick = number / rate
+            assert (
+                rounds.growth(left**number, gain, 1.1 * tick)
+                > 1
+                > rounds.growth(left**number, gain, 0.9 * tick)
+            )
+
+
+def digraphs():
+    """Two rings, a path and some that are drawn."""
+    yield from (RING, Cyclic(navigator=[1]).normalised(7), Path().normalised(5))
+    for seed in range(4):
+        weights = np.random.default_rng(seed).random((6, 7)) ** 3
+        weights[:, 1:][np.eye(6, dtype=bool)] = 0
+        yield weights / weights.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("tick", [0.02, 0.1, 0.18, 0.3])
+def test_the_least_rounds_by_trying_them_all(tick):
+    """None before the first number is stable, and from the second on all are."""
+    for weights in digraphs():
+        few, surely = rounds.least_rounds(weights, GAIN, tick)
+        stable = [rounds.spectral_radius(weights, GAIN, tick, n) < 1 for n in range(1, surely + 40)]
+        assert not any(stable[: few - 1])
+        assert stable[few - 1]
+        assert all(stable[surely - 1 :])
+
+
+def test_more_rounds_may_be_worse():
+    """At 0.18 s two rounds are stable on the ring, three and five are not; nothing is at 0.75 s."""
+    stable = [rounds.spectral_radius(RING, GAIN, 0.18, n) < 1 for n in range(1, 6)]
+    assert stable == [False, True, False, True, False]
+    assert rounds.least_rounds(RING, GAIN, 0.75) is None
+
+
+def test_ticks_up_to_the_greatest_are_stable():
+    """And just beyond it is not."""
+    for weights in digraphs():
+        for number in (1, 2, 5):
+            most = rounds.greatest_tick(weights, GAIN, number)
+            ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
+            stable = [rounds.spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
+            assert stable == [True, True, True, True, False]
