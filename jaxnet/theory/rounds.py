@@ -24,8 +24,8 @@ ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # of a circle's upper half
 
 def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
     """Those of A for a graph `[a0 | A]`, each once, of a conjugate pair the upper one."""
-    found = np.linalg.eigvals(weights[:, 1:]).astype(complex).round(12)
-    return np.unique(found.real + 1j * np.abs(found.imag))
+    found = np.linalg.eigvals(weights[:, 1:]).round(12)
+    return np.unique(np.real(found) + 1j * np.abs(np.imag(found)))
 
 
 def growth(left: Any, gain: Gain, tick: float) -> float:
@@ -56,14 +56,17 @@ def least_rounds(weights: Weights, gain: Gain, tick: float) -> tuple[int, int] |
     """
     if growth(0.0, gain, tick) >= 1:
         return None
-    found, low, high = eigenvalues(weights), 0.0, 1.0
+    found, low, high = eigenvalues(weights), 0.0, 1.0  # of the edge of the greatest such disc
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if growth(middle * ANGLES, gain, tick) < 1 else (low, middle)
     most = np.abs(found).max()
     surely = 1 if most <= low else int(np.ceil(np.log(low) / np.log(most)))
-    least = next(n for n in range(1, surely + 1) if n == surely or growth(found**n, gain, tick) < 1)
-    return least, surely
+    for few in range(1, surely):
+        left = found**few
+        if growth(left[np.abs(left) > low], gain, tick) < 1:
+            return few, surely
+    return surely, surely
 
 
 def greatest_tick(weights: Weights, gain: Gain, rounds: int) -> float:

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from experiments.rounds import parted, slowest
 from jaxnet.engine.status import Status
 from jaxnet.kinds.laws import Law
 from jaxnet.theory import rounds as theory
@@ -12,7 +13,6 @@ from tests import reference, systems
 from tests.engine.test_exactness import attack_on_links, navigator_at
 
 TICK, TICKS = 0.05, 120
-APART = 1e6  # [m], so that nothing else that a lane does matters by its rounding
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
 ENGINES = [("exact", 1e-9), ("nonlinear", 1e-5)]
 SMALL = {"topology": "figure1", "vehicles": 5}
@@ -95,31 +95,13 @@ GRAPHS = {  # each with a tick and rounds that are stable, and others that are n
 }
 
 
-def apart_along_eigenvectors(study):
-    """How far apart lanes are along each eigenvector of A that they start apart along: (m, ticks + 1).
-
-    What one lane does and another does not is linear, and free of the navigator: a complex number whose parts
-    are the two axes.
-    """
+def growths(study):
+    """The graph of a study, A's eigenvalues, and the growth along each eigenvector as simulated."""
     scenario = study.cells[0].scenario
     weights = scenario.topology.normalised(scenario.vehicles)
     values, vectors = np.linalg.eig(weights[:, 1:])
-    one = systems.lanes(study, len(weights) + 1)
-    lane = one.inputs.lane
-    initial = np.repeat(lane.initial[:1], len(weights) + 1, axis=0)
-    initial[1:, 0] += APART * vectors.T.real
-    initial[1:, 1] += APART * vectors.T.imag
-    outcome = systems.simulate(one._replace(inputs=one.inputs._replace(lane=lane._replace(initial=initial))))
-    positions = outcome.series["state"][..., 0] + 1j * outcome.series["state"][..., 1]
-    return values, np.einsum("lti,il->lt", positions[1:] - positions[:1], vectors.conj())
-
-
-def slowest(path):
-    """By what the slowest of at most four motions is multiplied from one number to the next."""
-    windows = np.lib.stride_tricks.sliding_window_view(path, 4)
-    now, then = windows[:-1], windows[1:]
-    scale = np.abs(now).max(axis=1, keepdims=True)
-    return np.abs(np.linalg.eigvals(np.linalg.pinv(now / scale, rcond=1e-11) @ (then / scale))).max()
+    outcome = systems.simulate(parted(systems.lanes(study, len(weights) + 1), vectors))
+    return weights, values, slowest(outcome.series["state"], vectors)
 
 
 @pytest.mark.parametrize("stable", [True, False])
@@ -128,15 +110,12 @@ def test_growth_is_the_spectral_radius(graph, stable):
     """Of the motion along each eigenvector, and of all."""
     keys, *pairs = GRAPHS[graph]
     tick, rounds = pairs[not stable]
-    times = {"tick": tick, "output_step": tick, "horizon": 20 * tick, "tail": tick}
+    times = {"tick": tick, "output_step": tick, "horizon": 12 * tick, "tail": tick}
     law = {"kind": "rounds", "rounds": rounds}
     study = systems.study(engine="exact", law=law, attack="none", defence="none", **times, **keys)
-    values, paths = apart_along_eigenvectors(study)
-    found, gain = [slowest(path[:12]) for path in paths], np.array([1.0, 3.0, 3.0])
+    (weights, values, found), gain = growths(study), np.array([1.0, 3.0, 3.0])
     known = [theory.growth(value**rounds, gain, tick) for value in values]
     np.testing.assert_allclose(found, known, rtol=1e-6)
-    scenario = study.cells[0].scenario
-    weights = scenario.topology.normalised(scenario.vehicles)
     radius = theory.spectral_radius(weights, gain, tick, rounds)
     assert max(found) == pytest.approx(radius, rel=1e-6)
     assert (radius < 1) == stable
@@ -202,8 +181,7 @@ def test_a_law_from_outside():
     law = {"kind": f"{__name__}:Halfway"}
     times = {"tick": 0.04, "output_step": 0.04, "horizon": 0.8, "tail": 0.4}
     study = systems.study(engine="exact", law=law, attack="none", defence="none", **times)
-    values, paths = apart_along_eigenvectors(study)
-    found = [slowest(path) for path in paths]
+    _, values, found = growths(study)
     known = theory.growth((1 + values) / 2, np.array([1.0, 3.0, 3.0]), 0.04)
     assert max(found) == pytest.approx(known, rel=1e-6)
     assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
