@@ -11,7 +11,7 @@ of them the loop is a matrix of four by four, of μ = λ^r alone.
 from typing import Any
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from jaxnet.model.graph import Weights
 from jaxnet.theory.response import Gain
@@ -82,6 +82,15 @@ def greatest_tick(weights: Weights, gain: Gain, rounds: int) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if growth(left, gain, middle) < 1 else (low, middle)
     return low
+
+
+def lateness(weights: Weights, tick: float, number: int) -> Float[np.ndarray, " m"]:
+    """By how much [s] what vehicles hold is late for the navigator's jerk, `h (1/2 + (1 - T)⁻¹T 1)`.
+
+    Behind a slow navigator E comes to that times `-d⁴y_0/dt⁴ / k0`.
+    """
+    left, one = np.linalg.matrix_power(weights[:, 1:], number), np.ones(len(weights))
+    return tick * (0.5 + np.linalg.solve(np.eye(len(weights)) - left, left @ one))
 
 
 def least_rate(eigenvalue: float, gain: Gain) -> float:

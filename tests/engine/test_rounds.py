@@ -121,6 +121,33 @@ def test_growth_is_the_spectral_radius(graph, stable):
     assert (radius < 1) == stable
 
 
+@pytest.mark.parametrize("topology", ["cyclic", "path"])
+def test_the_fleet_is_late_for_a_slow_navigator(topology):
+    """Vehicle by vehicle, by what theory says; on the path the farther back the more.
+
+    E follows what drives it k1/k0 = 3 s later.
+    """
+    slow = {"kind": "lissajous", "frequency": [0.01, 0.02]}
+    keys = {
+        "tick": 0.05,
+        "horizon": 60.0,
+        "tail": 0.1,
+        "output_step": 0.1,
+        "navigator": slow,
+        "topology": topology,
+    }
+    law = {"kind": "rounds", "rounds": 2}
+    study = systems.study(engine="exact", law=law, attack="none", defence="none", **keys)
+    one = systems.lanes(study, 1)
+    position = systems.simulate(one).series["state"][0, -1, :, :2]
+    navigator = systems.lane(one, 0).navigator
+    before, after = (np.asarray(navigator.jets(np.asarray(60.0 - 3.0 + by)))[3] for by in (-1e-3, 1e-3))
+    weights = study.cells[0].scenario.topology.normalised(12)
+    known = theory.lateness(weights, 0.05, 2) * np.linalg.norm(after - before) / 2e-3
+    found = np.linalg.norm(position - np.asarray(navigator.jets(np.asarray(60.0)))[0], axis=1)
+    np.testing.assert_allclose(found, known, rtol=0.01)
+
+
 def test_many_rounds_and_short_ticks_come_to_the_law_itself():
     """Half the tick, half the distance; a sinusoid on the ring, nobody trimmed."""
     keys = {"attack": "sinusoid", "defence": "none", "horizon": 10.0, "output_step": 0.1, "engine": "exact"}
