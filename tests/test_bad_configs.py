@@ -132,7 +132,7 @@ KINDS = [
     Bad("law: {kind: rounds, →round: 2}", "law.round", "did you mean 'rounds'?"),
     Bad("→law: round", "law.kind", "must be one of exact, rounds"),
     Bad("→law: rounds\n→tick: 0", "law|tick", "rounds holds the jerk from tick to tick: give a tick"),
-    Bad("→engine: stacked\nlaw: rounds", "engine", "the stacked engine solves the law at every instant"),
+    Bad("→engine: stacked\nlaw: rounds", "engine", "the stacked engine cannot hold a jerk"),
     Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
     Bad(
         "→topology: ring",

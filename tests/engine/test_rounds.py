@@ -6,6 +6,7 @@ import pytest
 
 from experiments.rounds import parted, slowest
 from jaxnet.engine.status import Status
+from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.laws import Law
 from jaxnet.theory import rounds as theory
 from jaxnet.view.text import check
@@ -187,6 +188,28 @@ def test_numbers_of_rounds_share_a_program_and_lanes_may_differ():
     both = systems.simulate(one._replace(inputs=mixed))
     for number, alone in enumerate(map(systems.simulate, (one, two))):
         np.testing.assert_array_equal(both.series["state"][number], alone.series["state"][number])
+
+
+class Withdrawn(Defence):
+    """From 0.5 s on nobody retains the navigator, whom vehicle 1 alone hears."""
+
+    kind = "withdrawn"
+
+    def decide(self, own, received, last, memory, around):
+        """By the time alone."""
+        return (around.time < 0.5)[None, None] | (around.sources != 0)[:, :, None], memory
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_who_is_cut_off_has_failed(engine):
+    """As with the law itself, though rounds know nothing of it: from the tick on at which it happens."""
+    keys = {"topology": {"kind": "cyclic", "navigator": [1]}, "defence": {"kind": f"{__name__}:Withdrawn"}}
+    law = {"kind": "rounds", "rounds": 6}
+    outcome = systems.simulate(systems.lanes(systems.study(engine=engine, law=law, **keys, **KEYS), 1))
+    assert outcome.status == [Status.disconnected]
+    told = np.isfinite(outcome.series["tracking"][0])
+    assert told[:10].all()
+    assert not told[10:].any()
 
 
 class Halfway(Law):

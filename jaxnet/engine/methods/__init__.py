@@ -35,7 +35,9 @@ class Engine(Kind):
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Deciding at every instant, or holding a jerk, is not for everybody."""
         if scenario.law.holds and not self.holds:
-            message = f"the {self.kind} engine solves the law at every instant: {scenario.law.kind} does not"
+            message = (
+                f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
+            )
             yield Fault(("engine", "law"), message)
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
