@@ -51,20 +51,20 @@ def spectral_radius(weights: Weights, gain: Gain, tick: float, rounds: int) -> f
 def least_rounds(weights: Weights, gain: Gain, tick: float) -> tuple[int, int] | None:
     """The least number of rounds that is stable, and one from which on every number is.
 
-    None where a law solved exactly at ticks is not stable. The growth is subharmonic in μ, for M is affine in
-    it: so a disc is stable just if its edge is, and all numbers of rounds are that bring every μ inside.
+    None where a law solved exactly at ticks is not stable, or somebody is cut off. The growth is subharmonic
+    in μ, for M is affine in it: so a disc is stable just if its edge is, and all numbers of rounds are that
+    bring every μ inside.
     """
-    if growth(0.0, gain, tick) >= 1:
-        return None
     found, low, high = eigenvalues(weights), 0.0, 1.0  # of the edge of the greatest such disc
+    most, slow = np.abs(found).max(), found[np.real(found).argmax()]
+    if growth(0.0, gain, tick) >= 1 or most >= 1:
+        return None
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if growth(middle * ANGLES, gain, tick) < 1 else (low, middle)
-    most = np.abs(found).max()
     surely = 1 if most <= low else int(np.ceil(np.log(low) / np.log(most)))
     for few in range(1, surely):
-        left = found**few
-        if growth(left[np.abs(left) > low], gain, tick) < 1:
+        if growth(slow**few, gain, tick) < 1 and growth(found**few, gain, tick) < 1:
             return few, surely
     return surely, surely
 

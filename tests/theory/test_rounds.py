@@ -89,6 +89,12 @@ def test_more_rounds_may_be_worse():
     assert rounds.least_rounds(RING, GAIN, 0.75) is None
 
 
+def test_no_number_of_rounds_is_enough_for_who_is_cut_off():
+    """Two who hear each other alone."""
+    apart = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 0, 1.0, 0]])
+    assert rounds.least_rounds(apart, GAIN, 0.05) is None
+
+
 def test_ticks_up_to_the_greatest_are_stable():
     """And just beyond it is not."""
     for weights in digraphs():
