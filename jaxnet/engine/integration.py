@@ -23,12 +23,13 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import control, signal
+from jaxnet.model import control, elimination, signal
+from jaxnet.model.elimination import Factors
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Basis
 
-SOLVED = 16  # lanes whose Laplacians are inverted at once
+SOLVED = 16  # lanes whose Laplacians are factorised at once
 
 Times = Float[Array, " lanes"]
 
@@ -40,7 +41,7 @@ class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
     weights: AxisWeights
-    inverse: Float[Array, "m axes m lanes"]  # columns, of the Laplacian of these weights
+    factors: Factors  # of the Laplacian of these weights
 
 
 class Signals(NamedTuple):
@@ -129,8 +130,7 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     lane, status = inputs.lane, ticks.status_at_start(inputs.lane)
     none, zero = jnp.zeros_like(status), jnp.zeros_like(lane.amplitude)
     mind = ticks.begin(lane, network, plan)
-    weights = ticks.weights_of(lane, mind, plan)
-    m = lane.initial.shape[1]
+    held = jax.eval_shape(lambda: hold(lane, network, mind, plan)[0])
     return Fleet(
         state=lane.initial,
         slope=jnp.zeros_like(lane.initial),
@@ -140,7 +140,7 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
         at_tick=jnp.ones(status.shape, bool),
         steps=none,
         mind=mind,
-        held=Held(weights, jnp.zeros((m, len(weights), m, *status.shape))),
+        held=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), held),
         switches=none,
         status=status,
     )
@@ -194,7 +194,7 @@ def step(
 def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     """Receive and decide in the lanes at a tick; count the vehicles that changed their mind.
 
-    Where a weight changed, and at the start, the Laplacian is inverted; there, and where an attack changed,
+    Where a weight changed, and at the start, the Laplacian is factorised; there, and where an attack changed,
     the vector field is evaluated anew.
     """
     lane, tolerances = inputs
@@ -215,7 +215,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
         proposed = stepper.first_step(state, there, tolerated)
         proposed = jnp.where(picked(first, few) & (proposed > 0), proposed, picked(step, few))
         cut_off = fail(picked(status, few), Status.disconnected, ~connected)
-        held = Held(put(held.weights, few, new.weights), put(held.inverse, few, new.inverse))
+        held = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), held, new)
         return held, put(slope, few, there), put(step, few, proposed), put(status, few, cut_off)
 
     carry = fleet.held, fleet.slope, fleet.step, fleet.status
@@ -244,11 +244,10 @@ def decide(lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, n
 
 
 def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bool[Array, " n"]]:
-    """The weights in force, their Laplacian's inverse, and whether the navigator reaches everybody."""
+    """The weights in force, their Laplacian's factors, and whether the navigator reaches everybody."""
     weights = ticks.weights_of(lane, mind, plan)
-    matrix = jnp.stack([network.hearing.matrix(each) for each in weights], axis=2)
-    inverse, residual = control.invert(matrix)
-    return Held(weights, inverse.swapaxes(1, 2)), residual.max(axis=0) < CONNECTED
+    factors, residual = elimination.factorised(network.order, network.hearing, weights)
+    return Held(weights, factors), residual < CONNECTED
 
 
 def field(
@@ -261,7 +260,7 @@ def field(
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, held.weights, lane.gain)
-    inputs = lane.vehicle.inputs_for(state, control.product(held.inverse, demand))
+    inputs = lane.vehicle.inputs_for(state, elimination.applied(network.order, held.factors, demand))
     return lane.vehicle.motion(state, inputs)
 
 
