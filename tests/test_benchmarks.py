@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.benchmarks import peers
+from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from tests import systems
@@ -47,6 +49,23 @@ def test_a_peer_simulates_the_same_lane(name, attacked):
         pytest.skip(f"{program}: not on this machine")
     assert positions.shape == (1, 31, 4, 2)
     assert peers.greatest_error(attacked, positions) < 1e-5
+
+
+@pytest.mark.parametrize("defence", ["none", "trusted_trim"])
+def test_the_loop_by_hand_simulates_the_same_study(defence):
+    """Of 4,096 lanes each the mean tail error and the share over 0.1 m, within four standard errors."""
+    (cell,) = systems.study(
+        attack={"kind": "rotating", "magnitude": 10}, defence=defence, engine="exact"
+    ).cells
+    lanes = job(cell.scenario, Keyed(0), range(4096))
+    try:
+        theirs = peers.by_hand(lanes)
+    except peers.NotInstalledError as program:
+        pytest.skip(f"{program}: not on this machine")
+    ours = batch.simulate(lanes).metrics["tail_mean"]
+    noise = np.sqrt(2 / 4096)
+    assert abs(ours.mean() - theirs.tail_mean) < 4 * noise * ours.std()
+    assert abs((ours > 0.1).mean() - theirs.share) <= 4 * noise * (ours > 0.1).std()
 
 
 @pytest.mark.parametrize("script", ["speed", "scaling", "memory", "row"])

@@ -256,6 +256,34 @@ save('-v6', files{2}, 'positions');
 """
 
 
+class ByHand(NamedTuple):
+    """What the exact loop in C finds, of lanes of its own."""
+
+    rate: float  # lanes per second
+    tail_mean: float  # [m], mean over lanes
+    share: float  # of lanes with a mean tail error over 0.1 m
+
+
+def by_hand(job: Job) -> ByHand:
+    """As many lanes of the default study by `exact_loop.c`; raises NotInstalledError without a compiler."""
+    command = [exact_loop(), str(job.size), str(int(job.plan.decides))]
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    return ByHand(*map(float, found.stdout.split()))
+
+
+@functools.cache
+def exact_loop() -> Path:
+    """The program, compiled for this machine."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        raise NotInstalledError("gcc")
+    program = Path(tempfile.mkdtemp()) / "exact_loop"
+    source = Path(__file__).with_name("exact_loop.c")
+    options = ["-O3", "-march=native", "-ffast-math", "-fopenmp", "-w"]
+    subprocess.run([compiler, *options, source, "-o", program, "-lm"], check=True)
+    return program
+
+
 def with_octave(job: Job) -> Positions:
     """`ode45` with the dense M, lane after lane; raises NotInstalledError where there is no octave-cli."""
     program = shutil.which("octave-cli")

@@ -62,6 +62,7 @@ def simulator(what: str) -> Simulator:
         "scipy dense": Simulator(peers.with_scipy, 0),
         "scipy structured": Simulator(lambda job: peers.with_scipy(job, dense=False), 0),
         "octave dense": Simulator(peers.with_octave, 0),
+        "by hand": Simulator(peers.by_hand, WARM),
     }[what]
 
 

@@ -23,12 +23,12 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import control, signal
+from jaxnet.model import control, elimination, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Basis
 
-SOLVED = 16  # lanes whose Laplacians are inverted at once
+SOLVED = 16  # lanes whose Laplacians are factorised at once
 
 Times = Float[Array, " lanes"]
 
@@ -40,7 +40,7 @@ class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
     weights: AxisWeights
-    inverse: Any  # (m, axes, m, lanes), columns, of the Laplacian of these weights; () where a jerk is held
+    factors: Any  # `elimination.Factors` of the Laplacian of these weights; () where a jerk is held
     jerk: Any  # (2, m, lanes), else ()
 
 
@@ -130,8 +130,7 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     lane, status = inputs.lane, ticks.status_at_start(inputs.lane)
     none, zero = jnp.zeros_like(status), jnp.zeros_like(lane.amplitude)
     mind = ticks.begin(lane, network, plan)
-    weights = ticks.weights_of(lane, mind, plan)
-    m, lanes = lane.initial.shape[1:]
+    held = jax.eval_shape(lambda: at_first(lane, network, mind, plan))
     return Fleet(
         state=lane.initial,
         slope=jnp.zeros_like(lane.initial),
@@ -141,9 +140,7 @@ def start(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
         at_tick=jnp.ones(status.shape, bool),
         steps=none,
         mind=mind,
-        held=Held(weights, (), jnp.zeros((2, m, lanes)))
-        if lane.law.holds
-        else Held(weights, jnp.zeros((m, len(weights), m, lanes)), ()),
+        held=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), held),
         switches=none,
         status=status,
     )
@@ -197,7 +194,7 @@ def step(
 def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
     """Receive and decide in the lanes at a tick; count the vehicles that changed their mind.
 
-    Where a weight changed, and at the start, the Laplacian is inverted; there, and where an attack changed,
+    Where a weight changed, and at the start, the Laplacian is factorised; there, and where an attack changed,
     the vector field is evaluated anew. Where a jerk is held, vehicles exchange instead, at every tick.
     """
     lane, tolerances = inputs
@@ -222,7 +219,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
         proposed = stepper.first_step(state, there, tolerated)
         proposed = jnp.where(picked(first, few) & (proposed > 0), proposed, picked(step, few))
         cut_off = fail(picked(status, few), Status.disconnected, ~connected)
-        held = jax.tree.map(lambda all_lanes, these: put(all_lanes, few, these), held, new)
+        held = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), held, new)
         return held, put(slope, few, there), put(step, few, proposed), put(status, few, cut_off)
 
     carry = fleet.held, fleet.slope, fleet.step, fleet.status
@@ -252,11 +249,10 @@ def decide(lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, n
 
 
 def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bool[Array, " n"]]:
-    """The weights in force, their Laplacian's inverse, and whether the navigator reaches everybody."""
+    """The weights in force, their Laplacian's factors, and whether the navigator reaches everybody."""
     weights = ticks.weights_of(lane, mind, plan)
-    matrix = jnp.stack([network.hearing.matrix(each) for each in weights], axis=2)
-    inverse, residual = control.invert(matrix)
-    return Held(weights, inverse.swapaxes(1, 2), ()), residual.max(axis=0) < CONNECTED
+    factors, residual = elimination.factorised(network.order, network.hearing, weights)
+    return Held(weights, factors, ()), residual < CONNECTED
 
 
 def exchange(
@@ -267,6 +263,13 @@ def exchange(
     attack = signal.combined(ticks.vectors_of(lane, mind), now.drive)
     jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last)
     return Held(weights, (), jerk), ticks.all_reached(weights, network.hearing)
+
+
+def at_first(lane: Lane, network: Network, mind: Mind, plan: Plan) -> Held:
+    """What is held before the first tick, in its shapes alone."""
+    if lane.law.holds:
+        return Held(ticks.weights_of(lane, mind, plan), (), jnp.zeros_like(lane.initial[:2]))
+    return hold(lane, network, mind, plan)[0]
 
 
 def field(
@@ -281,7 +284,7 @@ def field(
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, held.weights, lane.gain)
-    inputs = lane.vehicle.inputs_for(state, control.product(held.inverse, demand))
+    inputs = lane.vehicle.inputs_for(state, elimination.applied(network.order, held.factors, demand))
     return lane.vehicle.motion(state, inputs)
 
 

@@ -30,9 +30,9 @@ from jaxnet.engine.methods.exact import Flow
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import for_each, picked, put
+from jaxnet.engine.subset import for_each, once, picked, put
 from jaxnet.engine.tick import Mind
-from jaxnet.model import control, plane, retained, signal
+from jaxnet.model import control, elimination, plane, retained, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -153,18 +153,21 @@ def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Net
     vectors = ticks.vectors_of(lane, fleet.mind)
 
     def some(few: Any, carry: Any) -> Any:
-        free, forced, status = carry
+        forced, status = carry
         weights = picked(lane.weights, few)[None]
         if plan.decides:
             weights = retained.in_force(weights[0], picked(fleet.mind.decision, few))
         response, residual = forced_response(picked(vectors, few), weights, network)
-        jump = signal.jets(picked(forced, few) - response, picked(fleet.effect(), few))
         cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
-        free = tuple(e.at[..., few].add(by, mode="drop") for e, by in zip(free, jump, strict=False))
-        return free, put(forced, few, response), put(status, few, cut_off)
+        return put(forced, few, response), put(status, few, cut_off)
 
-    carry = for_each(flagged, SOLVED, some, (fleet.free, fleet.forced, fleet.status))
-    free, forced, status = carry
+    def every(carry: Any) -> Any:
+        free, before, status = carry
+        forced, status = for_each(flagged, SOLVED, some, (before, status))
+        return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
+
+    carry = fleet.free, fleet.forced, fleet.status
+    free, forced, status = once(flagged.any(), every, carry)
     followed = fleet.mind._replace(memory=(), plot=())
     return fleet._replace(free=free, forced=forced, status=status, followed=followed)
 
@@ -175,10 +178,9 @@ def forced_response(vectors: Vectors, weights: AxisWeights, network: Network) ->
     added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
     attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
-    matrix = jnp.stack([network.hearing.matrix(each) for each in weights], axis=2)
-    solution, residual = control.solve(matrix, right)
+    solution, residual = elimination.solve(network.order, network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
-    return response.transpose(1, 2, 0, 3), residual.max(axis=0)
+    return response.transpose(1, 2, 0, 3), residual
 
 
 def propagate(numbers: Flow, jets: Jets) -> Jets:

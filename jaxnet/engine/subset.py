@@ -8,31 +8,45 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
 Carry = TypeVar("Carry")
-Numbers = Int[Array, "few"]
+Few = Int[Array, "few"] | Bool[Array, "lanes"]  # numbers of lanes; or all lanes, and which of them are meant
 
 
 def for_each(
-    flagged: Bool[Array, "lanes"], width: int, work: Callable[[Numbers, Carry], Carry], carry: Carry
+    flagged: Bool[Array, "lanes"], width: int, work: Callable[[Few, Carry], Carry], carry: Carry
 ) -> Carry:
     """The carry after `work` on the flagged lanes, `width` of them at a time, told by their numbers.
 
-    A number past the last lane fills up: `picked` clips it, `put` drops it.
+    A number past the last lane fills up: `picked` clips it, `put` drops it. Where there are no more than
+    `width` lanes, `work` is done on all of them, and told for which it counts.
     """
     lanes = flagged.shape[0]
 
     def some(state: tuple[Bool[Array, "lanes"], Carry]) -> tuple[Bool[Array, "lanes"], Carry]:
         left, carry = state
-        numbers = jnp.nonzero(left, size=min(width, lanes), fill_value=lanes)[0]
+        if lanes <= width:
+            return jnp.zeros_like(left), work(left, carry)
+        numbers = jnp.nonzero(left, size=width, fill_value=lanes)[0]
         return left.at[numbers].set(False, mode="drop"), work(numbers, carry)
 
     return jax.lax.while_loop(lambda state: state[0].any(), some, (flagged, carry))[1]
 
 
-def picked(array: jax.Array, numbers: Numbers) -> jax.Array:
+def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
+    """The carry after `work` where the flag is set, by a loop: XLA would copy what a `cond` passes on."""
+
+    def one(state: tuple[Bool[Array, ""], Carry]) -> tuple[Bool[Array, ""], Carry]:
+        return jnp.zeros_like(state[0]), work(state[1])
+
+    return jax.lax.while_loop(lambda state: state[0], one, (flag, carry))[1]
+
+
+def picked(array: jax.Array, few: Few) -> jax.Array:
     """These lanes of an array."""
-    return array.at[..., numbers].get(mode="clip")
+    return array if few.dtype == bool else array.at[..., few].get(mode="clip")
 
 
-def put(array: jax.Array, numbers: Numbers, lanes: jax.Array) -> jax.Array:
+def put(array: jax.Array, few: Few, lanes: jax.Array) -> jax.Array:
     """The array with these lanes replaced."""
-    return array.at[..., numbers].set(lanes, mode="drop")
+    if few.dtype == bool:
+        return jnp.where(few, lanes, array)
+    return array.at[..., few].set(lanes, mode="drop")

@@ -16,7 +16,7 @@ from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
-from jaxnet.model import hearing
+from jaxnet.model import elimination, hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import ORDERS, Apart, Falsified
@@ -129,7 +129,8 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
         first = np.nonzero(attacked.T)[::-1]  # slots and listeners, in the order of the latter
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
     heard = Hearing(*map(as_array, (sources, speakers, attacked, signals)))
-    return Network(heard, as_array(hearing.by_slot(trusted, sources)), as_array(shown), shared)
+    order = elimination.order_of(sources, scenario.engine.one_block)
+    return Network(heard, as_array(hearing.by_slot(trusted, sources)), as_array(shown), shared, order)
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxnet.model import control
+from jaxnet.model import elimination
 from jaxnet.model.plane import dot, length
 
 NEAR = 1e-9  # [m], by which half-planes are widened, against rounding
@@ -128,9 +128,8 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
         counted = jnp.where(shares(factors) > 0, of, 0.0)
         curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
         diagonal = jnp.eye(3)[:, :, None, None]
-        rest = diagonal * (1 - TINY - RIDGE * curvature) - curvature
-        matrix = jnp.concatenate([jnp.zeros_like(rest[:, :1]), rest], axis=1)
-        step = control.solve(matrix, gradient(factors)[:, None])[0][:, 0]
+        damped = curvature + diagonal * (TINY + RIDGE * curvature)
+        step = elimination.eliminated(jnp.concatenate([damped, gradient(factors)[:, None]], axis=1))[:, 0]
         best = factors - step
         for share in SHORTER:
             trial = factors - share * step

@@ -27,11 +27,12 @@ class Lane(NamedTuple):
 
 
 class Network(NamedTuple):
-    """Who hears whom, on which links there are attacks, and what the defence has made of it: shared by
-    lanes.
+    """What lanes share: who hears whom, where there are attacks, what the defence has made of it, and the
+    order in which vehicles are eliminated.
     """
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
     shown: Int[Array, "m"]  # the signal that stands for what a vehicle says, where its listeners' differ
     shared: Any  # of the defence
+    order: Any  # of `elimination`

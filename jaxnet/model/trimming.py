@@ -58,7 +58,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
     def take(carry: tuple[Any, Any]) -> tuple[Any, Any]:
         turn, score = carry
         nobody = jnp.full(score.shape[1:], -1), jnp.full(score.shape[1:], -jnp.inf)
-        (number, _), _ = jax.lax.scan(farther, nobody, (slots, score))
+        (number, _), _ = jax.lax.scan(farther, nobody, (slots, score), unroll=8)
         taken = (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
         return turn + 1, jnp.where(taken, -jnp.inf, score)
 

@@ -13,6 +13,7 @@ class Engine(Kind):
     queue: ClassVar[int] = 1  # chunks in a load
     shard: ClassVar[int] = 512  # lanes whose rows make one file, about a second's work
     accuracy: ClassVar[float] = 1e-5  # [m], what it may be off at its default tolerances
+    one_block: ClassVar[int] = 12  # vehicles whose Laplacian is quicker solved as a dense one
     in_field: ClassVar[bool] = False  # whether it can decide inside the vector field (`tick: 0`)
     holds: ClassVar[bool] = False  # whether it can hold a jerk from tick to tick, as some laws do
 

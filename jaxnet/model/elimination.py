@@ -1,0 +1,250 @@
+"""`L x = b` for the graph in force, in an order in which those who hear each other stand close together.
+
+Vehicles are numbered anew and cut into blocks, such that each hears vehicles of its own block and of the two
+beside it only. L is then block tridiagonal, and eliminated from block to block in a time that grows no faster
+than the number of vehicles. Where no order does that, all vehicles are one block. Retained are some of those
+who are heard, so that one order serves all lanes and ticks. L is a row diagonally dominant M-matrix: no pivot
+has to be sought.
+
+The navigator reaches every vehicle over the weights in force just where `L⁻¹ a0` is 1. How far that is from 1
+is the residual: of rounding, or of order 1 or not a number where somebody is cut off.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxnet.model.hearing import AxisWeights, Hearing
+
+AT_ONCE = 4  # rows that eliminate, or columns of a product, in one pass over the rest
+LEAST_BLOCKS = 8  # fewer are no quicker than one
+
+Columns = Float[Array, "m columns axes lanes"]
+Blocks = Float[Array, "blocks size _ axes lanes"]
+Vectors = Float[Array, "blocks axes size lanes"]
+Products = Float[Array, "blocks size axes size lanes"]
+Residual = Float[Array, " lanes"]
+
+
+class Order(NamedTuple):
+    """Vehicles in blocks, each of which hears only vehicles of its own block and of the two beside it."""
+
+    vehicles: Int[Any, "blocks size"]  # who stands where, counted from 0; m where nobody does
+    place: Int[Any, " m"]  # of each vehicle, counted through all blocks
+
+
+class Factors(NamedTuple):
+    """What it takes to solve with one L again and again, matrices by their columns.
+
+    On the way there `x_k = inverse b_k + before x_{k-1}`, from block to block, and on the way back
+    `x_k + after x_{k+1}`; of one block alone the inverse is all.
+    """
+
+    inverse: Products
+    before: Products
+    after: Products
+
+
+def order_of(sources: Int[np.ndarray, "slots m"], one_block: int) -> Order:
+    """Cuthill and McKee's order, reversed, in blocks as large as who hear each other stand apart.
+
+    Fleets of up to `one_block` vehicles are one.
+    """
+    m = sources.shape[1]
+    if m > one_block:
+        vehicles, place, size = near_each_other(sources)
+        blocks = -(-m // size)
+        if blocks >= LEAST_BLOCKS:
+            filled = np.append(vehicles, np.full(blocks * size - m, m))
+            return Order(filled.reshape(blocks, size), place)
+    return Order(np.arange(m)[None], np.arange(m))
+
+
+def near_each_other(sources: Int[np.ndarray, "slots m"]) -> tuple[np.ndarray, np.ndarray, int]:
+    """Vehicles in an order, the place of each in it, and how far from each other any stand who hear one."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    m = sources.shape[1]
+    listeners, heard = np.nonzero(sources > 0)[1], sources[sources > 0] - 1
+    pairs = np.concatenate([[listeners, heard], [heard, listeners]], axis=1)
+    mutual = csr_array((np.ones(pairs.shape[1]), pairs), shape=(m, m))
+    vehicles = np.asarray(reverse_cuthill_mckee(mutual, symmetric_mode=True), dtype=int)
+    place = np.argsort(vehicles)
+    return vehicles, place, max(2, int(np.abs(place[listeners] - place[heard]).max(initial=0)))
+
+
+def solve(order: Order, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+    """`L⁻¹` times some columns for the weights in force, and the residual of `L⁻¹ a0 = 1`."""
+    before, own, after, navigator = spread_out(order, hearing, weights)
+    whole, size = jnp.concatenate([in_blocks(order, right), navigator], axis=2), own.shape[1]
+
+    def there(last: Any, block: Any) -> tuple[Any, Any]:
+        before, own, beyond = block
+        carried = multiplied(before, last)
+        rest = jnp.concatenate([own - carried[:, :size], beyond.at[:, size:].add(carried[:, size:])], axis=1)
+        found = eliminated(rest)
+        return found, found
+
+    def back(following: Any, block: Any) -> tuple[Any, Any]:
+        found = block[:, size:] + multiplied(block[:, :size], following)
+        return found, found
+
+    if len(own) == 1:
+        found = eliminated(jnp.concatenate([own[0], whole[0]], axis=1))[None]
+    else:
+        beyond = jnp.concatenate([after, whole], axis=2)
+        _, parts = jax.lax.scan(there, jnp.zeros_like(beyond[0]), (before, own, beyond))
+        _, found = jax.lax.scan(back, jnp.zeros_like(whole[0]), parts, reverse=True)
+    solution = by_vehicle(order, found)
+    return solution[:, :-1], off_one(solution[:, -1])
+
+
+def factorised(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Factors, Residual]:
+    """L for the weights in force, made ready to be solved with, and the residual of `L⁻¹ a0 = 1`."""
+    before, own, after, navigator = spread_out(order, hearing, weights)
+    eye = identity(own)[0]
+
+    def there(last: Any, block: Any) -> tuple[Any, Any]:
+        before, own, after = block
+        rest = jnp.concatenate([own - multiplied(before, last), eye, before, after], axis=1)
+        found = jnp.split(eliminated(rest), 3, axis=1)
+        return found[2], tuple(found)
+
+    if len(own) == 1:
+        found = eliminated(jnp.concatenate([own[0], eye], axis=1))[None], before, after
+    else:
+        _, found = jax.lax.scan(there, jnp.zeros_like(own[0]), (before, own, after))
+    factors = Factors(*(jnp.moveaxis(each, 1, 3) for each in found))
+    reached = through(factors, navigator[:, :, 0].swapaxes(1, 2))
+    return factors, off_one(by_vehicle(order, reached.swapaxes(1, 2)))
+
+
+def applied(order: Order, factors: Factors, right: Float[Array, "2 m lanes"]) -> Float[Array, "2 m lanes"]:
+    """`L⁻¹` times a vector on each axis."""
+    found = through(factors, in_blocks(order, right.swapaxes(0, 1)).swapaxes(1, 2))
+    return by_vehicle(order, found.swapaxes(1, 2)).swapaxes(0, 1)
+
+
+def through(factors: Factors, right: Vectors) -> Vectors:
+    """There and back over the blocks."""
+    if len(right) == 1:
+        return product(factors.inverse[0], right[0])[None]
+
+    def there(last: Any, block: Any) -> tuple[Any, Any]:
+        inverse, before, right = block
+        found = product(inverse, right) + product(before, last)
+        return found, found
+
+    def back(following: Any, block: Any) -> tuple[Any, Any]:
+        after, right = block
+        found = right + product(after, following)
+        return found, found
+
+    nothing = jnp.zeros_like(right[0])
+    _, halfway = jax.lax.scan(there, nothing, (factors.inverse, factors.before, right))
+    return jax.lax.scan(back, nothing, (factors.after, halfway), reverse=True)[1]
+
+
+def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Blocks, Blocks, Blocks, Blocks]:
+    """Weights of vehicles in the block before, L within the block, weights in the block after, and a0.
+
+    Of one block alone there is nothing before and after.
+    """
+    blocks, size = order.vehicles.shape
+    speakers = hearing.speakers.at[:, order.vehicles].get(mode="fill", fill_value=0)
+    heard = jnp.moveaxis(weights, 0, 2).at[:, order.vehicles].get(mode="fill", fill_value=0.0)
+    first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column
+    columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None], -1)
+    width = size if blocks == 1 else 3 * size
+    numbers = jnp.arange(-1, width)[None, None, :, None, None]
+
+    def add(total: Any, slot: Any) -> tuple[Any, None]:
+        column, weight = slot
+        return total + jnp.where(column[:, :, None, None, None] == numbers, weight[:, :, None], 0.0), None
+
+    nothing = jnp.zeros((blocks, size, width + 1, *heard.shape[3:]))
+    table = jax.lax.scan(add, nothing, (columns, heard))[0]
+    navigator, rest = table[:, :, :1], table[:, :, 1:]
+    before, own, after = (rest[:, :, :0], rest, rest[:, :, :0]) if blocks == 1 else jnp.split(rest, 3, axis=2)
+    return before, identity(own) - own, after, navigator
+
+
+def identity(blocks: Blocks) -> Blocks:
+    """Of each block, the same for each axis and lane."""
+    eye = jnp.eye(blocks.shape[1])
+    return jnp.broadcast_to(eye[None, :, :, None, None], blocks.shape)
+
+
+def in_blocks(order: Order, by_vehicle: Any) -> Any:
+    """What belongs to vehicles by where they stand, 0 where nobody does."""
+    if len(order.vehicles) == 1:
+        return by_vehicle[None]
+    return by_vehicle.at[order.vehicles].get(mode="fill", fill_value=0.0)
+
+
+def by_vehicle(order: Order, blocks: Any) -> Any:
+    """The same by vehicle."""
+    if len(order.vehicles) == 1:
+        return blocks[0]
+    return blocks.reshape(-1, *blocks.shape[2:]).at[order.place].get(mode="promise_in_bounds")
+
+
+def off_one(reached: Float[Array, "m axes lanes"]) -> Residual:
+    """How far `L⁻¹ a0` is from 1, at most."""
+    return jnp.abs(reached - 1.0).max(axis=(0, 1))
+
+
+def multiplied(left: Float[Array, "n n axes lanes"], right: Float[Array, "n c axes lanes"]) -> Any:
+    """Product of two small matrices."""
+    total = left[:, :1] * right[:1]
+    for n in range(1, len(right)):
+        total = total + left[:, n : n + 1] * right[n : n + 1]
+    return total
+
+
+def product(columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "components n lanes"]) -> Any:
+    """Matrix, given by its columns, of each axis or of both, times vectors, lane by lane.
+
+    XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
+    """
+    at_once = in_one_pass(len(columns))
+
+    def add(block: Any, total: jax.Array) -> jax.Array:
+        for number in range(at_once):
+            j = block * at_once + number
+            total = total + columns[j] * jax.lax.dynamic_index_in_dim(vectors, j, axis=1)
+        return total
+
+    nothing = jnp.zeros((len(vectors), *columns.shape[2:]))
+    return jax.lax.fori_loop(0, len(columns) // at_once, add, nothing)
+
+
+def in_one_pass(number: int) -> int:
+    """How many are taken at once."""
+    return max(n for n in range(1, AT_ONCE + 1) if number % n == 0)
+
+
+def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes lanes"]:
+    """`M⁻¹ B` for `[M | B]`, Gauss and Jordan's elimination, lane beside lane.
+
+    Rows come first when their turn to eliminate has come, some at once, for most of the time goes into
+    passing over the others, and go last after it.
+    """
+    at_once = in_one_pass(len(whole))
+
+    def eliminate(rows: jax.Array, _: None) -> tuple[jax.Array, None]:
+        pivots, others = list(rows[:at_once]), rows[at_once:, at_once:]
+        for n in range(at_once):
+            pivots[n] = pivots[n] / pivots[n][n][None]
+            pivots = [row if k == n else row - row[n][None] * pivots[n] for k, row in enumerate(pivots)]
+        for n, pivot in enumerate(pivots):
+            others = others - rows[at_once:, n : n + 1] * pivot[None, at_once:]
+        done = jnp.concatenate([others, jnp.stack(pivots)[:, at_once:]])
+        return jnp.concatenate([done, rows[:, :at_once]], axis=1), None
+
+    found = jax.lax.scan(eliminate, whole, None, length=len(whole) // at_once)[0]
+    return found[:, : whole.shape[1] - len(whole)]
