@@ -9,6 +9,7 @@ without the figure.
 """
 
 from pathlib import Path
+from typing import Any
 
 import click
 import matplotlib as mpl
@@ -36,11 +37,13 @@ def per_magnitude(results: Results) -> pd.DataFrame:
     table = results.worst
     table[PER_MAGNITUDE] = table[PER_MAGNITUDE].div(table["magnitude"], axis=0)
     table["ratio"] = table["bound"] / table["found"]
-    table["frequency"] = [
-        jaxnet.load(results.path / "worst" / f"{cell}.yaml").cells[0].scenario.attack.frequency
-        for cell in table["cell"]
-    ]
+    table["frequency"] = [chosen(results, cell).frequency for cell in table["cell"]]
     return table
+
+
+def chosen(results: Results, cell: int) -> Any:
+    """The attack that was found the worst."""
+    return jaxnet.load(results.path / "worst" / f"{cell}.yaml").cells[0].scenario.attack
 
 
 def draw(table: pd.DataFrame) -> None:
@@ -56,8 +59,9 @@ def draw(table: pd.DataFrame) -> None:
                 panel.plot(rows[column].clip(LEAST, MOST), range(len(names)), linestyle="none", **look)
         panels[0].set_xscale("log")
         panels[0].set_xlim(LEAST / 1.5, MOST * 1.5)
-        panels[0].set_yticks(range(len(names)), names)
-        panels[0].invert_yaxis()
+        panels[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+        panels[0].set_ylim(len(names) - 0.4, -0.6)
+        multiples.note(drawn, f"what is under {LEAST:g} or over {MOST:g} stands at that end")
         drawn.legend(panels[0].lines, WORDS.values(), loc="outside lower center", ncols=3)
         drawn.savefig(FIGURE, format="png", dpi=150)
 
@@ -70,7 +74,7 @@ def main(budget: int) -> None:
     study = jaxnet.load(CONFIG, {"search.budget": budget})
     whole = study.config == jaxnet.load(CONFIG).config
     out = Path("results") / ("worst_case" if whole else f"worst_case-{budget}")
-    table = per_magnitude(jaxnet.search(study, out, progress=True))
+    table: Any = per_magnitude(jaxnet.search(study, out, progress=True))
     columns = ["topology", "defence", "found", "random", "bound", "ratio", "fresh", "nonlinear", "frequency"]
     print(table[[*columns, "lanes", "failed"]].to_string(index=False, float_format="{:.4g}".format))
     if whole:

@@ -34,11 +34,14 @@ def box_of(given):
     return Box(scenario, source, drawn)
 
 
-@pytest.mark.parametrize("case", KNOWN)
+CASES = ["constant, star", "constant, ring", "constant, path", "spoof, ring", "replaces, ring"]
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_the_worst_is_found_where_it_is_known(case):
     """To 1 %: all directions the same, of constant attacks, of spoofs, and of attacks that replace."""
     topology, attack, over, exact = KNOWN[case]
-    keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0}
+    keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0, "tail": 1.0}
     trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, systems.FEW)
     lanes = [generation.lanes for generation in searched(trials, 4000, 1)]
     assert lanes == sorted(lanes)
