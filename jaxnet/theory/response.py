@@ -93,10 +93,10 @@ def harmonic_norm(gain: Gain) -> float:
     """
     k0, k1, k2 = gain
     cubic = np.array([1.0, k2**2 - 2 * k1, k1**2 - 2 * k0 * k2, k0**2])
-    return float(np.sqrt(max(greatest(cubic), greatest(cubic[::-1]))))
+    return float(np.sqrt(max(peak(cubic), peak(cubic[::-1]))))
 
 
-def greatest(polynomial: Float[np.ndarray, " coefficients"]) -> float:
+def peak(polynomial: Float[np.ndarray, " coefficients"]) -> float:
     """Its greatest value from 0 to 1."""
     turns = np.roots(np.polyder(polynomial)).real
     return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
