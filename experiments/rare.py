@@ -1,7 +1,8 @@
 """Is a small share told as plain lanes tell it, by fewer of them?
 
 Two rings under rotating attacks, without a defence and trimmed, each with a τ so great that few lanes end
-over τ ā: the share counted by plain lanes with its exact interval, and by subset simulation with its own.
+over τ ā: the share counted by plain lanes with its exact interval, and by subset simulation with its own,
+beside how many plain lanes have an interval as narrow.
 
 Run it with `python experiments/rare.py`; with `--lanes 20000` to try it.
 """
@@ -40,7 +41,8 @@ def told(name: str, lanes: int, points: int, out: Path) -> dict[str, Any]:
     (row,) = jaxnet.rare(study, points, out / "subset").to_dict("records")
     plain = {f"plain{words}": cell[f"unrecovered{end}"] for end, words in ENDS.items()}
     subset = {f"subset{words}": row[f"share{end}".removeprefix("share_")] for end, words in ENDS.items()}
-    return {"case": name, "plain lanes": lanes, **plain, "lanes": row["lanes"], **subset}
+    spent = {"lanes": row["lanes"], "worth plain lanes": row["plain_lanes"]}
+    return {"case": name, "plain lanes": lanes, **plain, **subset, **spent}
 
 
 @click.command()
