@@ -66,7 +66,7 @@ def main(lanes: int, seed: int) -> None:
 def stress(cells: int, seed: int) -> tuple[dict[str, Count], int]:
     """Counts by bound over random cells, and how many lanes failed."""
     rng, failures = np.random.default_rng(seed), 0
-    held = {bound: Count(0, 0, 0.0) for bound in ("static", "peak_gain")}
+    held = {bound: Count(0, 0, 0.0) for bound in ("static", "harmonic", "peak_gain")}
     for number in range(cells):
         (cell,) = jaxnet.load(keys(rng)).cells
         found, failed = check(cell.scenario, number)

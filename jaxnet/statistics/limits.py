@@ -1,8 +1,8 @@
 """What theory says of a study's cells: the bounds as a table, and the lanes that break one.
 
 `‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖·‖` at every time, where · is E_i^(k)(0) - G_i^(k)(0) for the
-static bound, G = L⁻¹ d, and E_i^(k)(0) for the peak gain (SCIENCE, O5). The other sound bounds are never
-below the peak gain and need no check of their own.
+static bound, G = L⁻¹ d, and E_i^(k)(0) for the peak gain and the harmonic bound (SCIENCE, O5). The other
+sound bounds are never below the peak gain and need no check of their own.
 """
 
 import functools
@@ -88,7 +88,8 @@ def violations(results: Results) -> pd.DataFrame:
 
     The limit is the greatest over vehicles and the tail's output times, with 1e-9 of it and the engine's
     `accuracy` on top (coarser tolerances than the defaults may exceed that by themselves). Static is asked
-    where retained neighbours cannot change, the peak gain where it is finite. Cells whose weights or gains
+    where retained neighbours cannot change, the peak gain where it is finite, the harmonic bound of attacks
+    that have one frequency. Cells whose weights or gains
     are drawn, or of whose defence nothing is known, are left out, and a failed lane has no tail_max that
     could exceed anything.
     """
@@ -153,11 +154,14 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
 
 
 def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m signals"]]]:
-    """Bounds that hold, each with the K of the G = K a its transient starts from: 0 for the peak gain."""
+    """Bounds that hold, each with the K of the G = K a its transient starts from: 0 where sets may switch."""
     reach, known = spread_of(scenario), situation_of(scenario)
     assert reach is not None
     nothing = np.zeros_like(of_signals(scenario, known.weights))
-    found = {"peak_gain": (bounds.peak_gain(reach, np.array(scenario.gain)), nothing)}
+    gain = np.array(scenario.gain)
+    found = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
+    if scenario.attack.harmonic and scenario.attack.consistent():
+        found["harmonic"] = bounds.harmonic(reach, gain), nothing
     if reach.fixed is not None and np.isfinite(reach.norms):
         added = np.where(known.attacked, reach.fixed, 0.0)
         word = np.where(known.attacked & scenario.attack.replaces(), 0.0, reach.fixed)

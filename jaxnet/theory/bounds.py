@@ -8,14 +8,15 @@ derivatives are falsified, β has their terms alone.
 
                          holds for
     static               consistent derivatives, kept sets that cannot switch
+    harmonic             attacks of one frequency each, consistent derivatives, switching too (not in tables)
     peak_gain            any ρ within its bound: inconsistent derivatives and switching too
     lyapunov_printed     nobody: it is false in general (see `lyapunov`)
     lyapunov_corrected,  as peak_gain
     lyapunov_best,
     star_norm
 
-`static ≤ peak_gain ≤` the last three, always: ‖h‖₁ ≥ 1/k0 and β ≥ k0, and a sound bound on an axis covers the
-ρ that attains ‖h‖₁.
+`static ≤ harmonic ≤ peak_gain ≤` the last three, always: ‖h‖₁ ≥ 1/k0, k0 ≤ η ≤ β, and a sound bound on an
+axis covers the ρ that attains ‖h‖₁.
 """
 
 from typing import NamedTuple
@@ -114,6 +115,16 @@ def peak_gain(reach: Spread, gain: Gain) -> Bound:
     Holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
     return per_vehicle(response.impulse_norm(gain), reach, gain)
+
+
+def harmonic(reach: Spread, gain: Gain) -> Bound:
+    """`η ‖h‖₁ γ_i`, η the greatest ‖R(a)‖ of any attack of one frequency (`response.harmonic_norm`).
+
+    As `peak_gain`, of which η takes β's place: at every instant `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, whoever is
+    retained (O2b).
+    """
+    slopes = response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains
+    return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
 def lyapunov_printed(reach: Spread, gain: Gain) -> Bound:

@@ -85,6 +85,23 @@ def last_positive(function: Callable[[Points], Points], low: Points, high: Point
     return (low + high) / 2
 
 
+def harmonic_norm(gain: Gain) -> float:
+    """The greatest ‖R(a)‖ of an attack of one frequency, whichever, that is within 1 with its derivatives.
+
+    Of amplitude 1 / max(1, ω³) it is `|R(iω)| / max(1, ω³)`. `|R(iω)|²` is a cubic of ω², and over ω⁶ the
+    reversed cubic of 1/ω², so that both are looked for between 0 and 1.
+    """
+    k0, k1, k2 = gain
+    cubic = np.array([1.0, k2**2 - 2 * k1, k1**2 - 2 * k0 * k2, k0**2])
+    return float(np.sqrt(max(peak(cubic), peak(cubic[::-1]))))
+
+
+def peak(polynomial: Float[np.ndarray, " coefficients"]) -> float:
+    """Its greatest value from 0 to 1."""
+    turns = np.roots(np.polyder(polynomial)).real
+    return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
+
+
 def star_norm(gain: Gain, output: Float[np.ndarray, "rows 3"] = POSITION) -> float:
     """Least peak-to-peak gain that an invariant ellipsoid proves, `inf over α of √‖C Q_α C'‖₂`.
 

@@ -130,6 +130,17 @@ def test_what_may_switch_is_held_against_the_peak_gain_alone():
     assert list(zip(found["cell"], found["bound"], strict=True)) == [(2, "static"), (3, "peak_gain")]
 
 
+def test_what_has_one_frequency_is_held_against_less():
+    """On the ring that trims 2 √2 · 2.475 ā = 35.0 m: not a constant that is falsified order by order."""
+    attacks = ["rotating", "sinusoid", "multisine", {"kind": "sinusoid", "orders": [0]}]
+    study = jaxnet.load({"horizon": 60, "sweep": {"attack": attacks}})
+    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[34.9] * 4))
+    assert "harmonic" not in set(found["bound"])
+    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[35.1] * 4)).query("bound == 'harmonic'")
+    assert found["cell"].tolist() == [0, 1]
+    assert found["limit"].to_numpy() == pytest.approx(2.475 * np.sqrt(8) * 5, rel=1e-5)
+
+
 @pytest.mark.parametrize("channel", ["neighbour", "navigator"])
 def test_the_transient_is_that_of_the_drawn_start(channel):
     """Against the reference program's jets and displacements, lane by lane; ā is the lane's own."""

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
-from jaxnet.theory.bounds import NAMES, bounds, spread_of
+from jaxnet.theory.bounds import NAMES, bounds, harmonic, spread_of
 from tests.theory.test_spread import ATTACKED, CUT_OFF, CYCLIC, TRIO, hearing, networks, of
 
 GAIN = np.array([1.0, 3.0, 3.0])
@@ -200,17 +200,29 @@ def gains(draw):
     return gain_of(-p, *draw(st.sampled_from([pair, [-sigma, -omega]])))
 
 
+@given(gains())
+def test_an_attack_of_one_frequency_drives_no_more_than_the_worst_of_them(gain):
+    """`|R(iω)| / max(1, ω³)` over a fine grid of frequencies comes up to it, and not beyond."""
+    w = np.append(0.0, np.geomspace(1e-3, 1e3, 20_001))
+    over_all = np.abs(np.polyval([1, *gain[::-1]], 1j * w)) / np.maximum(1, w**3)
+    assert over_all.max() == pytest.approx(response.harmonic_norm(gain), rel=1e-6)
+    assert over_all.max() <= response.harmonic_norm(gain) * (1 + 1e-12)
+
+
 @settings(max_examples=40)
 @given(networks(), gains())
 def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
-    """Static ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤ fleet."""
+    """Static ≤ harmonic ≤ peak gain ≤ corrected, best and star norm; best ≤ corrected; worst ≤ fleet."""
     found = bounds_of(network, gain)
     static, peak, corrected, best, star = (
         np.append(found[name].vehicles, found[name].fleet)
         for name in ("static", "peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
     )
     allowed = 1 + 1e-9
-    assert (np.isnan(static) | (static <= peak * allowed)).all()
+    one = harmonic(spread_of(*network.spread), gain)
+    frequency = np.append(one.vehicles, one.fleet)
+    assert (np.isnan(static) | (static <= frequency * allowed)).all()
+    assert (frequency <= peak * allowed).all()
     for greater in (corrected, best, star):
         assert (peak <= greater * allowed).all()
     assert (best <= corrected * allowed).all()

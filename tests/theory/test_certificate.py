@@ -35,6 +35,10 @@ def test_norm_of_the_path_is_the_number_in_the_notes():
     assert certificate(PATH).inverse_norm == pytest.approx(7.963, abs=5e-4)
 
 
+def test_of_large_fleets_no_inverse_is_made():
+    assert certificate(Path().weights(1001)).inverse_norm is None
+
+
 @pytest.mark.parametrize(
     "edges",
     [

@@ -43,6 +43,7 @@ class AnyAttack(Kind):
     strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
     derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
     bounded: ClassVar[bool] = True  # whether no derivative of its signal is greater than ā
+    harmonic: ClassVar[bool] = False  # whether each vehicle's signal has one frequency
 
     def targets(self) -> list[int]:
         """Vehicles that are attacked, from 1."""

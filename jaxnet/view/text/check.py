@@ -159,7 +159,7 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
-        "‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}",
+        **({} if facts.inverse_norm is None else {"‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}"}),
         "robustness": robustness_line(weights > 0, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
