@@ -101,5 +101,7 @@ def test_the_law_by_exchanges():
     untrimmed = check.text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
     assert "stable, deviations times 0.9667" in untrimmed
     assert "retained" not in untrimmed
+    large = check.text(systems.study(law="rounds", vehicles=1001, defence="none"))
+    assert "stability is told of 1,000 vehicles at most" in large
     never = check.text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
     assert "no number of rounds is stable" in " ".join(never.split())

@@ -185,6 +185,8 @@ def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
 def stability_line(scenario: Scenario, known: Situation) -> str:
     """By what deviations are multiplied at a tick, and how many rounds it takes."""
     law, tick, kept = scenario.law, scenario.tick, known.retained
+    if scenario.vehicles > certificate.MOST_INVERTED:
+        return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
     fixed = None if kept is None else kept.fixed
     weights = (known.weights if fixed is None else fixed) * ~(known.attacked & scenario.attack.replaces())
     left = law.left(rounds.eigenvalues(weights))
