@@ -4,7 +4,7 @@
 // 11, outputs every 0.1 s of 30 s, the metrics of a row; untrimmed, or trimming with theta = 1 each 0.05 s.
 // Its lanes are drawn from the distributions of jaxnet's default study, by a generator of its own.
 //
-// gcc -O3 -march=native -ffast-math -fopenmp exact_loop.c -o exact_loop -lm
+// gcc -O3 -march=native -ffast-math -fopenmp -Wno-psabi exact_loop.c -o exact_loop -lm
 // ./exact_loop LANES TRIMS(0|1) prints lanes per second, the mean tail error [m] and the share of lanes over 0.1 m.
 #include <math.h>
 #include <omp.h>
