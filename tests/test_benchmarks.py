@@ -54,9 +54,7 @@ def test_a_peer_simulates_the_same_lane(name, attacked):
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])
 def test_the_loop_by_hand_simulates_the_same_study(defence):
     """Of 4,096 lanes each the mean tail error and the share over 0.1 m, within four standard errors."""
-    (cell,) = systems.study(
-        attack={"kind": "rotating", "magnitude": 10}, defence=defence, engine="exact"
-    ).cells
+    (cell,) = systems.study(attack="rotating", defence=defence, engine="exact").cells
     lanes = job(cell.scenario, Keyed(0), range(4096))
     try:
         theirs = peers.by_hand(lanes)

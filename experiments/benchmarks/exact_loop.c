@@ -1,6 +1,6 @@
 // The exact closed loop of the paper's ring by hand, eight lanes to a vector: what the machine can do.
 //
-// Twelve vehicles, gain (1, 3, 3), a navigator weight of 0.1, a rotating attack of 10 m and 0.7 rad/s on 2, 5, 8 and
+// Twelve vehicles, gain (1, 3, 3), a navigator weight of 0.1, a rotating attack of 5 m and 0.7 rad/s on 2, 5, 8 and
 // 11, outputs every 0.1 s of 30 s, the metrics of a row; untrimmed, or trimming with theta = 1 each 0.05 s.
 // Its lanes are drawn from the distributions of jaxnet's default study, by a generator of its own.
 //
@@ -18,7 +18,7 @@
 typedef double Vec __attribute__((vector_size(8 * WIDTH)));
 typedef long Mask __attribute__((vector_size(8 * WIDTH)));
 
-static const double OMEGA = 0.7, TICK = 0.05, MAGNITUDE = 10, NAVIGATOR = 0.1, NEIGHBOUR = 0.45, STICK = 1e-9;
+static const double OMEGA = 0.7, TICK = 0.05, MAGNITUDE = 5, NAVIGATOR = 0.1, NEIGHBOUR = 0.45, STICK = 1e-9;
 static double flow[3][3];  // expm(A_c h), a triple pole at -1
 static int trims;
 

@@ -10,6 +10,8 @@ is a sum of harmonics of time whose vectors are known beforehand, so that the la
 `L (σ + P(y) + ψ u) = received`. It is solved as the paper states it, `M u = …` with the dense 2m × 2m matrix
 `M = Ψ⁻¹ (L ⊗ I₂) Ψ` of the moment (inputs in the order u_1 of all vehicles, then u_2 of all), or, with
 `dense=False`, by the structure of M: with the inverse of L, computed once.
+
+And the exact engine's loop by hand, in C: of the default study alone, and of lanes that it draws itself.
 """
 
 import functools

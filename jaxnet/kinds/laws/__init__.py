@@ -10,6 +10,9 @@ class Law(Kind):
     """A way to solve `L q = b`, where L couples everybody. One of one's own holds q, and gives `exchange`."""
 
     holds: ClassVar[bool] = True  # whether q is chosen at ticks and held between them
+    jacobi: ClassVar[bool] = (
+        False  # whether it makes rounds of Jacobi's iteration, of which it is known how many do
+    )
 
     def exchange(self, last: Any, demand: Any, heard: Callable[[Any], Any]) -> Any:
         """The jerk (2, m, lanes) that vehicles hold from this tick on.

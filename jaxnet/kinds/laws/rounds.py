@@ -1,7 +1,7 @@
 """The law by exchanges with neighbours."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -14,6 +14,7 @@ class Rounds(Law):
     """
 
     kind = "rounds"
+    jacobi: ClassVar[bool] = True
 
     rounds: int = Field(default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick")
 

@@ -183,7 +183,7 @@ def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
 
 
 def stability_line(scenario: Scenario, known: Situation) -> str:
-    """By what deviations are multiplied at a tick, and how many rounds it takes."""
+    """By what deviations are multiplied at a tick, and how many rounds it takes, where the law makes such."""
     law, tick, kept = scenario.law, scenario.tick, known.retained
     if scenario.vehicles > certificate.MOST_INVERTED:
         return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
@@ -193,17 +193,20 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if left is None:
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
-    grown, least = rounds.growth(left, gain, tick), rounds.least_rounds(weights, gain, tick)
-    line = (
-        f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s; "
-    )
-    if least is None:
-        line += "no number of rounds is stable at this tick"
-    else:
-        few, surely = least
-        line += f"{count(few, 'round')} {'is' if few == 1 else 'are'} the least that is stable"
-        line += f", and every number from {surely} on" * (surely > few)
+    grown = rounds.growth(left, gain, tick)
+    line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
+    if law.jacobi:
+        line += f"; {rounds_told(rounds.least_rounds(weights, gain, tick))}"
     return line + "; that is while everybody is retained" * (fixed is None)
+
+
+def rounds_told(least: tuple[int, int] | None) -> str:
+    """How many rounds it takes, of the least number and one from which on all are stable."""
+    if least is None:
+        return "no number of rounds is stable at this tick"
+    few, surely = least
+    line = f"{count(few, 'round')} {'is' if few == 1 else 'are'} the least that is stable"
+    return line + f", and every number from {surely} on" * (surely > few)
 
 
 def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
