@@ -3,14 +3,15 @@
 At each tick they receive, decide, and exchange with their neighbours what jerk to hold until the next. So
 between ticks a vehicle's position is a polynomial of third degree, whatever the weights and the attacks.
 
-The lanes are the last axis of every array. What a tick needs of the time is found a tick before, for a number
-computed where it is used would be computed once for each vehicle that uses it.
+The lanes are the last axis of every array. An instant's functions are computed behind a barrier, as in
+`propagation`.
 """
 
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import metrics
@@ -32,7 +33,6 @@ class Fleet(NamedTuple):
     jerk: Float[Array, "2 m lanes"]  # held until the next tick
     mind: Mind
     signals: Signals  # now
-    next_signals: Signals  # at the next tick
     switches: Int[Array, "lanes"]
     status: Code
 
@@ -47,8 +47,7 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     def tick(number: Int[Array, ""], fleet: Fleet) -> Fleet:
         moved = fleet._replace(
             jets=moved_on(fleet.jets, fleet.jerk, clock.interval),
-            signals=fleet.next_signals,
-            next_signals=signals_at(number + 2),
+            signals=barrier(signals_at(number + 1)),
         )
         return settle(moved, lane, network, plan, first=False)
 
@@ -63,7 +62,7 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 0)
         return jax.lax.fori_loop(now, now + rest, tick, fleet), gathered, series
 
-    fleet = start(lane, network, plan, signals_at(0), signals_at(1))
+    fleet = start(lane, network, plan, signals_at(0))
     series = ticks.room(plan, lambda: observe(fleet, lane, network, plan))
     carry = fleet, metrics.nothing(plan.metrics, lane.initial.shape[1:]), series
     fleet, gathered, series = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
@@ -73,11 +72,11 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     return Outcome(status, found, jnp.zeros_like(status), fleet.switches, series)
 
 
-def start(lane: Lane, network: Network, plan: Plan, now: Signals, soon: Signals) -> Fleet:
+def start(lane: Lane, network: Network, plan: Plan, now: Signals) -> Fleet:
     """The lanes at t = 0; nobody has held a jerk yet."""
     status, jets = ticks.status_at_start(lane), lane.vehicle.output_jets(lane.initial)
     mind, jerk = ticks.begin(lane, network, plan), jnp.zeros_like(jets[0])
-    fleet = Fleet(jets, jerk, mind, now, soon, jnp.zeros_like(status), status)
+    fleet = Fleet(jets, jerk, mind, now, jnp.zeros_like(status), status)
     return settle(fleet, lane, network, plan, first=True)
 
 

@@ -30,7 +30,7 @@ class Observation(NamedTuple):
     def disagreements(self) -> Float[Array, "m *lanes"]:
         """`‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs."""
         sources = jnp.concatenate([jnp.zeros_like(self.error[:, :1]), self.error], axis=1)
-        return length(self.error - jnp.sum(self.weights * self.hearing.sent(sources), axis=1))
+        return length(self.error - self.hearing.mean_sent(self.weights, sources))
 
 
 # What can be kept of every output time, its last axis over lanes (docs/results-folder.md).

@@ -25,6 +25,11 @@ class Plan(NamedTuple):
     rows: int = 0  # of those stacks: the clock's outputs and t = 0, where anything is saved
     chunk: int = 0  # lanes side by side
 
+    @property
+    def choosing(self) -> bool:
+        """Whether anybody chooses anything at ticks."""
+        return self.decides or self.strategic
+
 
 class Clock(NamedTuple):
     """When things happen."""

@@ -13,8 +13,8 @@ Where what is falsified is not a path with its derivatives, G = L⁻¹ W g with 
 disturbance ρ = R(β), `g‴ + P(g) = ρ`, which is summed up from tick to tick by Gauss and Legendre's rule.
 Where it is, g = β solves that.
 
-The lanes are the last axis of every array. What a pass of a loop needs of an instant's functions it finds in
-the carry: a number computed where it is used would be computed once for each vehicle that uses it.
+The lanes are the last axis of every array. An instant's functions are computed behind a barrier: else XLA
+would compute them where they are used, once for each vehicle that uses them.
 """
 
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import metrics
@@ -53,14 +54,13 @@ class Fleet(NamedTuple):
     followed: Mind  # for which `forced` holds
     mind: Mind  # decided at this tick
     basis: Basis  # the attacks' functions now
-    next_basis: Basis  # and at the next tick
-    effects: Any  # what an axis makes of them now and at the next tick; () where it is they themselves
+    made: Any  # what an axis makes of them now; () where it is they themselves
     switches: Int[Array, "lanes"]
     status: Code
 
     def effect(self) -> Any:
         """The scalar functions of G now, with two derivatives or more."""
-        return self.effects[0] if self.effects else self.basis
+        return self.basis if isinstance(self.made, tuple) else self.made
 
 
 def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
@@ -71,26 +71,30 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         return jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape)
 
     def tick(n: Int[Array, ""], fleet: Fleet) -> Fleet:
-        fleet = settle(fleet, n == 0, lane, network, plan)
+        if plan.choosing:
+            fleet = settle(fleet, n == 0, lane, network, plan)
         moved = fleet._replace(
             free=propagate(numbers, fleet.free),
-            basis=fleet.next_basis,
-            next_basis=lane.signal.basis(instant(n + 2)),
-            effects=() if plan.consistent else (fleet.effects[1], next_effect(fleet.effects[1], n + 1)),
+            basis=barrier(lane.signal.basis(instant(n + 1))),
+            made=() if plan.consistent else barrier(effect_after(fleet.made, instant(n))),
         )
         return decide(moved, lane, network, plan, instant(n + 1))
 
-    def next_effect(effect: Any, n: Any) -> Any:
-        return passed_on(effect, responses, lane, numbers, instant(n), clock.interval)
+    def effect_after(effect: Any, time: Lanes) -> Any:
+        return passed_on(effect, responses, lane, numbers, time, clock.interval)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
-        fleet, gathered, series, navigator = carry
-        gathered, series = measure(fleet, gathered, series, navigator, number)
-        now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
-        fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
-        return fleet, gathered, series, lane.navigator.jets(instant((number + 1) * clock.ticks))
+        fleet, gathered, series = carry
+        gathered, series = measure(fleet, gathered, series, number)
+        if plan.choosing or not plan.consistent:
+            now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
+            fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
+        else:
+            fleet = tick(number, fleet)
+        return fleet, gathered, series
 
-    def measure(fleet: Fleet, gathered: Any, series: Any, navigator: Any, number: Any) -> Any:
+    def measure(fleet: Fleet, gathered: Any, series: Any, number: Any) -> Any:
+        navigator = barrier(lane.navigator.jets(instant(number * clock.ticks)))
         seen, ok = observe(fleet, lane, network, plan, navigator), fleet.status == Status.ok
         series = {
             name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
@@ -100,35 +104,33 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
 
     responses: Any = () if plan.consistent else impulse_responses(lane.gain, clock.interval)
-    fleet = start(lane, network, plan, instant, next_effect)
-    navigator = lane.navigator.jets(instant(zero))
-    series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, navigator))
-    gathered = metrics.nothing(plan.metrics, lane.initial.shape[1:])
-    carry = fleet, gathered, series, navigator
-    fleet, gathered, series, _ = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
+    fleet = start(lane, network, plan, instant(zero))
+    series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, lane.navigator.jets(instant(zero))))
+    carry = fleet, metrics.nothing(plan.metrics, lane.initial.shape[1:]), series
+    fleet, gathered, series = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
     status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
     found = metrics.of_fleet(plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok)
     return Outcome(status, found, jnp.zeros_like(status), fleet.switches, series)
 
 
-def start(lane: Lane, network: Network, plan: Plan, instant: Any, next_effect: Any) -> Fleet:
+def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
     """The lanes at t = 0 with their first decision taken, all of E still free."""
-    navigator, mind = lane.navigator.jets(instant(0)), ticks.begin(lane, network, plan)
-    status, basis = ticks.status_at_start(lane), lane.signal.basis(instant(0))
-    none = jnp.zeros_like(basis[:3])
+    navigator, mind = lane.navigator.jets(time), ticks.begin(lane, network, plan)
+    status, basis = ticks.status_at_start(lane), lane.signal.basis(time)
     fleet = Fleet(
         free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
         forced=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
         followed=mind._replace(memory=(), plot=()),
         mind=mind,
         basis=basis,
-        next_basis=lane.signal.basis(instant(1)),
-        effects=() if plan.consistent else (none, next_effect(none, 0)),
+        made=() if plan.consistent else jnp.zeros_like(basis[:3]),
         switches=jnp.zeros_like(status),
         status=status,
     )
-    return decide(fleet, lane, network, plan, instant(0))
+    if not plan.choosing:
+        return follow(fleet, status == Status.ok, lane, network, plan)
+    return decide(fleet, lane, network, plan, time)
 
 
 def decide(fleet: Fleet, lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:

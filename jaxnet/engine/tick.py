@@ -173,8 +173,10 @@ def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], 
     """Lanes in which anything was decided otherwise, and how many vehicles retain others than before."""
     lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.amplitude.shape, int)
     if not isinstance(now.decision, tuple):
-        lanes = retained.changed(now.decision, before.decision).any(axis=0)
         others = retained.changed(*map(retained.support, (now.decision, before.decision))).sum(axis=0)
+        lanes = others > 0
+        if now.decision.dtype != bool:
+            lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if not isinstance(now.vectors, tuple):
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others

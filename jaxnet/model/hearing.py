@@ -6,6 +6,7 @@ A vehicle has as many slots as the busiest listener has sources, filled in the o
 left over holds the listener itself, with weight 0. So a graph's arrays are (slots, m), whatever m².
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,16 +51,24 @@ class Hearing(NamedTuple):
         sources: Float[Any, "2 n *lanes"],
         signal: Float[Any, "2 signals *lanes"],
     ) -> Float[Any, "2 m *lanes"]:
-        """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of what is received, slot by slot."""
+        """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of what is received."""
+        return self.slot_by_slot(weights, lambda one: one.received(sources, signal))
+
+    def mean_sent(self, weights: AxisWeights, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 m *lanes"]:
+        """`Σ_j w_ij y_j`, the weighted mean of what is sent."""
+        return self.slot_by_slot(weights, lambda one: one.sent(sources))
+
+    def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Any]) -> Any:
+        """The weighted sum over slots of what is heard in each, (2, 1, m, *lanes)."""
         import jax
         import jax.numpy as jnp
 
         def add(slot: Any, total: Any) -> Any:
             one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
             weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
-            return total + weight * one.received(sources, signal)[:, 0]
+            return total + weight * heard(one)[:, 0]
 
-        nothing = jnp.zeros((len(sources), *weights.shape[2:]))
+        nothing = jnp.zeros((2, *weights.shape[2:]))
         return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
