@@ -386,14 +386,15 @@ def search(
 ) -> Results:
     """Look for the worst choice in each cell of a study that has `search`, and simulate as many random lanes.
 
-    These are a run of the study, and the arguments are `run`'s. Of the Results, `worst` has a row for each
-    cell and `searched` one for each generation. A search that was broken off goes on.
+    These are a run of the study, and the arguments are `run`'s; workers search cells side by side. Of the
+    Results, `worst` has a row for each cell and `searched` one for each generation. A search that was broken
+    off goes on.
 
     Raises ConfigError, FolderError or ClusterError.
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
     with contextlib.nullcontext(untold) if progress is False else reports.stepping() as told:
-        for _ in write_search(results, told, devices, chunk):
+        for _ in write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results
 
@@ -408,15 +409,26 @@ def with_random_lanes(study: Source) -> Study:
 
 
 def write_search(
-    results: stored.Results, told: Steps = untold, devices: int | None = None, chunk: int | None = None
+    results: stored.Results,
+    told: Steps = untold,
+    devices: int | None = None,
+    chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
 ) -> Iterator[UPath]:
     """Search in each cell of a study whose random lanes are there; the files, one after the other."""
     enable()
-    from jaxnet.engine.batch import Machine
-    from jaxnet.explore.worst import search_each
+    from jaxnet.engine.cores import cores
+    from jaxnet.runs.cluster import crew
 
-    with Folder(results.path).writing():
-        yield from search_each(results, Machine(devices, chunk), told)
+    with (
+        Folder(results.path).writing(),
+        crew(results.path, workers, cluster, devices or cores(), chunk) as others,
+    ):
+        from jaxnet.engine.batch import Machine
+        from jaxnet.explore.worst import search_each
+
+        yield from search_each(results, Machine(devices, chunk), told, others)
 
 
 def default_out(study: Study, out: Place | None) -> Place:

@@ -52,9 +52,9 @@ def user_errors() -> Iterator[None]:
     except OSError as error:
         if error.errno not in NOT_OURS and not isinstance(error, PermissionError):
             raise
-        click.echo(f"{error}; finished shards are kept, the same command goes on", err=True)
+        click.echo(f"{error}; what is finished is kept, the same command goes on", err=True)
         sys.exit(2)
     except KeyboardInterrupt:
-        click.echo("interrupted; finished shards are kept, the same command goes on", err=True)
+        click.echo("interrupted; what is finished is kept, the same command goes on", err=True)
         sys.stdout.flush()
         os._exit(INTERRUPTED)  # not to wait for programs under way, whose lanes nobody will take

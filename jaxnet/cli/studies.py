@@ -177,7 +177,8 @@ def search(
 ) -> None:
     """Look for the worst of what `search.over` lets an attacker choose, beside as many random lanes.
 
-    The lanes are a run of the study; a search that was broken off goes on. The best choice of each cell is
+    The lanes are a run of the study; a search that was broken off goes on, and workers search cells side by
+    side. The best choice of each cell is
     tried from 10,000 other starts and by the nonlinear engine, and written as a study of its own.
     """
     with user_errors():
@@ -187,7 +188,7 @@ def search(
         study = api.with_random_lanes(jaxnet.load(config, overrides))
         results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
         with progress.stepping() as told:
-            files = [str(file) for file in api.write_search(results, told, devices)]
+            files = [str(file) for file in api.write_search(results, told, devices, None, workers, cluster)]
         click.echo(worst.text(results))
         click.echo("\n".join(f"wrote {file}" for file in files), err=True)
 

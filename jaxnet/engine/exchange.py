@@ -16,9 +16,9 @@ from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import metrics
 from jaxnet.engine import tick as ticks
-from jaxnet.engine.integration import Signals, signals
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
+from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.tick import Mind
 from jaxnet.model import plane, signal

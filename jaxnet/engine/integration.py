@@ -19,6 +19,7 @@ from jaxnet.engine import tick as ticks
 from jaxnet.engine.metrics import Gathered, Observation
 from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
+from jaxnet.engine.signals import Signals, Times, signals
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.engine.tick import Mind
@@ -26,12 +27,8 @@ from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, elimination, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.signal import Basis
 
 SOLVED = 16  # lanes whose Laplacians are factorised at once
-
-Times = Float[Array, " lanes"]
-
 
 State = Float[Array, "n m lanes"]
 
@@ -42,18 +39,6 @@ class Held(NamedTuple):
     weights: AxisWeights
     factors: Any  # `elimination.Factors` of the Laplacian of these weights; () where a jerk is held
     jerk: Any  # (2, m, lanes), else ()
-
-
-class Signals(NamedTuple):
-    """What depends on the time alone, and what the law makes of it, which a stage would compute once for each
-    vehicle.
-    """
-
-    time: Times  # itself
-    navigator: Float[Array, "4 2 lanes"]
-    basis: Basis
-    path: Float[Array, "2 lanes"]  # R(y_0)
-    drive: Float[Array, "functions lanes"]  # R(β)
 
 
 class Fleet(NamedTuple):
@@ -232,13 +217,6 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
 def where(flagged: Bool[Array, " lanes"], new: Any, old: Any) -> Any:
     """One tree in the flagged lanes, the other elsewhere."""
     return jax.tree.map(lambda a, b: jnp.where(flagged.reshape(*[1] * (a.ndim - 1), -1), a, b), new, old)
-
-
-def signals(lane: Lane, time: Times) -> Signals:
-    """The navigator and the attacks' functions at these times."""
-    navigator, basis = lane.navigator.jets(time), lane.signal.basis(time)
-    path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))
-    return Signals(time, navigator, basis, path, drive)
 
 
 def decide(lane: Lane, network: Network, plan: Plan, mind: Mind, state: State, now: Signals) -> Mind:

@@ -27,9 +27,11 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Generation, Trials, searched
+from jaxnet.kinds import registry
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
+from jaxnet.runs.cluster import Cluster
 from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.steps import Steps
@@ -191,11 +193,19 @@ def table_of(found: Sequence[Worst], cells: Sequence[Cell]) -> pd.DataFrame:
     return pd.DataFrame(labelled)
 
 
-def search_each(results: Results, machine: Machine, told: Steps) -> Iterator[UPath]:
-    """Search in each cell of a study whose random lanes a folder holds; the files, one after the other."""
+def search_each(
+    results: Results, machine: Machine, told: Steps, crew: Cluster | None = None
+) -> Iterator[UPath]:
+    """Search in each cell of a study whose random lanes a folder holds; the files, one after the other.
+
+    A crew searches cells side by side, each to its end, before anything is written of all.
+    """
     folder, study = Folder(results.path), results.study
     config = study.config
     assert config.search is not None
+    if crew is not None:
+        for done, _ in enumerate(dealt(results, machine, crew), 1):
+            told("cells searched", done, len(study.cells))
     found, generations = list[Worst](), list[dict[str, Any]]()
     for cell in study.cells:
         hunt = Hunt(config, cell, folder, machine)
@@ -213,3 +223,22 @@ def search_each(results: Results, machine: Machine, told: Steps) -> Iterator[UPa
         for name, table in tables.items():
             folder.put(name, functools.partial(table.to_csv, index=False))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
+
+
+def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
+    """Cells searched by a crew, as they end; their numbers."""
+    config = results.study.config
+    task = functools.partial(search_cell, results.path.absolute(), machine.chunk)
+    cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
+    yield from crew.deal(task, registry.provenance(plain(config)), cells)
+
+
+def search_cell(path: UPath, chunk: int | None, number: int) -> int:
+    """On a worker: search in one cell to its end, and keep what came of it; its number."""
+    results, machine = Results(path), Machine(1, chunk)
+    cell = results.study.cells[number]
+    hunt = Hunt(results.study.config, cell, Folder(path), machine)
+    for _ in hunt.generations():
+        pass
+    hunt.worst(hunt.alone(), results)
+    return number

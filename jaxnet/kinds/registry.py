@@ -17,7 +17,7 @@ import os
 import pkgutil
 import sys
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -295,7 +295,7 @@ def provenance(data: Any) -> dict[str, Provenance]:
     }
 
 
-def confirm(modules: dict[str, Provenance]) -> None:
+def confirm(modules: Mapping[str, Provenance]) -> None:
     """Raise KindError if modules that another process names are not the same here."""
     for name, made_of in modules.items():
         search_home(name, made_of.file)

@@ -1,8 +1,8 @@
-"""Shards simulated by other processes: the workers of a dask scheduler, here or elsewhere.
+"""Shards, or cells to search, done by other processes: the workers of a dask scheduler, here or elsewhere.
 
-A worker is sent the `Assignment` and a shard, writes the shard's files itself and answers with a few numbers.
+A worker is sent a task and one item of it, writes the item's files itself and answers with a few numbers.
 One that dies costs what it had under way, which others are given; a scheduler or a client that dies costs
-what was under way, and the same command goes on. A worker takes one shard at a time for each of its threads.
+what was under way, and the same command goes on. A worker takes one item at a time for each of its threads.
 """
 
 import asyncio
@@ -30,13 +30,14 @@ from jaxnet.kinds import registry
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
+    from jaxnet.kinds.registry import Provenance
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
 
 CONNECT = 10  # [s]
-KEPT = "finished shards are kept, the same command goes on"
+KEPT = "what is finished is kept, the same command goes on"
 SILENT = logging.CRITICAL + 1  # what is lost is told by us, not by dask
-LIVES = 5  # workers that one shard may take with it before it is given up
+LIVES = 5  # workers that one item may take with it before it is given up
 SETTLING = threading.Lock()
 
 
@@ -47,7 +48,7 @@ class ClusterError(RuntimeError):
 class Answer(NamedTuple):
     """What a worker answers, and what it was warned of meanwhile."""
 
-    done: "Done"
+    found: Any
     said: list[str]
 
 
@@ -90,9 +91,19 @@ class Cluster:
         self, work: "Assignment", todo: "Sequence[Shard]", load_done: Callable[[int], None]
     ) -> "Iterator[Done]":
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
-        if not todo:
+        task = functools.partial(simulate_shard, work, self.chunk)
+        yield from self.deal(task, work.modules, {f"shard {shard.number}": shard for shard in todo})
+
+    def deal(
+        self, task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", items: Mapping[str, Any]
+    ) -> Iterator[Any]:
+        """What workers find of items, which have names, as it comes; `modules` are those that kinds are from.
+
+        Raises ClusterError, and what the task does.
+        """
+        if not items:
             return
-        if typed := [name for name, made_of in work.modules.items() if not made_of.file]:
+        if typed := [name for name, made_of in modules.items() if not made_of.file]:
             raise ClusterError(
                 f"no worker can import {typed[0]}, which has no file: write its kinds into a module"
             )
@@ -101,8 +112,7 @@ class Cluster:
 
         try:
             client = self.client.result()
-            task = functools.partial(simulate_shard, work, versions(), self.chunk)
-            yield from answers(client, task, todo)
+            yield from answers(client, functools.partial(by_worker, task, modules, versions()), items)
         except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
@@ -112,7 +122,7 @@ class Cluster:
             raise ClusterError(f"the scheduler was lost; {KEPT}") from error
 
 
-def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shard]") -> "Iterator[Done]":
+def answers(client: Any, task: Callable[[Any], Answer], items: Mapping[str, Any]) -> Iterator[Any]:
     """The workers' answers as they come; what they were warned of is told here, once."""
     from distributed import as_completed
 
@@ -125,7 +135,7 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
                 warnings.warn(text, stacklevel=2)
 
     client.subscribe_topic("all", lambda event: tell(losses(event[1], run)))
-    futures = client.map(task, todo, key=[f"shard {shard.number} of {run}" for shard in todo])
+    futures = client.map(task, list(items.values()), key=[f"{name} of {run}" for name in items])
     try:
         for _, answer in as_completed(futures, with_results=True, loop=client.loop):
             if isinstance(answer, ImportError) or "deserialization" in str(answer):
@@ -135,7 +145,7 @@ def answers(client: Any, task: Callable[["Shard"], Answer], todo: "Sequence[Shar
             if isinstance(answer, BaseException):
                 raise answer
             tell(answer.said)
-            yield answer.done
+            yield answer.found
     finally:
         client.unsubscribe_topic("all")  # it would be told of its own leaving
 
@@ -230,25 +240,34 @@ def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> N
 
 
 def losses(event: Any, run: str) -> Iterator[str]:
-    """What is to be told of an event of the scheduler: a worker that was lost with shards of this run."""
+    """What is to be told of an event of the scheduler: a worker that was lost with items of this run."""
     if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
-        shards = sum(run in str(key) for key in event["processing-tasks"])
-        if shards:
-            yield f"worker {event['worker']} was lost; shards that others do in its place: {shards}"
+        items = sum(run in str(key) for key in event["processing-tasks"])
+        if items:
+            yield f"worker {event['worker']} was lost; others do what it had under way: {items}"
 
 
-def simulate_shard(work: "Assignment", needed: dict[str, str], chunk: int | None, shard: "Shard") -> Answer:
-    """On a worker: simulate and store a shard, unless it is there."""
+def by_worker(
+    task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", needed: dict[str, str], item: Any
+) -> Answer:
+    """On a worker: do a task with one item; `needed` are the versions asked for."""
     from distributed import get_worker
 
     worker = get_worker()
     with SETTLING:
         said = settle_in(worker.state.nthreads)
+    refuse(worker.address, versions(), needed)
+    registry.confirm(modules)
+    with registry.blaming():
+        found = task(item)
+    return Answer(found, list(drained(said)))
+
+
+def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Done":
+    """On a worker: simulate and store a shard, unless it is there."""
     from jaxnet.engine.batch import Machine
     from jaxnet.runs import shards
 
-    refuse(worker.address, versions(), needed)
-    registry.confirm(work.modules)
     ended = 0
 
     def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
@@ -256,16 +275,22 @@ def simulate_shard(work: "Assignment", needed: dict[str, str], chunk: int | None
         ended += lanes
         if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
             raise FolderError(
-                f"worker {worker.address} does not see this study in {work.folder.path}:"
+                f"worker {address()} does not see this study in {work.folder.path}:"
                 " it must be on storage that all share"
             )
 
     see()
-    with registry.blaming():
-        done = shards.there(work, shard)
-        if done is None or work.missing(shard, done):
-            done = next(shards.simulate_shards(work, [shard], Machine(1, chunk), see))
-    return Answer(done, list(drained(said)))
+    done = shards.there(work, shard)
+    if done is None or work.missing(shard, done):
+        done = next(shards.simulate_shards(work, [shard], Machine(1, chunk), see))
+    return done
+
+
+def address() -> str:
+    """Of the worker that this is."""
+    from distributed import get_worker
+
+    return get_worker().address
 
 
 def drained(said: deque[str]) -> Iterator[str]:
@@ -291,7 +316,7 @@ def settle_in(threads: int) -> deque[str]:
 
 
 async def get_ready(dask_worker: Any) -> None:
-    """On a worker: do what is done once, before the first shard comes."""
+    """On a worker: do what is done once, before the first item comes."""
     with SETTLING:
         settle_in(dask_worker.state.nthreads)
     await asyncio.to_thread(importlib.import_module, "jaxnet.runs.shards")

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from multiprocessing import forkserver
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from distributed import Client
 from upath import UPath
 
 import jaxnet
+from jaxnet.explore.search import Trials
 from jaxnet.runs import cluster
 from jaxnet.runs.cluster import ClusterError
 from jaxnet.store import arrays, layout
@@ -225,6 +227,17 @@ def test_parts_of_a_longer_study(study, whole, tmp_path):
     assert results.row(0, 300) is None
 
 
+def test_workers_search_cells_side_by_side(tmp_path, monkeypatch):
+    """They find what one process finds, and leave it nothing to simulate of the choices."""
+    keys = STUDY | {"name": "searched", "save": {}, "sweep": {"attack.magnitude": [1, 10]}}
+    given = keys | {"search": {"over": {"attack.phase": "each"}, "budget": 200}}
+    alone = jaxnet.search(given, tmp_path / "alone", progress=False)
+    monkeypatch.setattr(Trials, "simulated", lambda *_: pytest.fail("not by a worker"))
+    found = jaxnet.search(given, tmp_path / "parted", progress=False, workers=2)
+    assert found.worst.equals(alone.worst)
+    assert found.searched.equals(alone.searched)
+
+
 def swap(one, other):
     """Put two files in each other's place."""
     content = one.read_bytes()
@@ -239,7 +252,15 @@ def flip(path, place):
     path.write_bytes(content)
 
 
-def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch):
+@pytest.fixture
+def no_server_yet():
+    """The process that workers are split off from is started by the test, and ends with it."""
+    forkserver._forkserver._stop()
+    yield
+    forkserver._forkserver._stop()
+
+
+def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch, no_server_yet):
     """Its shard is given to the other and nothing is lost; all is told once, also what both are warned of."""
     (tmp_path / "sitecustomize.py").write_text(WARNING)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -256,7 +277,7 @@ def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch):
     assert len(killed) == 2
     assert not multiprocessing.active_children()
     lost, other = sorted((str(each.message) for each in warned), key=lambda text: "old" in text)
-    assert re.fullmatch(r"worker tcp://\S+ was lost; shards that others do in its place: [1-9]\d*", lost)
+    assert re.fullmatch(r"worker tcp://\S+ was lost; others do what it had under way: [1-9]\d*", lost)
     assert other == "the disk is old"
 
 
@@ -280,7 +301,7 @@ def members(group):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_client_that_is_stopped(config, whole, tmp_path, number):
-    """Its workers go with it, finished shards are kept, and the same command goes on."""
+    """Its workers go with it, what is finished is kept, and the same command goes on."""
     out = tmp_path / "out"
     client = command(config, out, "samples=3000", "--workers", "2")
     awaited(lambda: len(done(out)) > 1)
@@ -291,7 +312,7 @@ def test_a_client_that_is_stopped(config, whole, tmp_path, number):
     assert len(done(out)) < SHARDS
     if number == signal.SIGINT:
         assert client.returncode == 130
-        assert said == "interrupted; finished shards are kept, the same command goes on\n"
+        assert said == "interrupted; what is finished is kept, the same command goes on\n"
     kept = {path: path.stat().st_mtime_ns for path in done(out)}
     results = jaxnet.run(jaxnet.load(config, {"samples": 3000}), out)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
@@ -346,7 +367,7 @@ def test_a_scheduler_that_is_killed(config, study, whole, tmp_path, monkeypatch)
         killed.kill()
         _, said = client.communicate(timeout=WAIT)
     assert client.returncode == 2
-    assert "the scheduler was lost; finished shards are kept, the same command goes on" in said
+    assert "the scheduler was lost; what is finished is kept, the same command goes on" in said
     assert "Traceback" not in said
     assert 0 < len(done(out)) < SHARDS
     monkeypatch.setattr(cluster, "CONNECT", 0.5)

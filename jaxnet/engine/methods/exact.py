@@ -35,7 +35,8 @@ class Exact(Engine):
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
         """See `engine.propagation`, and `engine.exchange` where the law holds the jerk."""
-        from jaxnet.engine import exchange, propagation
-
-        way = exchange if queue.lane.law.holds else propagation
-        return way.simulate(queue, count, network, clock, plan)
+        if queue.lane.law.holds:
+            from jaxnet.engine.exchange import simulate
+        else:
+            from jaxnet.engine.propagation import simulate
+        return simulate(queue, count, network, clock, plan)
