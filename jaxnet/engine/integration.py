@@ -40,7 +40,7 @@ class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
     weights: AxisWeights
-    factors: Any  # `elimination.Factors` of the Laplacian of these weights; () where a jerk is held
+    factors: Any  # of `elimination`, of the Laplacian of these weights; () where a jerk is held
     jerk: Any  # (2, m, lanes), else ()
 
 
@@ -262,7 +262,7 @@ def exchange(
     weights, own = ticks.weights_of(lane, mind, plan), lane.vehicle.output_jets(state)
     attack = signal.combined(ticks.vectors_of(lane, mind), now.drive)
     jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last)
-    return Held(weights, (), jerk), ticks.all_reached(weights, network.hearing)
+    return Held(weights, (), jerk), network.hearing.all_reached(weights)
 
 
 def at_first(lane: Lane, network: Network, mind: Mind, plan: Plan) -> Held:
@@ -284,7 +284,8 @@ def field(
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, held.weights, lane.gain)
-    inputs = lane.vehicle.inputs_for(state, elimination.applied(network.order, held.factors, demand))
+    jerk = elimination.applied(network.order, network.hearing, held.factors, demand)
+    inputs = lane.vehicle.inputs_for(state, jerk)
     return lane.vehicle.motion(state, inputs)
 
 
