@@ -18,7 +18,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, retained, signal
-from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 
 

@@ -100,7 +100,7 @@ def solve(
     """`L⁻¹` times some columns for the weights in force, and the residual of `L⁻¹ a0 = 1`."""
     if isinstance(order, NoOrder):
         factors, residual = factorised(order, hearing, weights)
-        solution, error = iteration.certified(hearing, *factors, right)
+        solution, error = iteration.certified(hearing, *factors, right, jnp.zeros_like(right))
         return solution, jnp.maximum(residual, error.max(axis=(0, 1)))
     before, own, after, navigator = spread_out(order, hearing, weights)
     whole, size = jnp.concatenate([in_blocks(order, right), navigator], axis=2), own.shape[1]
@@ -153,14 +153,22 @@ def factorised(
 
 
 def applied(
-    order: Order | NoOrder, hearing: Hearing, factors: Factors | Weighted, right: Float[Array, "2 m lanes"]
+    order: Order | NoOrder,
+    hearing: Hearing,
+    factors: Factors | Weighted,
+    right: Float[Array, "2 m lanes"],
+    start: Any,
 ) -> Float[Array, "2 m lanes"]:
-    """`L⁻¹` times a vector on each axis; factors are of this order and those who are heard."""
+    """`L⁻¹` times a vector on each axis; iteration starts from a guess at it, () where there is none."""
     if isinstance(factors, Weighted):
-        axes, m, lanes = len(factors.weights), *right.shape[1:]
-        columns = jnp.moveaxis(right.reshape(axes, -1, m, lanes), 2, 0).swapaxes(1, 2)
-        found = iteration.certified(hearing, *factors, columns)[0]
-        return jnp.moveaxis(found.swapaxes(1, 2), 0, 2).reshape(right.shape)
+        start = jnp.zeros_like(right) if isinstance(start, tuple) else start
+        right, start = (
+            jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(1, 2)
+            for each in (right, start)
+        )
+        found = iteration.certified(hearing, *factors, right, start)[0]
+        found = jnp.moveaxis(found.swapaxes(1, 2), 0, 2)
+        return found.reshape(2, *found.shape[2:])
     assert isinstance(order, Order)
     found = through(factors, in_blocks(order, right.swapaxes(0, 1)).swapaxes(1, 2))
     return by_vehicle(order, found.swapaxes(1, 2)).swapaxes(0, 1)

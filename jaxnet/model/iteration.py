@@ -1,12 +1,12 @@
 """`L x = b` by iteration over links, for graphs that no order makes narrow; how far off it is, is known.
 
-The iteration is van der Vorst's BiCGSTAB, for L is not symmetric, and of its spectrum nothing is known before.
-It goes over slots, without a matrix, and starts anew where what is left of b is still too much.
+The iteration is van der Vorst's BiCGSTAB, for L is not symmetric and its spectrum not known beforehand. It
+goes over slots, without a matrix, and starts anew where what is left of b is still too much.
 
-L is an M-matrix: its inverse has no negative entry, so that `‖L⁻¹‖ = max L⁻¹ 1`. Any v with `L v > 0` bounds that
-by `max v / min L v`, and with it what is left of b bounds the error: `‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖`, in the
-greatest component each. Every column of every axis and lane stops by itself where its error is small enough,
-so that no number depends on those beside it.
+L is an M-matrix: its inverse has no negative entry, so that `‖L⁻¹‖ = max L⁻¹ 1`. Any v with `L v > 0` bounds
+that by `max v / min L v`, and with it what is left of b bounds the error: `‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖`, in
+the greatest component each. Every column of every axis and lane stops by itself where its error is small
+enough, so that no number depends on those beside it.
 """
 
 from collections.abc import Callable
@@ -57,7 +57,7 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
     times = laplacian(hearing, of_vehicles(hearing, weights))
     m, axes, lanes = weights.shape[2], len(weights), weights.shape[-1]
     right = jnp.ones((m, 1, axes, lanes))
-    v = iterated(times, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
+    v = iterated(times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
     greatest = norm(v)[0]
     least = times(v).min(axis=0)[0] - rounding(hearing) * greatest
     bound = jnp.where(least > 0, greatest / least, jnp.nan)
@@ -65,20 +65,22 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
 
 
 def certified(
-    hearing: Hearing, weights: AxisWeights, bound: InverseBound, right: Unknowns
+    hearing: Hearing, weights: AxisWeights, bound: InverseBound, right: Unknowns, start: Unknowns
 ) -> tuple[Unknowns, Sizes]:
-    """`L⁻¹ b` and a bound on its error relative to it, from weights of vehicles alone.
+    """`L⁻¹ b` and a bound on its error relative to it, from weights of vehicles alone, and where to start.
 
     It is not a number where b is not finite, the inverse has no bound, or nothing as accurate as LOOSEST was
     found; of what is not a number no error is told.
     """
     times, size, limited = laplacian(hearing, weights), norm(right), jnp.isfinite(bound)[None]
     share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
-    unit = right / jnp.where(size > 0, size, 1.0)[None]
-    x, left = iterated(times, unit, lambda reached: jnp.where(limited, share * reached, jnp.inf))
+    unit = jnp.where(size > 0, size, 1.0)[None]
+    x, left = iterated(
+        times, right / unit, start / unit, lambda reached: jnp.where(limited, share * reached, jnp.inf)
+    )
     error = jnp.where(left == 0.0, 0.0, bound[None] * left / norm(x))
     found = limited & (error < LOOSEST)
-    return jnp.where(found[None], x * size[None], jnp.nan), jnp.where(found, error, 0.0)
+    return jnp.where(found[None], x * unit, jnp.nan), jnp.where(found, error, 0.0)
 
 
 def rounding(hearing: Hearing) -> float:
@@ -86,8 +88,9 @@ def rounding(hearing: Hearing) -> float:
     return (4 + len(hearing.speakers) / 2) * float(np.finfo(float).eps)
 
 
-def iterated(times: Map, right: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
-    """A solution x, and the size of what is left of the right side: what is allowed, or the least found.
+def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
+    """A better solution than x, and the size of what it leaves of the right side: what is allowed, or the
+    least that was found.
 
     Another start than the first goes on from the best solution, along another sequence of directions.
     """
@@ -102,9 +105,9 @@ def iterated(times: Map, right: Unknowns, allowed: Allowance) -> tuple[Unknowns,
         size = jnp.where(better, norm(rest), size)
         return number + 1, x, left, size, going & (size > allowed(norm(x)))
 
-    nothing, size = jnp.zeros_like(right), norm(right)
-    going = size > allowed(jnp.zeros_like(size))
-    carry = jnp.asarray(0), nothing, right, size, going
+    left = right - times(x)
+    size = norm(left)
+    carry = jnp.asarray(0), x, left, size, size > allowed(norm(x))
     _, x, _, size, _ = jax.lax.while_loop(lambda carry: (carry[0] < STARTS) & carry[4].any(), start, carry)
     return x, size
 
