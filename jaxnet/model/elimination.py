@@ -99,7 +99,7 @@ def solve(
 ) -> tuple[Columns, Residual]:
     """`L⁻¹` times some columns for the weights in force, and the residual of `L⁻¹ a0 = 1`."""
     if isinstance(order, NoOrder):
-        factors, residual = factorised(order, hearing, weights)
+        factors, residual = made_ready(hearing, weights)
         solution, error = iteration.certified(hearing, *factors, right, jnp.zeros_like(right))
         return solution, jnp.maximum(residual, error.max(axis=(0, 1)))
     before, own, after, navigator = spread_out(order, hearing, weights)
@@ -131,9 +131,7 @@ def factorised(
 ) -> tuple[Factors | Weighted, Residual]:
     """L for the weights in force, made ready to be solved with, and the residual of `L⁻¹ a0 = 1`."""
     if isinstance(order, NoOrder):
-        bound = iteration.inverse_bound(hearing, weights)
-        residual = jnp.where(jnp.isinf(bound).any(axis=0), jnp.inf, 0.0)
-        return Weighted(iteration.of_vehicles(hearing, weights), bound), residual
+        return made_ready(hearing, weights)
     before, own, after, navigator = spread_out(order, hearing, weights)
     eye = identity(own)[0]
 
@@ -150,6 +148,13 @@ def factorised(
     factors = Factors(*(jnp.moveaxis(each, 1, 3) for each in found))
     reached = through(factors, navigator[:, :, 0].swapaxes(1, 2))
     return factors, off_one(by_vehicle(order, reached.swapaxes(1, 2)))
+
+
+def made_ready(hearing: Hearing, weights: AxisWeights) -> tuple[Weighted, Residual]:
+    """The same for iteration."""
+    bound = iteration.inverse_bound(hearing, weights)
+    cut_off = jnp.isinf(bound).any(axis=0)
+    return Weighted(iteration.of_vehicles(hearing, weights), bound), jnp.where(cut_off, jnp.inf, 0.0)
 
 
 def applied(

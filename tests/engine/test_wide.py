@@ -11,7 +11,7 @@ from tests import systems
 LANES = {
     "exact": {"vehicles": 400, "engine": "exact", "tick": 0.3, "horizon": 0.6},
     "nonlinear": {
-        "vehicles": 200,
+        "vehicles": 150,
         "engine": {"rtol": 1e-4, "atol": 1e-6},
         "defence": "none",
         "tick": 0.05,

@@ -63,6 +63,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     links = registry.find("topology", kind)(**keys).links(m)
     links[:, 0] = True
     heard, order = listening(links)
+    assert isinstance(order, elimination.Order)
     assert order.vehicles.shape == blocks
     weights = retained(links, seed)
     right = np.random.default_rng(seed).normal(size=(m, 3, 2, weights.shape[-1]))
@@ -79,6 +80,7 @@ def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
     links = registry.find("topology", "cyclic")().links(384)
     heard, order = listening(links)
+    assert isinstance(order, elimination.Order)
     assert order.vehicles.shape == (192, 2)
     weights, right = retained(links, 0), np.random.default_rng(0).normal(size=(384, 1, 2, 3))
     solution, _ = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
