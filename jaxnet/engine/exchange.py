@@ -90,7 +90,7 @@ def settle(fleet: Fleet, lane: Lane, network: Network, plan: Plan, first: bool) 
         switches = switches + jnp.where(status == Status.ok, vehicles, 0)
     weights = ticks.weights_of(lane, mind, plan)
     if first or plan.decides:
-        status = fail(status, Status.disconnected, ~ticks.all_reached(weights, network.hearing))
+        status = fail(status, Status.disconnected, ~network.hearing.all_reached(weights))
     attack = signal.combined(ticks.vectors_of(lane, mind), now.drive)
     jerk = ticks.exchanged(lane, network, weights, fleet.jets, now.path, attack, fleet.jerk)
     return fleet._replace(mind=mind, jerk=jerk, switches=switches, status=status)

@@ -27,6 +27,7 @@ from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, elimination, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
+from jaxnet.model.signal import Vectors
 
 SOLVED = 16  # lanes whose Laplacians are factorised at once
 
@@ -37,8 +38,9 @@ class Held(NamedTuple):
     """What a tick decided and the vehicles hold until the next."""
 
     weights: AxisWeights
-    factors: Any  # `elimination.Factors` of the Laplacian of these weights; () where a jerk is held
+    factors: Any  # of `elimination`, of the Laplacian of these weights; () where a jerk is held
     jerk: Any  # (2, m, lanes), else ()
+    response: Any  # vectors of what attacks do to the fleet, from which iteration starts; () where none is
 
 
 class Fleet(NamedTuple):
@@ -230,7 +232,21 @@ def hold(lane: Lane, network: Network, mind: Mind, plan: Plan) -> tuple[Held, Bo
     """The weights in force, their Laplacian's factors, and whether the navigator reaches everybody."""
     weights = ticks.weights_of(lane, mind, plan)
     factors, residual = elimination.factorised(network.order, network.hearing, weights)
-    return Held(weights, factors, ()), residual < CONNECTED
+    held = Held(weights, factors, (), ())
+    if isinstance(network.order, elimination.NoOrder):
+        held = held._replace(response=response(ticks.vectors_of(lane, mind), held, network))
+    return held, residual < CONNECTED
+
+
+def response(vectors: Vectors, held: Held, network: Network) -> Vectors:
+    """`L⁻¹ d` for the attacks' vectors."""
+
+    def of_one(vector: Any) -> Any:
+        right = network.hearing.mean(held.weights, silent, vector)
+        return elimination.applied(network.order, network.hearing, held.factors, right, ())
+
+    silent = jnp.zeros((2, held.weights.shape[2] + 1, vectors.shape[-1]))
+    return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
 
 
 def exchange(
@@ -240,13 +256,13 @@ def exchange(
     weights, own = ticks.weights_of(lane, mind, plan), lane.vehicle.output_jets(state)
     attack = signal.combined(ticks.vectors_of(lane, mind), now.drive)
     jerk = ticks.exchanged(lane, network, weights, own, now.path, attack, last)
-    return Held(weights, (), jerk), ticks.all_reached(weights, network.hearing)
+    return Held(weights, (), jerk, ()), network.hearing.all_reached(weights)
 
 
 def at_first(lane: Lane, network: Network, mind: Mind, plan: Plan) -> Held:
     """What is held before the first tick, in its shapes alone."""
     if lane.law.holds:
-        return Held(ticks.weights_of(lane, mind, plan), (), jnp.zeros_like(lane.initial[:2]))
+        return Held(ticks.weights_of(lane, mind, plan), (), jnp.zeros_like(lane.initial[:2]), ())
     return hold(lane, network, mind, plan)[0]
 
 
@@ -262,8 +278,18 @@ def field(
     own, vectors = lane.vehicle.output_jets(state), ticks.vectors_of(lane, mind)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, held.weights, lane.gain)
-    inputs = lane.vehicle.inputs_for(state, elimination.applied(network.order, held.factors, demand))
-    return lane.vehicle.motion(state, inputs)
+    start = () if isinstance(held.response, tuple) else expected(lane, held, now, own)
+    jerk = elimination.applied(network.order, network.hearing, held.factors, demand, start)
+    return lane.vehicle.motion(state, lane.vehicle.inputs_for(state, jerk))
+
+
+def expected(lane: Lane, held: Held, now: Signals, own: Any) -> Any:
+    """The jerk that the law leads to if it cancels exactly: `R(y_0) - P(y)` and what the attacks do.
+
+    Iteration starts there, and goes on until the jerk solves what the vehicles have received.
+    """
+    forced = signal.combined(held.response, now.drive)
+    return now.path[:, None] + forced - control.feedback(lane.gain, own)
 
 
 def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan) -> Observation:

@@ -13,7 +13,7 @@ class Status(IntEnum):
 
     ok = 0
     singular = 1  # |v| < 1e-9 m/s at the start or at a step
-    nonfinite = 2  # a state that is not finite, or a vector field no step is small enough for
+    nonfinite = 2  # a state that is not finite or not found, or a vector field no step is small enough for
     max_steps = 3  # the step limit, or a step too small to move the time
     disconnected = 4  # the weights in force cut a vehicle off from the navigator
 

@@ -18,7 +18,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, retained, signal
-from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 
 
@@ -196,21 +196,6 @@ def exchanged(
         return network.hearing.mean(weights, sources, jnp.zeros_like(attack))
 
     return lane.law.exchange(last, demand, heard)
-
-
-def all_reached(weights: AxisWeights, hearing: Hearing) -> Bool[Array, "lanes"]:
-    """Lanes in which the navigator's word reaches every vehicle over these weights, on every axis."""
-    heard = weights > 0
-
-    def spread(carry: Any) -> Any:
-        reached, _ = carry
-        word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
-        further = reached | (heard & word.at[:, hearing.speakers].get(mode="promise_in_bounds")).any(axis=1)
-        return further, (further != reached).any()
-
-    nobody = jnp.zeros_like(heard[:, 0])
-    reached, _ = jax.lax.while_loop(lambda carry: carry[1], spread, (nobody, jnp.asarray(True)))
-    return reached.all(axis=(0, 1))
 
 
 def status_at_start(lane: Lane) -> Code:

@@ -4,10 +4,11 @@ Vehicles are numbered anew and cut into blocks, such that each hears vehicles of
 beside it only. L is then block tridiagonal, and eliminated from block to block in a time that grows no faster
 than the number of vehicles. Where no order does that, all vehicles are one block. Retained are some of those
 who are heard, so that one order serves all lanes and ticks. L is a row diagonally dominant M-matrix: no pivot
-has to be sought.
+has to be sought. Where no order makes blocks small, `iteration` solves instead.
 
 The navigator reaches every vehicle over the weights in force just where `L⁻¹ a0` is 1. How far that is from 1
-is the residual: of rounding, or of order 1 or not a number where somebody is cut off.
+is the residual: of rounding, or of order 1 or not a number where somebody is cut off. Of iteration it is a
+bound on the error, infinite where somebody is cut off.
 """
 
 from typing import Any, NamedTuple
@@ -17,10 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxnet.model import iteration
 from jaxnet.model.hearing import AxisWeights, Hearing
 
 AT_ONCE = 4  # rows that eliminate, or columns of a product, in one pass over the rest
 LEAST_BLOCKS = 8  # fewer are no quicker than one
+LARGEST_BLOCK = 96  # vehicles; iteration is quicker than larger ones
 
 Columns = Float[Array, "m columns axes lanes"]
 Blocks = Float[Array, "blocks size _ axes lanes"]
@@ -36,6 +39,10 @@ class Order(NamedTuple):
     place: Int[Any, " m"]  # of each vehicle, counted through all blocks
 
 
+class NoOrder(NamedTuple):
+    """No order of the vehicles makes blocks small enough: what takes one iterates instead."""
+
+
 class Factors(NamedTuple):
     """What it takes to solve with one L again and again, matrices by their columns.
 
@@ -48,15 +55,25 @@ class Factors(NamedTuple):
     after: Products
 
 
-def order_of(sources: Int[np.ndarray, "slots m"], one_block: int) -> Order:
+class Weighted(NamedTuple):
+    """What it takes to solve with one L again and again by iteration."""
+
+    weights: AxisWeights  # of vehicles
+    bound: iteration.InverseBound
+
+
+def order_of(sources: Int[np.ndarray, "slots m"], one_block: int) -> Order | NoOrder:
     """Cuthill and McKee's order, reversed, in blocks as large as who hear each other stand apart.
 
-    Fleets of up to `one_block` vehicles are one.
+    Fleets of up to `one_block` vehicles are one, and so are those that it does not cut into LEAST_BLOCKS.
+    There is none where blocks would be larger than LARGEST_BLOCK.
     """
     m = sources.shape[1]
     if m > one_block:
         vehicles, place, size = near_each_other(sources)
         blocks = -(-m // size)
+        if min(m, size if blocks >= LEAST_BLOCKS else m) > LARGEST_BLOCK:
+            return NoOrder()
         if blocks >= LEAST_BLOCKS:
             filled = np.append(vehicles, np.full(blocks * size - m, m))
             return Order(filled.reshape(blocks, size), place)
@@ -77,8 +94,14 @@ def near_each_other(sources: Int[np.ndarray, "slots m"]) -> tuple[np.ndarray, np
     return vehicles, place, max(2, int(np.abs(place[listeners] - place[heard]).max(initial=0)))
 
 
-def solve(order: Order, hearing: Hearing, weights: AxisWeights, right: Columns) -> tuple[Columns, Residual]:
+def solve(
+    order: Order | NoOrder, hearing: Hearing, weights: AxisWeights, right: Columns
+) -> tuple[Columns, Residual]:
     """`L⁻¹` times some columns for the weights in force, and the residual of `L⁻¹ a0 = 1`."""
+    if isinstance(order, NoOrder):
+        factors, residual = made_ready(hearing, weights)
+        solution, error = iteration.certified(hearing, *factors, right, jnp.zeros_like(right))
+        return solution, jnp.maximum(residual, error.max(axis=(0, 1)))
     before, own, after, navigator = spread_out(order, hearing, weights)
     whole, size = jnp.concatenate([in_blocks(order, right), navigator], axis=2), own.shape[1]
 
@@ -103,8 +126,12 @@ def solve(order: Order, hearing: Hearing, weights: AxisWeights, right: Columns) 
     return solution[:, :-1], off_one(solution[:, -1])
 
 
-def factorised(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Factors, Residual]:
+def factorised(
+    order: Order | NoOrder, hearing: Hearing, weights: AxisWeights
+) -> tuple[Factors | Weighted, Residual]:
     """L for the weights in force, made ready to be solved with, and the residual of `L⁻¹ a0 = 1`."""
+    if isinstance(order, NoOrder):
+        return made_ready(hearing, weights)
     before, own, after, navigator = spread_out(order, hearing, weights)
     eye = identity(own)[0]
 
@@ -123,8 +150,31 @@ def factorised(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Fa
     return factors, off_one(by_vehicle(order, reached.swapaxes(1, 2)))
 
 
-def applied(order: Order, factors: Factors, right: Float[Array, "2 m lanes"]) -> Float[Array, "2 m lanes"]:
-    """`L⁻¹` times a vector on each axis."""
+def made_ready(hearing: Hearing, weights: AxisWeights) -> tuple[Weighted, Residual]:
+    """The same for iteration."""
+    bound = iteration.inverse_bound(hearing, weights)
+    cut_off = jnp.isinf(bound).any(axis=0)
+    return Weighted(iteration.of_vehicles(hearing, weights), bound), jnp.where(cut_off, jnp.inf, 0.0)
+
+
+def applied(
+    order: Order | NoOrder,
+    hearing: Hearing,
+    factors: Factors | Weighted,
+    right: Float[Array, "2 m lanes"],
+    start: Any,
+) -> Float[Array, "2 m lanes"]:
+    """`L⁻¹` times a vector on each axis; iteration starts from a guess at it, () where there is none."""
+    if isinstance(factors, Weighted):
+        start = jnp.zeros_like(right) if isinstance(start, tuple) else start
+        right, start = (
+            jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(1, 2)
+            for each in (right, start)
+        )
+        found = iteration.certified(hearing, *factors, right, start)[0]
+        found = jnp.moveaxis(found.swapaxes(1, 2), 0, 2)
+        return found.reshape(2, *found.shape[2:])
+    assert isinstance(order, Order)
     found = through(factors, in_blocks(order, right.swapaxes(0, 1)).swapaxes(1, 2))
     return by_vehicle(order, found.swapaxes(1, 2)).swapaxes(0, 1)
 

@@ -71,6 +71,24 @@ class Hearing(NamedTuple):
         nothing = jnp.zeros((2, *weights.shape[2:]))
         return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
+    def all_reached(self, weights: AxisWeights) -> Bool[Any, "*lanes"]:
+        """Whether the navigator's word reaches every vehicle over these weights, on every axis."""
+        import jax
+        import jax.numpy as jnp
+
+        heard = weights > 0
+
+        def spread(carry: Any) -> Any:
+            reached, _ = carry
+            word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
+            said = word.at[:, self.speakers].get(mode="promise_in_bounds")
+            further = reached | (heard & said).any(axis=1)
+            return further, (further != reached).any()
+
+        nobody = jnp.zeros_like(heard[:, 0])
+        reached, _ = jax.lax.while_loop(lambda carry: carry[1], spread, (nobody, jnp.asarray(True)))
+        return reached.all(axis=(0, 1))
+
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """`[a0 | A]` of whose word is carried, from weights by slot."""
         return self.spread_out(weights, self.speakers)

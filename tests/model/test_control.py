@@ -96,7 +96,7 @@ def structured(state, weights, navigator, signal, heard, gain):
     demand = control.demand(own, control.driven(gain, navigator), attack, heard, weights[None], gain)
     order = elimination.Order(np.arange(len(demand[0]))[None], np.arange(len(demand[0])))
     factors, _ = elimination.factorised(order, heard, weights[None, ..., None])
-    return ROBOT.inputs_for(state, elimination.applied(order, factors, demand[..., None])[..., 0])
+    return ROBOT.inputs_for(state, elimination.applied(order, heard, factors, demand[..., None], ())[..., 0])
 
 
 @jax.jit

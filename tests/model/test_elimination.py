@@ -1,4 +1,4 @@
-"""Solving for the graph in force, in blocks and in one, against NumPy's own solution lane by lane."""
+"""Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own solution."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.kinds import registry
-from jaxnet.model import elimination, graph, hearing
+from jaxnet.model import elimination, graph, hearing, iteration
 
 GRAPHS = {
     "ring": ("cyclic", {}, 17, (9, 2)),
@@ -17,6 +17,10 @@ GRAPHS = {
     "lattice": ("lattice", {"neighbours": 4}, 41, (9, 5)),
     "grid": ("grid", {"rows": 4, "columns": 4}, 16, (1, 16)),
     "complete": ("complete", {}, 9, (1, 9)),
+}
+WIDE = {
+    "random_regular": {"degree": 4, "navigator": [1, 200, 384]},
+    "erdos_renyi": {"probability": 8 / 384},
 }
 seeds = st.integers(0, 2**32 - 1)
 solve, factorised, applied = map(jax.jit, (elimination.solve, elimination.factorised, elimination.applied))
@@ -59,6 +63,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     links = registry.find("topology", kind)(**keys).links(m)
     links[:, 0] = True
     heard, order = listening(links)
+    assert isinstance(order, elimination.Order)
     assert order.vehicles.shape == blocks
     weights = retained(links, seed)
     right = np.random.default_rng(seed).normal(size=(m, 3, 2, weights.shape[-1]))
@@ -67,7 +72,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     assert (residual < 1e-12).all()
     factors, residual = factorised(order, heard, by_slot(heard, weights))
     assert (residual < 1e-12).all()
-    twice = applied(order, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)))
+    twice = applied(order, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)), ())
     np.testing.assert_allclose(twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11)
 
 
@@ -75,10 +80,99 @@ def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
     links = registry.find("topology", "cyclic")().links(384)
     heard, order = listening(links)
+    assert isinstance(order, elimination.Order)
     assert order.vehicles.shape == (192, 2)
     weights, right = retained(links, 0), np.random.default_rng(0).normal(size=(384, 1, 2, 3))
     solution, _ = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
     np.testing.assert_allclose(solution, known(weights, right), rtol=0, atol=1e-9)
+
+
+def wide(name):
+    """A graph of 384 vehicles that no order makes narrow, who hears whom, and what to solve by."""
+    links = registry.find("topology", name)(**WIDE[name]).links(384)
+    heard, order = listening(links)
+    assert isinstance(order, elimination.NoOrder)
+    return links, heard, order
+
+
+def some_retained(links, seed, lanes=3):
+    """Weights over random halves of these links for two axes; all keep a source nearer the navigator."""
+    rng, reached = np.random.default_rng(seed), graph.hops(links.astype(float))
+    nearer = np.argmax(links & (np.append(0, reached)[None] < reached[:, None]), axis=1)
+    kept = links[..., None, None] & (rng.random((*links.shape, 2, lanes)) < 0.5)
+    kept[np.arange(len(links)), nearer] = True
+    weights = kept * rng.uniform(0.1, 1.0, kept.shape)
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_a_wide_graph_is_solved_for_by_iteration(name):
+    """Of 384 to 1e-9 of the greatest component, whatever is retained, three hearing the navigator or all.
+
+    The inverse is no greater than its bound, which is as tight as the vector lets it be that it is from.
+    """
+    links, heard, order = wide(name)
+    weights, right = some_retained(links, 1), np.random.default_rng(1).normal(size=(384, 2, 2, 3))
+    right[:, 0] *= (np.arange(384) % 100 == 7)[:, None, None]  # as of few that are attacked
+    right[..., 2] *= np.array([1e-170, 1e170])[None, :, None]
+    exact, in_slots = known(weights, right), by_slot(heard, weights)
+    scale = np.abs(exact).max(axis=0)
+    solution, residual = solve(order, heard, in_slots, jnp.asarray(right))
+    np.testing.assert_allclose(np.asarray(solution) / scale, exact / scale, rtol=0, atol=1e-9)
+    assert (residual < 1e-10).all()
+    factors, residual = factorised(order, heard, in_slots)
+    assert (residual < CONNECTED).all()
+    inverse = known(weights, np.ones((384, 1, 2, 3))).max(axis=(0, 1))
+    most = (1 + iteration.CERTIFICATE) / (1 - iteration.CERTIFICATE)  # where `L v` is so near 1
+    assert ((inverse <= factors.bound) & (factors.bound <= most * inverse)).all()
+    twice = applied(order, heard, factors, jnp.asarray(right[:, 1].swapaxes(0, 1)), ())
+    twice = np.asarray(twice).swapaxes(0, 1)
+    np.testing.assert_allclose(twice / scale[1], exact[:, 1] / scale[1], rtol=0, atol=1e-9)
+
+
+def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
+    """On either axis, or where nobody is retained; the lanes beside it are the same to the last bit."""
+    links, heard, order = wide("random_regular")
+    whole = some_retained(links, 3, lanes=5)
+    cut, right = whole.copy(), np.random.default_rng(3).normal(size=(384, 2, 2, 5))
+    cut[[0, 199, 383], 0, 1, 1] = 0.0  # nobody hears the navigator
+    cut[10, :, 0, 2] = 0.0
+    cut[10, 21, 0, 2] = cut[20, 11, 0, 2] = 1.0
+    cut[20, :, 0, 2] = np.arange(385) == 11
+    cut[:, :, :, 4] = np.nan
+    clean, _ = solve(order, heard, by_slot(heard, whole), jnp.asarray(right))
+    solution, residual = solve(order, heard, by_slot(heard, cut), jnp.asarray(right))
+    factors, also = factorised(order, heard, by_slot(heard, cut))
+    assert np.isinf(residual).tolist() == np.isinf(also).tolist() == [False, True, True, False, True]
+    np.testing.assert_array_equal(solution[..., [0, 3]], clean[..., [0, 3]])
+    alone, theirs = (
+        jnp.asarray(right[:, 0].swapaxes(0, 1)),
+        factorised(order, heard, by_slot(heard, whole))[0],
+    )
+    beside, clean = applied(order, heard, factors, alone, ()), applied(order, heard, theirs, alone, ())
+    np.testing.assert_array_equal(beside[..., [0, 3]], clean[..., [0, 3]])
+    assert np.isnan(beside[..., 4]).all()
+
+
+def test_what_iteration_does_not_find_is_not_a_number():
+    """A right side that is not finite; a path on which each hears the farther one 999 times of 1,000.
+
+    The inverse of the latter is greater than any number. What is beside them is found.
+    """
+    m, lanes = 200, 2
+    steep, flat = (
+        graph.weighted(m, [(i, i - 1, 1 - s) for i in range(1, m + 1)] + [(i, i + 1, s) for i in range(1, m)])
+        for s in (0.999, 0.2)
+    )
+    heard, _ = listening(flat > 0)
+    weights, right = np.stack([flat, steep], axis=-1)[:, :, None], np.ones((m, 2, 1, lanes))
+    right[3, 0, 0, 0] = np.inf
+    solution, residual = solve(elimination.NoOrder(), heard, by_slot(heard, weights), jnp.asarray(right))
+    assert np.isnan(solution[:, :, 0]).all(axis=0).tolist() == [[True, True], [False, True]]
+    np.testing.assert_allclose(
+        solution[:, 1:, :, :1], known(weights[..., :1], right[:, 1:, :, :1]), rtol=1e-11
+    )
+    assert (residual < CONNECTED).all()
 
 
 heard_by_each = st.tuples(
