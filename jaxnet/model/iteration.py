@@ -22,7 +22,8 @@ from jaxnet.model.hearing import AxisWeights, Hearing
 ACCURACY = 1e-12  # of a solution, relative to its greatest component
 LOOSEST = 1e-6  # what is less accurate is none
 CERTIFICATE = 0.25  # how far `L v` may be from 1
-STARTS = 8  # of at most m rounds each
+STARTS = 8
+ROUNDS = 4  # of a start, times m at most
 
 Unknowns = Float[Array, "m columns axes lanes"]
 Sizes = Float[Array, "columns axes lanes"]
@@ -92,13 +93,15 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
     """A better solution than x, and the size of what it leaves of the right side: what is allowed, or the
     least that was found.
 
-    Another start than the first goes on from the best solution, along another sequence of directions.
+    Each start goes on from the best solution, with another shadow. That is full of components of both signs:
+    where nobody hears oneself again, as in trees, what is left itself would not see what it is passed on as.
     """
 
     def start(carry: Any) -> Any:
         number, x, left, size, going = carry
-        signs = jnp.cos((number * jnp.arange(len(right)) ** 2).astype(float))  # at first 1
-        found = stabilised(times, x, left, left * signs[:, None, None, None], going, allowed)
+        shadow = jnp.cos(((number + 1) * jnp.arange(len(right)) ** 2).astype(float))
+        shadow = jnp.broadcast_to(shadow[:, None, None, None], left.shape)
+        found = stabilised(times, x, left, shadow, going, allowed)
         rest = right - times(found)
         better = going & (norm(rest) < size)
         x, left = jnp.where(better[None], found, x), jnp.where(better[None], rest, left)
@@ -134,7 +137,7 @@ def stabilised(
         return number + 1, x, left, direction, following, going
 
     carry = jnp.asarray(0), x, left, left, dot(shadow, left), going[None]
-    return jax.lax.while_loop(lambda carry: (carry[0] < len(x)) & carry[5].any(), step, carry)[1]
+    return jax.lax.while_loop(lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry)[1]
 
 
 def dot(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:

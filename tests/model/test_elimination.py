@@ -130,6 +130,17 @@ def test_a_wide_graph_is_solved_for_by_iteration(name):
     np.testing.assert_allclose(twice / scale[1], exact[:, 1] / scale[1], rtol=0, atol=1e-9)
 
 
+def test_iteration_gets_to_the_leaves_of_a_tree():
+    """Of one root, who alone hears the navigator; nothing comes back to who has passed it on."""
+    weights = graph.weighted(300, [(i, i // 2, 1.0) for i in range(1, 301)])
+    heard, order = listening(weights > 0)
+    assert isinstance(order, elimination.NoOrder)
+    weights, right = weights[..., None, None], np.eye(300)[:, :2, None, None]
+    solution, residual = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
+    np.testing.assert_allclose(solution, known(weights, right), rtol=0, atol=1e-11)
+    assert residual < CONNECTED
+
+
 def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
     """On either axis, or where nobody is retained; the lanes beside it are the same to the last bit."""
     links, heard, order = wide("random_regular")
