@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.kinds import registry
 from jaxnet.model import elimination, graph, hearing
+from tests import matrices
 
 GRAPHS = {
     "ring": ("cyclic", {}, 17, (9, 2)),
@@ -24,7 +25,7 @@ solve, factorised, applied = map(jax.jit, (elimination.solve, elimination.factor
 
 def listening(links):
     """Who hears whom, and the order of elimination."""
-    sources = hearing.slots(links)
+    sources = matrices.slots_of(links)
     heard = hearing.Hearing(
         *map(jnp.asarray, (sources, sources, sources < 0, hearing.of_transmitters(sources)))
     )
@@ -33,7 +34,7 @@ def listening(links):
 
 def by_slot(heard, weights):
     """Weights (axes, slots, m, lanes) of matrices over links (m, n, axes, lanes)."""
-    return jnp.asarray(np.moveaxis(hearing.by_slot(weights, np.asarray(heard.sources)), 2, 0))
+    return jnp.asarray(np.moveaxis(matrices.by_slot(weights, np.asarray(heard.sources)), 2, 0))
 
 
 def retained(links, seed, lanes=3):
@@ -56,7 +57,7 @@ def known(weights, right):
 def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     """Whatever is retained of the links; blocks are filled up where vehicles do not fill them."""
     kind, keys, m, blocks = GRAPHS[name]
-    links = registry.find("topology", kind)(**keys).links(m)
+    links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     links[:, 0] = True
     heard, order = listening(links)
     assert order.vehicles.shape == blocks
@@ -73,7 +74,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
 
 def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
-    links = registry.find("topology", "cyclic")().links(384)
+    links = matrices.links_of(registry.find("topology", "cyclic")(), 384)
     heard, order = listening(links)
     assert order.vehicles.shape == (192, 2)
     weights, right = retained(links, 0), np.random.default_rng(0).normal(size=(384, 1, 2, 3))
@@ -92,10 +93,10 @@ heard_by_each = st.tuples(
 @example(({0}, {1}, {2}, {3}, set()))  # 5 hears nobody
 def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     edges = [(i, j, 1.0) for i, sources in enumerate(each_hears, start=1) for j in sources]
-    weights = graph.weighted(5, edges)
+    network = graph.weighted(5, edges)
     heard, order = listening(~np.eye(5, 6, 1, dtype=bool))
-    in_slots = by_slot(heard, weights[..., None, None])
-    reached = graph.unreachable(weights) == []
+    in_slots = by_slot(heard, graph.dense(network)[..., None, None])
+    reached = graph.unreachable(network) == []
     assert bool(factorised(order, heard, in_slots)[1][0] < CONNECTED) == reached
     assert bool(solve(order, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
 
@@ -109,7 +110,7 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     residual no less than 1. A lane beside it is solved to the same bits as beside a connected one.
     """
     kind, keys, m, _ = GRAPHS[name]
-    links = registry.find("topology", kind)(**keys).links(m)
+    links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     heard, order = listening(links)
     rng = np.random.default_rng(seed)
     whole = links * rng.uniform(0.1, 1.0, links.shape)
