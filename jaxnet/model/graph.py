@@ -50,7 +50,8 @@ class Digraph(NamedTuple):
 
     def edges(self) -> tuple[Row, Row]:
         """Listeners, from 0, and slots of all links, listener by listener."""
-        return np.nonzero(self.heard)
+        listeners, slots = np.nonzero(self.heard)
+        return listeners, slots
 
     def pairs(self) -> dict[tuple[int, int], float]:
         """Weights by listener, from 0, and source."""

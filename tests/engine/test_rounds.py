@@ -8,6 +8,7 @@ from experiments.rounds import parted, slowest
 from jaxnet.engine.status import Status
 from jaxnet.kinds.defences import Defence
 from jaxnet.kinds.laws import Law
+from jaxnet.model.graph import dense
 from jaxnet.theory import rounds as theory
 from jaxnet.view.text import check
 from tests import reference, systems
