@@ -101,3 +101,26 @@ def test_trust_is_placed_only_in_what_is_heard(heard, trusted):
     network = weights_of(heard)
     marks = marked(network, graph.trusted_links(network, trusted))
     assert marks == {(i, j) for i, j in links(heard) if j == 0 or j in trusted.get(i, ())}
+
+
+@given(st.integers(1, 700), st.integers(0, 9), st.integers(0, 2**32 - 1))
+def test_rows_are_added_to_the_last_bit_as_dense_ones_are(width, number, seed):
+    """Of as many as three orders of magnitude; also where they are taken in several blocks."""
+    rng = np.random.default_rng(seed)
+    number, rows = min(number, width), 400
+    columns = np.sort(rng.random((rows, width)).argsort(axis=1)[:, :number], axis=1)
+    values = 10.0 ** rng.uniform(-2, 1, (rows, number))
+    whole = np.zeros((rows, width))
+    np.put_along_axis(whole, columns, values, axis=1)
+    np.testing.assert_array_equal(graph.totals(columns, values, width), whole.sum(axis=1))
+
+
+@given(digraphs())
+def test_a_matrix_becomes_a_graph_and_back(heard):
+    network = weights_of(heard)
+    again = graph.of_matrix(graph.dense(network))
+    for theirs, mine in zip(again, network, strict=True):
+        np.testing.assert_array_equal(theirs, mine)
+    for i, sources in enumerate(heard, start=1):
+        left = max(1, *map(len, heard)) - len(sources)
+        assert network.sources[i - 1].tolist() == [*sorted(sources), *[i] * left]
