@@ -44,7 +44,7 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     return [Safe(why, vehicles[: scenario.vehicles]) for why, vehicles in found]
 
 
-def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Links, Links]:
+def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Any, Any]:
     """The graph and its attacked and trusted links with so many vehicles more for each attacked source."""
     listeners, slots = graph.edges()
     sources, lies = graph.sources[listeners, slots], attacked[listeners, slots]

@@ -13,7 +13,7 @@ from scipy import sparse
 Neighbours = Any  # (m, m) booleans: which vehicles each one hears, dense or a sparse array of SciPy's
 
 
-def joined(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
+def of_pairs(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
     """Who hears whom by listeners and sources, from 0."""
     return sparse.coo_array((np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles))
 
@@ -22,7 +22,7 @@ def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:
     """Who hears whom where i hears i + o for each offset o, around the ring."""
     around = np.unique(np.array([*offsets], int) % vehicles)
     listeners = np.arange(vehicles).repeat(len(around))
-    return joined(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
+    return of_pairs(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
 
 
 def lattice(vehicles: int, neighbours: int) -> Neighbours:
@@ -41,7 +41,7 @@ def grid(rows: int, columns: int, torus: bool) -> Neighbours:
         pairs += [np.stack([here, there]).reshape(2, -1), np.stack([there, here]).reshape(2, -1)]
     listeners, sources = np.unique(np.concatenate(pairs, axis=1), axis=1)
     others = listeners != sources
-    return joined(place.size, listeners[others], sources[others])
+    return of_pairs(place.size, listeners[others], sources[others])
 
 
 def small_world(
@@ -82,7 +82,7 @@ def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Ne
                 break
             ends = np.array(left, int)
         else:
-            return joined(vehicles, *zip(*pairs, strict=True))
+            return of_pairs(vehicles, *zip(*pairs, strict=True))
 
 
 def any_pair(pairs: set[tuple[int, int]], ends: list[int]) -> bool:
