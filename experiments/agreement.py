@@ -27,7 +27,7 @@ from jaxnet.engine.batch import Job, simulate
 from jaxnet.engine.plan import Outcome
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.model import hearing, trimming
+from jaxnet.model import trimming
 from jaxnet.runs.cache import enable
 
 TOPOLOGIES = ("star", "path", "cyclic")
@@ -115,9 +115,9 @@ def parting(one: Job, outcomes: list[Outcome], number: int) -> Parting:
 
 def dropped(one: Job, outcome: Outcome, number: int) -> np.ndarray:
     """Slots of each listener that a lane's decisions drop: (ticks, slots, m)."""
-    kept = np.moveaxis(outcome.series["kept"][number], 0, -1)
-    by_slot = np.moveaxis(hearing.by_slot(kept, np.asarray(one.network.hearing.sources)), -1, 0)
-    return (by_slot == 0) & (one.inputs.lane.weights[number] > 0)
+    sources = np.asarray(one.network.hearing.sources)
+    kept = outcome.series["kept"][number][:, np.arange(sources.shape[1]), sources]
+    return (kept == 0) & (one.inputs.lane.weights[number] > 0)
 
 
 def scores(one: Job, outcome: Outcome, number: int, tick: int) -> np.ndarray:

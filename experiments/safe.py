@@ -60,17 +60,17 @@ RULES: list[dict[str, Any]] = [
 class Digraph(Graph):
     """Each lane has its own: some hear the navigator, and anybody may hear anybody."""
 
-    def drawn_one(self, random: np.random.Generator, vehicles: int) -> np.ndarray:
+    def drawn_one(self, random: np.random.Generator, vehicles: int) -> graph.Digraph:
         """One that the navigator reaches."""
         while True:
             heard = random.random((vehicles, vehicles + 1)) < random.uniform(0.3, 1.0)
             heard[:, 0] = random.random(vehicles) < random.uniform(0.2, 1.0)
             heard[range(vehicles), range(1, vehicles + 1)] = False
-            weights = graph.normalised(heard * random.uniform(0.2, 1.0, heard.shape))
-            if not graph.unreachable(weights):
-                return weights
+            drawn = graph.normalised(graph.of_matrix(heard * random.uniform(0.2, 1.0, heard.shape)))
+            if not graph.unreachable(drawn):
+                return drawn
 
-    def weights(self, vehicles: int) -> np.ndarray:
+    def weights(self, vehicles: int) -> graph.Digraph:
         """One like those."""
         return self.drawn_one(np.random.default_rng(0), vehicles)
 
@@ -85,7 +85,7 @@ class Digraph(Graph):
     def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> np.ndarray:
         """Of each lane, by slot."""
         drawn = (self.drawn_one(random, vehicles) for random in draw.generators("topology"))
-        return np.stack([hearing.by_slot(each, sources) for each in drawn])
+        return np.stack([hearing.by_slot(each, each.weights, sources) for each in drawn])
 
 
 def study_of(number: int) -> jaxnet.Study:
@@ -132,22 +132,18 @@ def tally_of(number: int) -> dict[str, list[float]]:
     )
     found: dict[str, list[float]] = {}
     for lane in range(LANES):
-        weights = np.zeros((VEHICLES, VEHICLES + 1))
-        for slot, weight in zip(
-            np.asarray(sources), np.asarray(lanes.inputs.lane.weights[lane]), strict=True
-        ):
-            weights[np.arange(VEHICLES), slot] += weight
-        count(found, scenario, weights, off[lane], bool(outcome.status[lane] == 0))
+        heard = hearing.graph_of(np.asarray(sources), np.asarray(lanes.inputs.lane.weights[lane]))
+        count(found, scenario, heard, off[lane], bool(outcome.status[lane] == 0))
     return found
 
 
-def count(found: dict[str, list[float]], scenario: Any, weights: Any, off: Any, ended: bool) -> None:
+def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, off: Any, ended: bool) -> None:
     """Count one lane, each vehicle under the strongest reason for which it is safe."""
-    drops = scenario.defence.may_drop(weights, scenario.defence.trusts(weights))
+    drops = scenario.defence.may_drop(heard, scenario.defence.trusts(heard))
     joined = safety.stay_joined(drops, np.ones(VEHICLES, bool)).all()
     left = np.ones(VEHICLES, bool)
     for why, vehicles in [
-        *safe_in(scenario, weights, scenario.attack.links(weights)),
+        *safe_in(scenario, heard, scenario.attack.links(heard)),
         safety.Safe("not known", left),
     ]:
         these, left = vehicles & left, left & ~vehicles

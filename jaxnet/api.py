@@ -323,9 +323,9 @@ def write_film(
     kind = film.file_kind(None if out is None else str(out))
     place = UPath(out) if out else results.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
     with Folder(results.path).writing():
-        lane, weights = trajectory_of(results, cell, sample)
+        lane, graph = trajectory_of(results, cell, sample)
     chosen = results.study.cells[cell]
-    shown = film.film_of(lane, chosen, weights, headings(lane["states"]))
+    shown = film.film_of(lane, chosen, graph, headings(lane["states"]))
     return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 

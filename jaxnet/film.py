@@ -21,6 +21,7 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE, title
+from jaxnet.model.graph import Digraph, dense
 from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
@@ -55,15 +56,14 @@ class Film(NamedTuple):
         return np.hypot(*np.moveaxis(self.places[:, 1:] - self.places[:, :1], -1, 0))
 
 
-def film_of(
-    lane: xr.Dataset, cell: Cell, weights: Float[np.ndarray, "m sources"], ahead: Float[np.ndarray, "times m"]
-) -> Film:
+def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]) -> Film:
     """A lane's trajectory with its graph and headings [°], at FRAMES_AT_MOST instants at most."""
     times = lane.sizes["time"]
     frames = np.unique(np.linspace(0, times - 1, min(times, FRAMES_AT_MOST)).round().astype(int))
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
-    links, liars = falsified_links(cell, weights, vehicles_attacked), np.array(vehicles_attacked, int) - 1
+    false, liars = falsified_links(cell, graph, vehicles_attacked), np.array(vehicles_attacked, int) - 1
+    weights, links = dense(graph), dense(graph.only(false)) > 0
     signal = lane["attack"].values[frames][:, liars]
     about_navigator = bool(links[:, 0].any()) or attack.replaces()
     truth = np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]

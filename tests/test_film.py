@@ -9,6 +9,7 @@ from jaxnet import film as animation
 from jaxnet.config.scenario import situation_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
+from jaxnet.model.graph import dense
 from jaxnet.runs.replay import stored_trajectory, trajectory_of
 from jaxnet.runs.watched import watched
 from jaxnet.store.folder import Folder, FolderError
@@ -35,8 +36,8 @@ def results(tmp_path_factory):
 
 def film(results, cell):
     """What the film of a cell's first lane shows."""
-    lane, weights = trajectory_of(results, cell, 0)
-    return animation.film_of(lane, results.study.cells[cell], weights, headings(lane["states"])), lane
+    lane, graph = trajectory_of(results, cell, 0)
+    return animation.film_of(lane, results.study.cells[cell], graph, headings(lane["states"])), lane
 
 
 @pytest.mark.parametrize("cell", range(4))
@@ -47,9 +48,9 @@ def test_a_film_shows_the_lane(results, cell):
     np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
     np.testing.assert_allclose(np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12)
     situation = situation_of(results.study.cells[cell].scenario)
-    np.testing.assert_array_equal(shown.heard, situation.weights > 0)
+    np.testing.assert_array_equal(shown.heard, dense(situation.graph) > 0)
     retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*links(shown), strict=True))
-    assert retained + lied + dropped == len(shown.time) * np.count_nonzero(situation.weights)
+    assert retained + lied + dropped == len(shown.time) * situation.graph.heard.sum()
     assert lied > 0
     assert (dropped > 0) == (cell >= 2)
 
@@ -153,5 +154,5 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
 
 def film_of_sample(results, sample):
     """What the film of a lane of the first cell shows."""
-    lane, weights = trajectory_of(results, 0, sample)
-    return animation.film_of(lane, results.study.cells[0], weights, headings(lane["states"]))
+    lane, graph = trajectory_of(results, 0, sample)
+    return animation.film_of(lane, results.study.cells[0], graph, headings(lane["states"]))

@@ -1,13 +1,12 @@
 """The host's side of a scenario: its graph and its links as NumPy arrays, and when things happen."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model import graph
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe
 
@@ -19,7 +18,7 @@ class Situation(NamedTuple):
     unless its graph is drawn lane by lane.
     """
 
-    weights: Weights
+    graph: Digraph
     attacked: Links
     trusted: Links
     retained: AnySubset | None
@@ -27,27 +26,40 @@ class Situation(NamedTuple):
 
 def situation_of(scenario: Scenario) -> Situation:
     """What is known of a scenario before anything moves."""
-    weights = scenario.topology.normalised(scenario.vehicles)
-    trusted = scenario.defence.trusts(weights)
-    attacked = scenario.attack.links(weights)
-    return Situation(weights, attacked, trusted, scenario.defence.retained(weights, trusted))
+    graph = scenario.topology.normalised(scenario.vehicles)
+    trusted = scenario.defence.trusts(graph)
+    attacked = scenario.attack.links(graph)
+    return Situation(graph, attacked, trusted, scenario.defence.retained(graph, trusted))
 
 
-def safe_in(scenario: Scenario, weights: Weights, attacked: Links) -> list[Safe]:
+def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     """Vehicles that end on the navigator, by reason, on this graph if these of its links are attacked.
 
     A sybil is one more attacked source, which itself hears the navigator alone.
     """
-    m, trusted = len(weights), scenario.defence.trusts(weights)
-    twice = np.flatnonzero(attacked.any(axis=0)).repeat(scenario.attack.identities() - 1)
-    alone = np.eye(1, m + 1 + len(twice)).repeat(len(twice), axis=0)
+    trusted, more = scenario.defence.trusts(graph), scenario.attack.identities() - 1
+    if more:
+        graph, attacked, trusted = with_sybils(graph, attacked, trusted, more)
+    found = scenario.defence.safe(graph, attacked, trusted)
+    return [Safe(why, vehicles[: scenario.vehicles]) for why, vehicles in found]
 
-    def with_sybils(given: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        return np.vstack([np.hstack([given, given[:, twice] * attacked[:, twice]]), rows])
 
-    links = (with_sybils(attacked, alone > 1), with_sybils(trusted, alone > 0))
-    found = scenario.defence.safe(graph.normalised(with_sybils(weights, alone)), *links)
-    return [Safe(why, vehicles[:m]) for why, vehicles in found]
+def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Any, Any]:
+    """The graph and its attacked and trusted links with so many vehicles more for each attacked source."""
+    listeners, slots = graph.edges()
+    sources, lies = graph.sources[listeners, slots], attacked[listeners, slots]
+    liars, number = np.unique(sources[lies], return_inverse=True)
+    sybils = graph.vehicles + 1 + np.arange(len(liars) * more).reshape(-1, more)
+    rows = np.concatenate([listeners, listeners[lies].repeat(more), sybils.ravel() - 1])
+    columns = np.concatenate([sources, sybils[number].ravel(), np.zeros(sybils.size)])
+
+    def wider(given: Any, of_sybils: float) -> Digraph:
+        values = given[listeners, slots]
+        values = np.concatenate([values, values[lies].repeat(more), np.full(sybils.size, of_sybils)])
+        return of_links(graph.vehicles + sybils.size, rows, columns, values)
+
+    links = (wider(attacked, 0.0).heard, wider(trusted, 1.0).heard)
+    return normalised(wider(graph.weights, 1.0)), *links
 
 
 def differs_by_lane(scenario: Scenario) -> bool:

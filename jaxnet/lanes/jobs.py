@@ -91,9 +91,9 @@ def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
 
 def sources_of(scenario: Scenario) -> np.ndarray:
     """Who is heard slot by slot: attacked sources as often as they have identities."""
-    links = scenario.topology.links(scenario.vehicles)
-    attacked = scenario.attack.links(links.astype(float))
-    return hearing.slots(np.where(attacked, scenario.attack.identities() + scenario.attack.splits(), links))
+    linked = scenario.topology.linked(scenario.vehicles)
+    each = scenario.attack.identities() + scenario.attack.splits()
+    return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))
 
 
 def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
@@ -103,9 +103,8 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     """
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if attack.splits():
-        links = hearing.by_slot(
-            attack.links(scenario.topology.links(scenario.vehicles).astype(float)), sources
-        )
+        linked = scenario.topology.linked(scenario.vehicles)
+        links = hearing.by_slot(linked, attack.links(linked), sources)
         lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
@@ -116,13 +115,13 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
 
 def network_of(scenario: Scenario, sources: Any) -> Network:
     """What the lanes of a cell share, by slot."""
-    links = scenario.topology.links(scenario.vehicles).astype(float)
-    attacked = hearing.by_slot(scenario.attack.links(links), sources)
+    linked = scenario.topology.linked(scenario.vehicles)
+    attacked = hearing.by_slot(linked, scenario.attack.links(linked), sources)
     if scenario.attack.splits():
         attacked = attacked & hearing.again(sources)
-    trusted = scenario.defence.trusts(links)
+    trusted = scenario.defence.trusts(linked)
     speakers = np.where(attacked & scenario.attack.replaces(), 0, sources)
-    shared = scenario.defence.shared(links, trusted, sources)
+    shared = scenario.defence.shared(linked, trusted, sources)
     signals = signals_of(scenario, sources)
     shown = np.arange(scenario.vehicles)
     if scenario.attack.by_link():
@@ -130,7 +129,7 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
     heard = Hearing(*map(as_array, (sources, speakers, attacked, signals)))
     order = elimination.order_of(sources, scenario.engine.one_block)
-    return Network(heard, as_array(hearing.by_slot(trusted, sources)), as_array(shown), shared, order)
+    return Network(heard, as_array(hearing.by_slot(linked, trusted, sources)), as_array(shown), shared, order)
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:

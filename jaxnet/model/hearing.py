@@ -11,6 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import sparse
+
+from jaxnet.model.graph import Digraph, of_matrix, slotted
 
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis where both are alike
@@ -107,14 +110,12 @@ class Hearing(NamedTuple):
         return dense.at[listeners, sources].add(weights)
 
 
-def slots(identities: Int[np.ndarray, "m n"] | Bool[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
-    """Sources of a graph's listeners slot by slot, each as often as it has identities."""
-    most, m = int(identities.sum(axis=1).max()), len(identities)
-    table = np.broadcast_to(np.arange(1, m + 1), (most, m)).copy()
-    for listener, row in enumerate(identities.astype(int)):
-        sources = np.repeat(np.arange(m + 1), row)
-        table[: len(sources), listener] = sources
-    return table
+def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
+    """Sources of a graph's listeners slot by slot, each as often as it has identities, of a graph's links."""
+    listeners, each = graph.edges()
+    number = identities[listeners, each]
+    sources = graph.sources[listeners, each].repeat(number)
+    return np.ascontiguousarray(slotted(graph.vehicles, listeners.repeat(number), sources)[2].T)
 
 
 def again(sources: Int[np.ndarray, "slots m"]) -> Bool[np.ndarray, "slots m"]:
@@ -133,6 +134,22 @@ def of_links(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
     return np.arange(m)[None] * most + np.arange(most)[:, None]
 
 
-def by_slot(matrix: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """An array over (m, n, …) links by slot: (slots, m, …)."""
-    return matrix[np.arange(sources.shape[1])[None], sources]
+def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "slots m"]) -> Digraph:
+    """The graph of weights by slot; those of a source's identities are added."""
+    listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
+    links = (listeners.ravel(), sources.ravel())
+    return of_matrix(sparse.coo_array((weights.ravel(), links), shape=(len(sources.T), len(sources.T) + 1)))
+
+
+def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
+    """What a graph's links have, slot by slot of a wider table of sources; 0 where a listener does not hear.
+
+    `sources` are each listener's in the order of their numbers, those of the graph and perhaps others.
+    """
+    m = graph.vehicles
+    listeners, each = graph.edges()
+    links = np.append(listeners * (m + 1) + graph.sources[listeners, each], (m + 1) ** 2)  # and a last one
+    wanted = np.arange(m)[None] * (m + 1) + sources
+    place = np.searchsorted(links, wanted)
+    theirs = np.append(values[listeners, each], np.zeros_like(values, shape=1))
+    return np.where(links[place] == wanted, theirs[place], theirs[-1])

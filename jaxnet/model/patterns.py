@@ -1,19 +1,28 @@
-"""Patterns of links between vehicles: entry (i, j) says whether vehicle i + 1 hears vehicle j + 1."""
+"""Patterns of links between vehicles: entry (i, j) says whether vehicle i + 1 hears vehicle j + 1.
+
+Sparse arrays of SciPy's, but for the small world, which is rewired in a dense one.
+"""
 
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
+from scipy import sparse
 
-from jaxnet.model.graph import Neighbours
+Neighbours = Any  # (m, m) booleans: which vehicles each one hears, dense or a sparse array of SciPy's
+
+
+def of_pairs(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
+    """Who hears whom by listeners and sources, from 0."""
+    return sparse.coo_array((np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles))
 
 
 def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:
     """Who hears whom where i hears i + o for each offset o, around the ring."""
-    heard, everyone = np.zeros((vehicles, vehicles), bool), np.arange(vehicles)
-    for offset in offsets:
-        heard[everyone, (everyone + offset) % vehicles] = True
-    return heard
+    around = np.unique(np.array([*offsets], int) % vehicles)
+    listeners = np.arange(vehicles).repeat(len(around))
+    return of_pairs(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
 
 
 def lattice(vehicles: int, neighbours: int) -> Neighbours:
@@ -25,20 +34,24 @@ def lattice(vehicles: int, neighbours: int) -> Neighbours:
 def grid(rows: int, columns: int, torus: bool) -> Neighbours:
     """Who hears whom in rows and columns, numbered row by row; of a torus the last also hears the first."""
     place = np.arange(rows * columns).reshape(rows, columns)
-    heard = np.zeros((place.size, place.size), bool)
+    pairs = []
     for lines in (place, place.T):
         ahead = np.roll(lines, -1, axis=0)
         here, there = (lines, ahead) if torus else (lines[:-1], ahead[:-1])
-        heard[here, there] = heard[there, here] = True
-    return heard & ~np.eye(place.size, dtype=bool)
+        pairs += [np.stack([here, there]).reshape(2, -1), np.stack([there, here]).reshape(2, -1)]
+    listeners, sources = np.unique(np.concatenate(pairs, axis=1), axis=1)
+    others = listeners != sources
+    return of_pairs(place.size, listeners[others], sources[others])
 
 
-def small_world(vehicles: int, neighbours: int, rewired: float, random: np.random.Generator) -> Neighbours:
+def small_world(
+    vehicles: int, neighbours: int, rewired: float, random: np.random.Generator
+) -> Bool[np.ndarray, "m m"]:
     """A ring lattice whose links, offset by offset, are each joined to another vehicle with a probability.
 
     Source: Watts and Strogatz, Collective dynamics of small-world networks, 1998.
     """
-    heard = lattice(vehicles, neighbours)
+    heard = lattice(vehicles, neighbours).toarray()
     for offset in range(1, neighbours // 2 + 1):
         for i in np.flatnonzero(random.random(vehicles) < rewired):
             free = np.flatnonzero(~heard[i] & (np.arange(vehicles) != i))
@@ -55,24 +68,24 @@ def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Ne
     Source: Steger and Wormald, Generating random regular graphs quickly, 1999; nearly uniform.
     """
     while True:
-        heard = np.zeros((vehicles, vehicles), bool)
+        pairs: set[tuple[int, int]] = set()
         ends = np.repeat(np.arange(vehicles), degree)
         while len(ends):
             ends = random.permutation(ends)
-            left = []
-            for i, j in ends.reshape(-1, 2):
-                if i == j or heard[i, j]:
+            left: list[int] = []
+            for i, j in ends.reshape(-1, 2).tolist():
+                if i == j or (i, j) in pairs:
                     left += [i, j]
                 else:
-                    heard[i, j] = heard[j, i] = True
-            if len(left) == len(ends) and not any_pair(heard, left):
+                    pairs |= {(i, j), (j, i)}
+            if len(left) == len(ends) and not any_pair(pairs, left):
                 break
             ends = np.array(left, int)
         else:
-            return heard
+            return of_pairs(vehicles, *zip(*pairs, strict=True))
 
 
-def any_pair(heard: Neighbours, ends: list[Any]) -> bool:
+def any_pair(pairs: set[tuple[int, int]], ends: list[int]) -> bool:
     """Whether two of these free ends may still be joined."""
-    free = np.unique(ends)
-    return bool((~heard[np.ix_(free, free)] & ~np.eye(len(free), dtype=bool)).any())
+    free = sorted(set(ends))
+    return any((i, j) not in pairs for i in free for j in free if i != j)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links, normalised
 from jaxnet.model.hearing import AxisWeights, SlotWeights
 
 
@@ -20,38 +20,33 @@ class AnySubset(NamedTuple):
     Which ones may change at every tick. The other links are always retained.
     """
 
-    weights: Weights  # of the graph
+    graph: Digraph
     links: Links  # that may be dropped
     number: Int[np.ndarray, " m"]  # of them that are
 
     @property
-    def fixed(self) -> Weights | None:
-        """The weights in force for good, or None where retained neighbours may change."""
+    def fixed(self) -> Digraph | None:
+        """The graph in force for good, or None where retained neighbours may change."""
         if (self.number < self.links.sum(axis=1)).any():
             return None
-        kept = np.where(self.links, 0.0, self.weights)
-        total = kept.sum(axis=1, keepdims=True)
-        return np.divide(kept, total, out=kept, where=total > 0)
+        return normalised(self.graph.only(~self.links))
 
     def believed(self) -> "AnySubset":
         """The same without links that are dropped for good."""
         for_good = self.links & (self.number >= self.links.sum(axis=1))[:, None]
-        weights, number = (
-            np.where(for_good, 0.0, self.weights),
-            np.where(for_good.any(axis=1), 0, self.number),
-        )
-        return AnySubset(weights, self.links & ~for_good, number)
+        number = np.where(for_good.any(axis=1), 0, self.number)
+        return AnySubset(self.graph.only(~for_good), self.links & ~for_good, number)
 
 
-def everybody(weights: Weights) -> AnySubset:
+def everybody(graph: Digraph) -> AnySubset:
     """Nobody drops anybody."""
-    return AnySubset(weights, np.zeros(weights.shape, bool), np.zeros(len(weights), int))
+    return AnySubset(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
-def any_untrusted(weights: Weights, trusted: Links, number: Any) -> AnySubset:
+def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> AnySubset:
     """Each drops so many untrusted sources, or all where it hears fewer."""
-    links = (weights > 0) & ~trusted
-    return AnySubset(weights, links, np.minimum(number, links.sum(axis=1)))
+    links = graph.heard & ~trusted
+    return AnySubset(graph, links, np.minimum(number, links.sum(axis=1)))
 
 
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from jaxnet.model.graph import Links
+from jaxnet.model.graph import Digraph, Links, by_source
 from jaxnet.model.retained import AnySubset
 
 Vehicles = Bool[np.ndarray, " m"]
 Nodes = Bool[np.ndarray, " sources"]
 Counts = Int[np.ndarray, " m"]
-Each = Int[np.ndarray, " links"]
+Votes = Int[np.ndarray, "m slots"]
 
 NEVER = 2**62  # votes that nobody gets
 MOST_RATED = 1000  # vehicles, of which a rate is told
@@ -29,24 +29,23 @@ class Safe(NamedTuple):
     vehicles: Vehicles
 
 
-def percolate(links: tuple[Each, ...], votes: Each, needed: Counts, seeds: Nodes) -> Nodes:
+def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nodes:
     """Sources that percolation reaches from the seeds.
 
-    A vehicle is reached once the sources reached that it hears have given it the votes it needs. `links` are
-    listeners, from 0, and their sources.
+    A vehicle is reached once the sources reached that it hears have given it the votes it needs.
     """
-    hearers: list[list[tuple[int, int]]] = [[] for _ in seeds]
-    for listener, source, vote in zip(*(each.tolist() for each in (*links, votes)), strict=True):
-        hearers[source].append((listener, vote))
-    reached = seeds | np.concatenate([[False], needed <= 0])
-    left, waiting = needed.tolist(), np.flatnonzero(reached).tolist()
-    while waiting:
-        for listener, vote in hearers[waiting.pop()]:
+    listeners, slots, ends = by_source(graph)
+    who, theirs = listeners.tolist(), votes[listeners, slots].tolist()
+    reached = seeds | np.append(False, needed <= 0)
+    left, waiting, there = needed.tolist(), np.flatnonzero(reached).tolist(), reached.tolist()
+    for source in waiting:
+        mine = slice(ends[source], ends[source + 1])
+        for listener, vote in zip(who[mine], theirs[mine], strict=True):
             left[listener] -= vote
-            if left[listener] <= 0 and not reached[listener + 1]:
-                reached[listener + 1] = True
+            if left[listener] <= 0 and not there[listener + 1]:
+                there[listener + 1] = True
                 waiting.append(listener + 1)
-    return reached
+    return np.array(there)
 
 
 def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
@@ -54,10 +53,9 @@ def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
 
     Each of them never drops one that is joined, or hears more that are than it drops.
     """
-    links = np.nonzero(drops.weights > 0)
-    votes = np.where(drops.links[links], 1, drops.number[links[0]] + 1)
-    navigator = np.arange(drops.weights.shape[1]) == 0
-    return percolate(links, votes, np.where(among, drops.number + 1, NEVER), navigator)[1:]
+    votes = np.where(drops.links, 1, drops.number[:, None] + 1)
+    navigator = np.arange(len(among) + 1) == 0
+    return percolate(drops.graph, votes, np.where(among, drops.number + 1, NEVER), navigator)[1:]
 
 
 def greatest(drops: AnySubset, attacked: Links, bears: Counts, closed: bool = False) -> Vehicles:
@@ -66,15 +64,13 @@ def greatest(drops: AnySubset, attacked: Links, bears: Counts, closed: bool = Fa
     Bad is a link that is attacked or comes from outside the set. Each vehicle bears so many of those that it
     may drop, and none of the others; if the set is `closed`, it hears nobody outside.
     """
-    links = np.nonzero(drops.weights > 0)
-    falsified, fatal = attacked[links], bears[links[0]] + 1
-    cost = np.where(drops.links[links], 1, fatal)
-    left = bears + 1
-    np.subtract.at(left, links[0], cost * falsified)
+    falsified, fatal = drops.graph.heard & attacked, np.broadcast_to(bears[:, None] + 1, attacked.shape)
+    cost = np.where(drops.links, 1, fatal)
+    left = bears + 1 - (cost * falsified).sum(axis=1)
     doubt = fatal if closed else np.where(falsified, 0, cost)
-    out = np.zeros(drops.weights.shape[1], bool)
+    out = np.zeros(len(bears) + 1, bool)
     while True:
-        out = percolate(links, doubt, left, out)
+        out = percolate(drops.graph, doubt, left, out)
         inside = stay_joined(drops, ~out[1:])
         if (inside | out[1:]).all():
             return inside
@@ -88,18 +84,18 @@ def contraction(drops: AnySubset, inside: Vehicles) -> tuple[int, float] | None:
     """
     if len(inside) > MOST_RATED or not inside.any():
         return None
-    heard, rows = drops.weights > 0, np.arange(drops.weights.shape[1])
-    lightest = np.sort(np.where(drops.links, drops.weights, 0.0) + ~drops.links, axis=1)
-    kept = drops.weights.sum(axis=1) - lightest.sum(axis=1, where=rows < drops.number[:, None])
-    factor, rounds = np.where(rows > 0, np.nan, 0.0), 0
+    weights, sources, rank = drops.graph.weights, drops.graph.sources, np.arange(drops.links.shape[1])
+    lightest = np.sort(np.where(drops.links, weights, 0.0) + ~drops.links, axis=1)
+    kept = weights.sum(axis=1) - lightest.sum(axis=1, where=rank < drops.number[:, None])
+    factor, rounds = np.concatenate([[0.0], np.full(len(inside), np.nan)]), 0
     while np.isnan(factor[1:][inside]).any():
-        known = ~np.isnan(factor)
-        never, perhaps = heard & known & ~drops.links, drops.links & known
+        known = ~np.isnan(factor)[sources]
+        never, perhaps = drops.graph.heard & known & ~drops.links, drops.links & known
         enough = perhaps.sum(axis=1) > drops.number
-        shares = drops.weights.sum(axis=1, where=never), drops.weights.min(axis=1, where=perhaps, initial=1.0)
-        worst = (np.where(which, factor, 0.0).max(axis=1) for which in (never, perhaps))
+        shares = weights.sum(axis=1, where=never), weights.min(axis=1, where=perhaps, initial=1.0)
+        worst = (np.where(which, factor[sources], 0.0).max(axis=1) for which in (never, perhaps))
         either = [1 - share / kept * (1 - most) for share, most in zip(shares, worst, strict=True)]
-        new = inside & ~known[1:] & (never.any(axis=1) | enough)
+        new = inside & np.isnan(factor[1:]) & (never.any(axis=1) | enough)
         factor[1:][new] = np.where(enough, np.minimum(*either), either[0])[new]
         rounds += 1
         if not new.any() or np.nanmax(factor) > 1 - SLOWEST:

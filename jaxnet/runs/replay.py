@@ -12,6 +12,8 @@ from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
+from jaxnet.model import hearing
+from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.arrays import open_store
@@ -53,8 +55,8 @@ def refuse_unknown(results: Results, cell: int, sample: int) -> None:
         )
 
 
-def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, np.ndarray]:
-    """One lane's trajectory, simulated again if it is stored nowhere, and the weights of its graph."""
+def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, Digraph]:
+    """One lane's trajectory, simulated again if it is stored nowhere, and its graph."""
     refuse_unknown(results, cell, sample)
     lane = stored_trajectory(results, cell, sample)
     if lane is None:
@@ -62,12 +64,8 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
         lane = open_store(path).isel(lane=0)
     scenario = results.study.cells[cell].scenario
     one = job(scenario, source_of(results.study.config, scenario), [sample])
-    weights = np.zeros((scenario.vehicles, scenario.vehicles + 1))
-    for sources, mine in zip(
-        np.asarray(one.network.hearing[0]), np.asarray(one.inputs.lane.weights)[0], strict=True
-    ):
-        weights[np.arange(len(weights)), sources] += mine
-    return lane, weights
+    sources, weights = one.network.hearing.sources, one.inputs.lane.weights[0]
+    return lane, hearing.graph_of(np.asarray(sources), np.asarray(weights))
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:

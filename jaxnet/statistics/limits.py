@@ -22,6 +22,7 @@ from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, sources_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
+from jaxnet.model.graph import Digraph
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
@@ -157,27 +158,26 @@ def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m s
     """Bounds that hold, each with the K of the G = K a its transient starts from: 0 where sets may switch."""
     reach, known = spread_of(scenario), situation_of(scenario)
     assert reach is not None
-    nothing = np.zeros_like(of_signals(scenario, known.weights))
+    nothing = np.zeros_like(of_signals(scenario, known.graph))
     gain = np.array(scenario.gain)
     found = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
     if scenario.attack.harmonic and scenario.attack.consistent():
         found["harmonic"] = bounds.harmonic(reach, gain), nothing
     if reach.fixed is not None and np.isfinite(reach.norms):
-        added = np.where(known.attacked, reach.fixed, 0.0)
-        word = np.where(known.attacked & scenario.attack.replaces(), 0.0, reach.fixed)
+        added = reach.fixed.only(known.attacked)
+        word = graph.dense(reach.fixed.only(~(known.attacked & scenario.attack.replaces())))
         mixing = np.linalg.solve(graph.laplacian(word), of_signals(scenario, added))
         found["static"] = bounds.static(reach), mixing
     return found
 
 
-def of_signals(scenario: Scenario, added: Float[np.ndarray, "m n"]) -> Float[np.ndarray, "m signals"]:
+def of_signals(scenario: Scenario, added: Digraph) -> Float[np.ndarray, "m signals"]:
     """Weights on attacked links by the number of the signal that a link carries."""
     sources = sources_of(scenario)
     signals, listeners = signals_of(scenario, sources), np.arange(scenario.vehicles)
-    found = np.zeros(
-        (scenario.vehicles, signals.max() + 1 if scenario.attack.by_link() else scenario.vehicles)
-    )
-    np.add.at(found, (np.broadcast_to(listeners, signals.shape), signals), hearing.by_slot(added, sources))
+    number = signals.max() + 1 if scenario.attack.by_link() else scenario.vehicles
+    found, weights = np.zeros((scenario.vehicles, number)), hearing.by_slot(added, added.weights, sources)
+    np.add.at(found, (np.broadcast_to(listeners, signals.shape), signals), weights)
     return found
 
 

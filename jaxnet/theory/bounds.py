@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxnet.model import graph
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory import lyapunov, response, spread
@@ -51,7 +51,7 @@ class Spread(NamedTuple):
     """How far attacks spread through a network."""
 
     gains: Gains  # γ
-    fixed: Weights | None  # in force for good; None where retained neighbours, or attacks, may jump
+    fixed: Digraph | None  # in force for good; None where retained neighbours, or attacks, may jump
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else not-a-number
     orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
 
@@ -77,8 +77,8 @@ def spread_of(
         return Spread(gains, None, np.nan, orders)
     if graph.unreachable(fixed):
         return Spread(gains, fixed, np.inf, orders)
-    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(fixed * carried)), 2)
-    added = np.where(attacked, fixed, 0.0).sum(axis=1)
+    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(graph.dense(fixed.only(carried)))), 2)
+    added = fixed.only(attacked).weights.sum(axis=1)
     return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 

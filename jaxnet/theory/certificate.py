@@ -8,9 +8,10 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from jaxnet.model import graph
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Vehicles
 
 MOST_TRIED = 3  # vehicles in a set that is tried
@@ -29,23 +30,22 @@ class Certificate(NamedTuple):
 
 
 def certify(
-    weights: Float[np.ndarray, "m sources"],
-    attacked: Bool[np.ndarray, "m sources"],
+    network: Digraph,
+    attacked: Links,
 ) -> Certificate:
     """Certificate of a graph and the links attacked on it."""
-    heard = weights > 0
-    honest = heard & ~attacked
-    lost = graph.unreachable(weights)
+    honest = network.heard & ~attacked
+    lost = graph.unreachable(network)
     norm = np.inf if lost else None
-    if not lost and len(weights) <= MOST_INVERTED:
-        norm = float(np.linalg.norm(np.linalg.inv(graph.laplacian(weights)), 2))
+    if not lost and network.vehicles <= MOST_INVERTED:
+        norm = float(np.linalg.norm(np.linalg.inv(graph.laplacian(graph.dense(network))), 2))
     return Certificate(
-        heard=heard.sum(axis=1),
+        heard=network.heard.sum(axis=1),
         unreachable=lost,
         inverse_norm=norm,
-        attacked_links=[(int(i) + 1, int(j)) for i, j in np.argwhere(attacked)],
+        attacked_links=[(int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(attacked)],
         all_attacked=vehicles(np.asarray(~honest.any(axis=1))),
-        cut_off=graph.unreachable(honest.astype(float)),
+        cut_off=graph.unreachable(network.only(honest)),
     )
 
 

@@ -8,7 +8,7 @@ time-varying graphs, 2020, for strong r-robustness with respect to leaders.
 import numpy as np
 from jaxtyping import Bool
 
-from jaxnet.model.graph import Links
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Nodes, Vehicles, percolate
 
 MOST_NODES = 16  # whose sets are all looked at
@@ -38,21 +38,19 @@ def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
     return found
 
 
-def led(heard: Links, leaders: Nodes) -> int:
+def led(graph: Digraph, leaders: Nodes) -> int:
     """The greatest r for which a graph is strongly r-robust with respect to leaders, of any size.
 
     Of every set of others somebody hears r outside the set: percolation by r reaches everybody.
     """
-    r, links = 0, np.nonzero(heard)
-    votes, needed = np.ones(len(links[0]), int), np.ones(len(heard), int)
-    while r < len(heard) and percolate(links, votes, (r + 1) * needed, leaders).all():
+    r, votes, needed = 0, np.ones(graph.sources.shape, int), np.ones(graph.vehicles, int)
+    while r < graph.vehicles and percolate(graph, votes, (r + 1) * needed, leaders).all():
         r += 1
     return r
 
 
-def followers(heard: Links, trusted: Links, leaders: Nodes) -> Vehicles:
+def followers(graph: Digraph, trusted: Links, leaders: Nodes) -> Vehicles:
     """Leaders, and whom percolation from them reaches that bears one liar: who hear three of the reached
     (2F + 1), or trust two of them (F + 1).
     """
-    links = np.nonzero(heard)
-    return percolate(links, np.where(trusted[links], 3, 2), np.full(len(heard), 6), leaders)[1:]
+    return percolate(graph, np.where(trusted, 3, 2), np.full(graph.vehicles, 6), leaders)[1:]

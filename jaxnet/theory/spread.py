@@ -22,10 +22,10 @@ def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     The first are the largest set of which everybody can drop whatever they hear from outside it, found by
     taking out, again and again, those who cannot.
     """
-    weights, links, number = retained
-    heard, cut = weights > 0, np.ones(len(weights), bool)
+    graph, links, number = retained
+    heard, cut = graph.heard, np.ones(graph.vehicles, bool)
     while True:
-        outside = heard & ~np.concatenate([[False], cut])
+        outside = heard & ~np.append(False, cut)[graph.sources]
         tied = (outside & ~links).any(axis=1) | ((outside & links).sum(axis=1) > number)
         if not (cut & tied).any():
             break
@@ -33,7 +33,7 @@ def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     may_keep = heard & ~(links & (number == links.sum(axis=1))[:, None])
     newest = cut
     while newest.any():
-        newest = may_keep[:, 1:][:, newest].any(axis=1) & ~cut
+        newest = (may_keep & np.append(False, newest)[graph.sources]).any(axis=1) & ~cut
         cut = cut | newest
     return cut
 
@@ -47,12 +47,15 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
     together and the last are the greatest.
     """
     joined = ~severed(retained)
-    weights, links, number, attacked, carried = (each[joined] for each in (*retained, attacked, carried))
+    given = *retained.graph, *retained[1:], attacked, carried
+    sources, weights, links, number, attacked, carried = (each[joined] for each in given)
     gains, within = np.zeros(len(joined)), np.flatnonzero(joined)
     while True:
-        reward = attacked + carried * np.concatenate([[0.0], gains])
+        reward = attacked + carried * np.append(0.0, gains)[sources]
         kept = worst_kept(weights, reward, links, number)
-        laplacian = np.eye(len(within)) - (kept * carried)[:, within + 1]
+        mixing = np.zeros((len(within), len(joined) + 1))
+        np.add.at(mixing, (np.arange(len(within))[:, None], sources), kept * carried)
+        laplacian = np.eye(len(within)) - mixing[:, within + 1]
         better = np.linalg.solve(laplacian, (kept * attacked).sum(axis=1))
         if (better <= gains[within] * (1 + ROUNDING)).all():
             gains[~joined] = np.inf
@@ -61,11 +64,11 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
 
 
 def worst_kept(
-    weights: Float[np.ndarray, "some sources"],
-    reward: Float[np.ndarray, "some sources"],
-    links: Bool[np.ndarray, "some sources"],
+    weights: Float[np.ndarray, "some slots"],
+    reward: Float[np.ndarray, "some slots"],
+    links: Bool[np.ndarray, "some slots"],
     number: Int[np.ndarray, " some"],
-) -> Float[np.ndarray, "some sources"]:
+) -> Float[np.ndarray, "some slots"]:
     """Weights in force that make `Σ w r / Σ w` over kept sources greatest, so many `links` being dropped.
 
     At a ratio λ the best is to drop those of least w (r - λ); its own ratio is the next λ, until none is

@@ -42,7 +42,7 @@ def safe(study):
     """Vehicles that are safe for one reason or another."""
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
-    return np.any([each.vehicles for each in safe_in(scenario, known.weights, known.attacked)], axis=0)
+    return np.any([each.vehicles for each in safe_in(scenario, known.graph, known.attacked)], axis=0)
 
 
 def test_two_who_trust_each_other_know_nothing():

@@ -15,7 +15,7 @@ from jaxnet.engine.status import Status
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import graph, hearing
 from jaxnet.model.hearing import Hearing
-from tests import systems
+from tests import matrices, systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
 FIGURE = {"vehicles": 5, "topology": "figure1", "defence": "none", **SHORT}
@@ -28,7 +28,7 @@ COUNT = 3
 
 FULL = np.ones((5, 6)) - np.eye(5, 6, k=1)  # everybody hears everybody, but for one link
 FULL[2, 5] = 0.0
-SOURCES = hearing.slots(FULL > 0)
+SOURCES = matrices.slots_of(FULL)
 NONE = np.zeros(SOURCES.shape, bool)
 HEARING = Hearing(*map(jnp.asarray, (SOURCES, SOURCES, NONE, hearing.of_transmitters(SOURCES))))
 reaches_everybody = jax.jit(stacked.reaches_everybody)
@@ -143,8 +143,8 @@ def test_failed_lanes_are_named_and_spoil_no_other(ring, trimmed):
 def test_who_is_cut_off(retained):
     """Reaching everybody slot by slot, on each axis, is what the graph's own search says."""
     kept = FULL * np.reshape(retained, FULL.shape)
-    weights = jnp.stack([jnp.asarray(hearing.by_slot(each, SOURCES)) for each in (FULL, kept)])
-    assert bool(reaches_everybody(HEARING, weights)) == (not graph.unreachable(kept))
+    weights = jnp.stack([jnp.asarray(matrices.by_slot(each, SOURCES)) for each in (FULL, kept)])
+    assert bool(reaches_everybody(HEARING, weights)) == (not graph.unreachable(graph.of_matrix(kept)))
 
 
 def wall(time, state, args):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 from jaxnet.model import control, definition, elimination, graph, hearing
+from tests.matrices import by_slot, slots_of
 
 ROBOT = TwoWheeled()
 
@@ -19,10 +20,10 @@ fleets = st.sampled_from([12, 5])
 
 def network(weights, attacked):
     """Who hears whom slot by slot, and the weights of it, from matrices over links."""
-    sources = hearing.slots(weights > 0)
-    by_slot = [jnp.asarray(hearing.by_slot(each, sources)) for each in (weights, attacked)]
+    sources = slots_of(weights)
+    both = [jnp.asarray(by_slot(each, sources)) for each in (weights, attacked)]
     signals = jnp.asarray(hearing.of_transmitters(sources))
-    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), by_slot[1], signals), by_slot[0]
+    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), both[1], signals), both[0]
 
 
 class Problem:
@@ -145,7 +146,7 @@ def test_structured_solve_is_the_papers_dense_one(seed, vehicles):
 @pytest.fixture
 def pair():
     """Vehicle 1 hears 0.25 of the navigator and 0.75 of vehicle 2, both attacked; 2 hears the navigator."""
-    weights = graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)])
+    weights = graph.dense(graph.weighted(2, [(1, 0, 1.0), (1, 2, 3.0), (2, 0, 1.0)]))
     return network(weights, np.array([[True, False, True], [False, False, False]]))
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.kinds import registry
 from jaxnet.model import elimination, graph, hearing, iteration
+from tests import matrices
 
 GRAPHS = {
     "ring": ("cyclic", {}, 17, (9, 2)),
@@ -28,7 +29,7 @@ solve, factorised, applied = map(jax.jit, (elimination.solve, elimination.factor
 
 def listening(links):
     """Who hears whom, and the order of elimination."""
-    sources = hearing.slots(links)
+    sources = matrices.slots_of(links)
     heard = hearing.Hearing(
         *map(jnp.asarray, (sources, sources, sources < 0, hearing.of_transmitters(sources)))
     )
@@ -37,7 +38,7 @@ def listening(links):
 
 def by_slot(heard, weights):
     """Weights (axes, slots, m, lanes) of matrices over links (m, n, axes, lanes)."""
-    return jnp.asarray(np.moveaxis(hearing.by_slot(weights, np.asarray(heard.sources)), 2, 0))
+    return jnp.asarray(np.moveaxis(matrices.by_slot(weights, np.asarray(heard.sources)), 2, 0))
 
 
 def retained(links, seed, lanes=3):
@@ -60,7 +61,7 @@ def known(weights, right):
 def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     """Whatever is retained of the links; blocks are filled up where vehicles do not fill them."""
     kind, keys, m, blocks = GRAPHS[name]
-    links = registry.find("topology", kind)(**keys).links(m)
+    links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     links[:, 0] = True
     heard, order = listening(links)
     assert isinstance(order, elimination.Order)
@@ -78,7 +79,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
 
 def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
-    links = registry.find("topology", "cyclic")().links(384)
+    links = matrices.links_of(registry.find("topology", "cyclic")(), 384)
     heard, order = listening(links)
     assert isinstance(order, elimination.Order)
     assert order.vehicles.shape == (192, 2)
@@ -89,7 +90,7 @@ def test_many_vehicles_are_solved_for_as_few_are():
 
 def wide(name):
     """A graph of 384 vehicles that no order makes narrow, who hears whom, and what to solve by."""
-    links = registry.find("topology", name)(**WIDE[name]).links(384)
+    links = matrices.links_of(registry.find("topology", name)(**WIDE[name]), 384)
     heard, order = listening(links)
     assert isinstance(order, elimination.NoOrder)
     return links, heard, order
@@ -97,7 +98,7 @@ def wide(name):
 
 def some_retained(links, seed, lanes=3):
     """Weights over random halves of these links for two axes; all keep a source nearer the navigator."""
-    rng, reached = np.random.default_rng(seed), graph.hops(links.astype(float))
+    rng, reached = np.random.default_rng(seed), graph.hops(graph.of_matrix(links))
     nearer = np.argmax(links & (np.append(0, reached)[None] < reached[:, None]), axis=1)
     kept = links[..., None, None] & (rng.random((*links.shape, 2, lanes)) < 0.5)
     kept[np.arange(len(links)), nearer] = True
@@ -132,7 +133,7 @@ def test_a_wide_graph_is_solved_for_by_iteration(name):
 
 def test_iteration_gets_to_the_leaves_of_a_tree():
     """Of one root, who alone hears the navigator; nothing comes back to who has passed it on."""
-    weights = graph.weighted(300, [(i, i // 2, 1.0) for i in range(1, 301)])
+    weights = graph.dense(graph.weighted(300, [(i, i // 2, 1.0) for i in range(1, 301)]))
     heard, order = listening(weights > 0)
     assert isinstance(order, elimination.NoOrder)
     weights, right = weights[..., None, None], np.eye(300)[:, :2, None, None]
@@ -172,7 +173,11 @@ def test_what_iteration_does_not_find_is_not_a_number():
     """
     m, lanes = 200, 2
     steep, flat = (
-        graph.weighted(m, [(i, i - 1, 1 - s) for i in range(1, m + 1)] + [(i, i + 1, s) for i in range(1, m)])
+        graph.dense(
+            graph.weighted(
+                m, [(i, i - 1, 1 - s) for i in range(1, m + 1)] + [(i, i + 1, s) for i in range(1, m)]
+            )
+        )
         for s in (0.999, 0.2)
     )
     heard, _ = listening(flat > 0)
@@ -197,10 +202,10 @@ heard_by_each = st.tuples(
 @example(({0}, {1}, {2}, {3}, set()))  # 5 hears nobody
 def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     edges = [(i, j, 1.0) for i, sources in enumerate(each_hears, start=1) for j in sources]
-    weights = graph.weighted(5, edges)
+    network = graph.weighted(5, edges)
     heard, order = listening(~np.eye(5, 6, 1, dtype=bool))
-    in_slots = by_slot(heard, weights[..., None, None])
-    reached = graph.unreachable(weights) == []
+    in_slots = by_slot(heard, graph.dense(network)[..., None, None])
+    reached = graph.unreachable(network) == []
     assert bool(factorised(order, heard, in_slots)[1][0] < CONNECTED) == reached
     assert bool(solve(order, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
 
@@ -214,7 +219,7 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     residual no less than 1. A lane beside it is solved to the same bits as beside a connected one.
     """
     kind, keys, m, _ = GRAPHS[name]
-    links = registry.find("topology", kind)(**keys).links(m)
+    links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     heard, order = listening(links)
     rng = np.random.default_rng(seed)
     whole = links * rng.uniform(0.1, 1.0, links.shape)

@@ -28,9 +28,9 @@ def weights_of(heard):
     return graph.weighted(len(heard), [(i, j, 1.0) for i, j in links(heard)])
 
 
-def marked(mask):
-    """Pairs (i, j) marked in an array of links."""
-    return {(int(i) + 1, int(j)) for i, j in np.argwhere(mask)}
+def marked(network, mask):
+    """Pairs (i, j) marked in an array of a graph's links."""
+    return {(int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(mask)}
 
 
 def reached(heard):
@@ -47,8 +47,9 @@ def reached(heard):
 @given(digraphs(), st.data())
 def test_listeners_share_out_one_among_their_sources_in_the_given_proportion(heard, data):
     given_weights = {link: data.draw(st.floats(1e-3, 1e3)) for link in sorted(links(heard))}
-    weights = graph.weighted(5, [(i, j, w) for (i, j), w in given_weights.items()])
-    assert marked(weights > 0) == links(heard)
+    network = graph.weighted(5, [(i, j, w) for (i, j), w in given_weights.items()])
+    weights = graph.dense(network)
+    assert marked(network, network.heard) == links(heard)
     for i, sources in enumerate(heard, start=1):
         assert sum(weights[i - 1]) == pytest.approx(1.0 if sources else 0.0, abs=1e-14)
         for j in sources:
@@ -84,7 +85,9 @@ def test_the_least_of_each_listener_are_the_first_of_a_sorted_list(heard, data):
         for i, sources in enumerate(heard, start=1)
         for j in sorted(sources, key=lambda j, i=i: (values[i - 1, j], j))[: count[i - 1]]
     }
-    assert marked(graph.least(weights_of(heard) > 0, values, count)) == expected
+    network = weights_of(heard)
+    least = graph.least(network.heard, np.take_along_axis(values, network.sources, axis=1), count)
+    assert marked(network, least) == expected
 
 
 def test_a_long_detour_still_reaches():
@@ -95,5 +98,29 @@ def test_a_long_detour_still_reaches():
 
 @given(digraphs(), st.dictionaries(st.integers(1, 5), st.frozensets(st.integers(0, 5))))
 def test_trust_is_placed_only_in_what_is_heard(heard, trusted):
-    marks = marked(graph.trusted_links(weights_of(heard), trusted))
+    network = weights_of(heard)
+    marks = marked(network, graph.trusted_links(network, trusted))
     assert marks == {(i, j) for i, j in links(heard) if j == 0 or j in trusted.get(i, ())}
+
+
+@given(st.integers(1, 700), st.integers(0, 9), st.integers(0, 2**32 - 1))
+def test_rows_are_added_to_the_last_bit_as_dense_ones_are(width, number, seed):
+    """Of as many as three orders of magnitude; also where they are taken in several blocks."""
+    rng = np.random.default_rng(seed)
+    number, rows = min(number, width), 400
+    columns = np.sort(rng.random((rows, width)).argsort(axis=1)[:, :number], axis=1)
+    values = 10.0 ** rng.uniform(-2, 1, (rows, number))
+    whole = np.zeros((rows, width))
+    np.put_along_axis(whole, columns, values, axis=1)
+    np.testing.assert_array_equal(graph.totals(columns, values, width), whole.sum(axis=1))
+
+
+@given(digraphs())
+def test_a_matrix_becomes_a_graph_and_back(heard):
+    network = weights_of(heard)
+    again = graph.of_matrix(graph.dense(network))
+    for theirs, mine in zip(again, network, strict=True):
+        np.testing.assert_array_equal(theirs, mine)
+    for i, sources in enumerate(heard, start=1):
+        left = max(1, *map(len, heard)) - len(sources)
+        assert network.sources[i - 1].tolist() == [*sorted(sources), *[i] * left]

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxnet.model import hearing
+from jaxnet.model.graph import of_matrix
+from tests.matrices import slotwise
 
 FLEET = 12
 
@@ -28,8 +30,9 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     weights = rng.uniform(0.0, 1.0, (FLEET, FLEET + 1)) * (rng.random((FLEET, FLEET + 1)) < 0.5)
     weights[range(FLEET), range(1, FLEET + 1)] = 0.0
     links = (rng.random((FLEET, FLEET + 1)) < 0.4) & (weights > 0)
-    slots = hearing.slots(weights > 0)
-    by_slot = [hearing.by_slot(each, slots) for each in (weights, links)]
+    graph = of_matrix(weights)
+    slots = hearing.slots(graph, np.ones(graph.sources.shape, int))
+    by_slot = [hearing.by_slot(graph, slotwise(graph, each), slots) for each in (weights, links)]
     speakers = np.where(by_slot[1] & replaces, 0, slots)
     network = hearing.Hearing(
         *map(jnp.asarray, (slots, speakers, by_slot[1], hearing.of_transmitters(slots)))
@@ -58,7 +61,7 @@ def test_axes_may_have_weights_of_their_own():
     """Each axis has the mean by its own weights; who is retained is the mean of both."""
     rng = np.random.default_rng(0)
     whole = rng.random((FLEET, FLEET + 1)) * (1 - np.eye(FLEET, FLEET + 1, 1))
-    slots = hearing.slots(whole > 0)
+    slots = of_matrix(whole).sources.T
     none = np.zeros(slots.shape, bool)
     network = hearing.Hearing(*map(jnp.asarray, (slots, slots, none, hearing.of_transmitters(slots))))
     sent, silence = jnp.asarray(rng.normal(size=(2, FLEET + 1))), jnp.zeros((2, FLEET))

@@ -10,6 +10,7 @@ from jaxnet.kinds.defences.clipping import Clipping
 from jaxnet.kinds.defences.trusted_only import TrustedOnly
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.model import graph, safety
+from tests.matrices import slotwise
 
 VEHICLES = 5
 EVERYONE = range(1, VEHICLES + 1)
@@ -32,9 +33,14 @@ def scenario(seed, m=VEHICLES):
 
 def drops_of(heard, trusted, theta):
     """Who is dropped by whoever announces and trims, with equal weights."""
-    weights = graph.normalised(heard.astype(float))
+    network = graph.normalised(graph.of_matrix(heard))
     each = {i: int(n) for i, n in enumerate(theta, 1)}
-    return TrustedTrim(score="announced", theta=each).retained(weights, trusted).believed()
+    return TrustedTrim(score="announced", theta=each).retained(network, slotwise(network, trusted)).believed()
+
+
+def greatest(drops, attacked, closed=False):
+    """The greatest set, for attacked links as a matrix."""
+    return safety.greatest(drops, slotwise(drops.graph, attacked), drops.number, closed)
 
 
 def closed(inside, heard, attacked, trusted, theta, upstream=False):
@@ -75,7 +81,7 @@ def test_it_is_the_greatest_set_that_meets_the_assumptions(seed, upstream):
     heard, attacked, trusted, theta = given = scenario(seed)
     known = set().union(*(s for s in SETS if closed(s, *given, upstream)))
     drops = drops_of(heard, trusted, theta)
-    assert numbers(safety.greatest(drops, attacked, drops.number, upstream)) == known
+    assert numbers(greatest(drops, attacked, upstream)) == known
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -85,7 +91,7 @@ def test_by_majority_is_by_contraction_whoever_lies(seed):
     """
     heard, _, trusted, theta = scenario(seed, 4)
     drops = drops_of(heard, trusted, theta)
-    majority = safety.greatest(drops, np.zeros_like(heard), drops.number, closed=True)
+    majority = safety.greatest(drops, drops.graph.none, drops.number, closed=True)
     always = [safety.greatest(drops, attacked, drops.number) for attacked in attacks(drops)]
     assert majority.tolist() == np.all(always, axis=0).tolist()
 
@@ -95,7 +101,7 @@ def test_who_stays_joined_is_reached_whoever_is_dropped(seed):
     """By trying all choices of four vehicles; who does not is cut off by one of them."""
     heard, _, trusted, theta = scenario(seed, 4)
     drops = drops_of(heard, trusted, theta)
-    lost = [graph.unreachable(drops.weights * ~dropped) for dropped in attacks(drops)]
+    lost = [graph.unreachable(drops.graph.only(~dropped)) for dropped in attacks(drops)]
     assert numbers(~safety.stay_joined(drops, np.ones(4, bool))) == set().union(*map(set, lost))
 
 
@@ -116,7 +122,7 @@ def test_what_the_literature_asks_for_is_more():
         heard, attacked, trusted, theta = scenario(seed)
         trusted &= ~attacked
         drops = drops_of(heard, trusted, theta)
-        known = safety.greatest(drops, attacked, drops.number, closed=True)
+        known = greatest(drops, attacked, closed=True)
         for inside in SETS:
             if percolates(inside, heard, attacked, trusted, theta):
                 found += len(inside)
@@ -146,15 +152,15 @@ def test_what_safe_vehicles_announce_shrinks_as_told_whatever_liars_announce():
     for seed in itertools.count():
         heard, attacked, trusted, theta = scenario(seed)
         drops = drops_of(heard, trusted, theta)
-        safe = safety.greatest(drops, attacked, drops.number)
+        safe = greatest(drops, attacked)
         shrinks = safety.contraction(drops, safe)
         if shrinks is None:
             continue
         rng = np.random.default_rng(seed)
-        greatest = np.array(list(announced(drops, safe, attacked, trusted, theta, rng, 250)))
+        sizes = np.array(list(announced(drops, safe, attacked, trusted, theta, rng, 250)))
         rounds, factor = shrinks
-        assert (greatest[rounds:] <= factor * greatest[:-rounds] + 1e-12).all()
-        assert greatest[-1] < 1e-6 * greatest[0]
+        assert (sizes[rounds:] <= factor * sizes[:-rounds] + 1e-12).all()
+        assert sizes[-1] < 1e-6 * sizes[0]
         tried += 1
         if tried == 12:
             break
@@ -162,7 +168,8 @@ def test_what_safe_vehicles_announce_shrinks_as_told_whatever_liars_announce():
 
 def announced(drops, safe, attacked, trusted, theta, rng, rounds):
     """Greatest ‖ρ_i‖ of the safe, by a plain program: drop the ϑ greatest untrusted, average the others."""
-    weights, heard = drops.weights, drops.weights > 0
+    weights = graph.dense(drops.graph)
+    heard = weights > 0
     told = rng.normal(size=(VEHICLES + 1, 2)) * 10
     told[0] = 0.0
     for _ in range(rounds):
@@ -188,7 +195,8 @@ def test_the_rate_where_everybody_hears_the_navigator():
     ring = graph.weighted(
         5, [(i, j, w) for i in EVERYONE for j, w in ((0, 2.0), (i % 5 + 1, 9.0), ((i - 2) % 5 + 1, 9.0))]
     )
-    drops = drops_of(ring > 0, ring * (np.arange(6) == 0) > 0, [1] * 5)._replace(weights=ring)
+    heard = graph.dense(ring) > 0
+    drops = drops_of(heard, heard & (np.arange(6) == 0), [1] * 5)._replace(graph=ring)
     assert safety.contraction(drops, np.ones(5, bool)) == (1, pytest.approx(1 - 0.1 / 0.55))
 
 
@@ -230,8 +238,8 @@ def test_what_is_filtered_proves_nothing():
 
 def test_percolation_by_hand():
     """1 and 2 vote for 3, who needs two votes; nobody for 4."""
-    links = np.array([2, 2, 3]), np.array([1, 2, 3])
+    network = graph.of_links(4, [2, 2, 3], [1, 2, 3])
     seeds = np.array([True, True, True, False, False])
     needed = np.array([1, 1, 2, 2])
-    reached = safety.percolate(links, np.array([1, 1, 1]), needed, seeds)
+    reached = safety.percolate(network, np.ones((4, 2), int), needed, seeds)
     assert reached.tolist() == [True, True, True, True, False]

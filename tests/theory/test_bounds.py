@@ -14,6 +14,7 @@ from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
 from jaxnet.theory.bounds import NAMES, bounds, harmonic, spread_of
+from tests.matrices import matrix_of
 from tests.theory.test_spread import ATTACKED, CUT_OFF, CYCLIC, TRIO, hearing, networks, of
 
 GAIN = np.array([1.0, 3.0, 3.0])
@@ -133,7 +134,7 @@ def test_the_printed_constant_is_false_in_general():
     assert np.linalg.norm(state) < lyapunov.corrected(gain)
 
 
-GRAPHS = {"star": Star().weights(12), "cyclic": CYCLIC, "path": Path().weights(12)}
+GRAPHS = {"star": matrix_of(Star(), 12), "cyclic": CYCLIC, "path": matrix_of(Path(), 12)}
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,10 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.figure1 import Figure1
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
+from jaxnet.model.graph import of_matrix
 from jaxnet.theory.exact import tracking_errors
 from tests import reference
+from tests.matrices import matrix_of, whole
 
 ATTACKED = np.array([2, 5, 8, 11])
 GAIN = np.array([1.0, 3.0, 3.0])
@@ -61,7 +63,7 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
         return added
 
     answer = reference.propagate(
-        Cyclic(navigator_weight=0.1).weights(12),
+        matrix_of(Cyclic(navigator_weight=0.1), 12),
         figure_eight,
         on_edges,
         gain,
@@ -82,7 +84,7 @@ def test_agrees_with_the_reference_program_while_it_trims(trimmed, gain):
 
 
 @pytest.mark.parametrize(
-    "weights", [Path().weights(5), Figure1().weights(5), Cyclic(navigator_weight=0.1).weights(5)]
+    "weights", [matrix_of(Path(), 5), matrix_of(Figure1(), 5), matrix_of(Cyclic(navigator_weight=0.1), 5)]
 )
 def test_agrees_with_integrating_the_law(weights):
     """The law as a vehicle applies it, to what it receives of moving neighbours, by DOP853."""
@@ -118,9 +120,9 @@ def test_agrees_with_integrating_the_law(weights):
 @pytest.mark.parametrize(
     ("weights", "channel", "mean", "greatest"),
     [
-        (Star().weights(12), "navigator", 1 / 3, 1.0),
-        (Path().weights(12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all attacks before it
-        (Cyclic(navigator_weight=0.1).weights(12), "neighbour", 3.0, 90 / 29),
+        (matrix_of(Star(), 12), "navigator", 1 / 3, 1.0),
+        (matrix_of(Path(), 12), "neighbour", 22 / 12, 4.0),  # each vehicle carries all attacks before it
+        (matrix_of(Cyclic(navigator_weight=0.1), 12), "neighbour", 3.0, 90 / 29),
     ],
 )
 def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
@@ -130,7 +132,8 @@ def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
     hence y = 90/29 and x = 81/29, whose mean over the ring is 3.
     """
     added = np.array([0.6, -0.8])
-    links = Bias(vehicles=ATTACKED.tolist(), channel=channel).links(weights)
+    network = of_matrix(weights)
+    links = whole(network, Bias(vehicles=ATTACKED.tolist(), channel=channel).links(network))
 
     def corruption(t, in_force):
         share = np.where(links, in_force, 0.0).sum(axis=1)

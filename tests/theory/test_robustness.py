@@ -5,7 +5,9 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from jaxnet.model.graph import of_matrix
 from jaxnet.theory.robustness import followers, led, robustness
+from tests.matrices import slotwise
 
 
 def digraph(seed):
@@ -83,8 +85,9 @@ def test_strong_robustness_is_percolation(seed):
     heard[range(m), range(1, m + 1)] = False
     leaders = np.append(True, rng.random(m) < 0.3)
     leaders[rng.integers(1, m + 1)] = False
-    assert led(heard, leaders) == strong_by_trial(heard, leaders)
-    assert led(heard, np.arange(m + 1) == 0) <= 1
+    network = of_matrix(heard)
+    assert led(network, leaders) == strong_by_trial(heard, leaders)
+    assert led(network, np.arange(m + 1) == 0) <= 1
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -102,4 +105,5 @@ def test_percolation_that_bears_one_liar():
     heard[3, [0, 1, 2]] = heard[4, [0, 1, 4]] = heard[5, [4, 5]] = heard[6, [0, 4]] = heard[7, [0, 6]] = True
     trusted[5, [4, 5]] = trusted[7, 0] = True
     leaders = np.arange(9) < 4
-    assert followers(heard, trusted, leaders).tolist() == [True] * 6 + [False] * 2
+    network = of_matrix(heard)
+    assert followers(network, slotwise(network, trusted), leaders).tolist() == [True] * 6 + [False] * 2

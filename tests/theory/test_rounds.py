@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.theory import rounds
+from tests.matrices import matrix_of
 
 GAIN = np.array([1.0, 3.0, 3.0])
-RING = Cyclic().normalised(12)
+RING = matrix_of(Cyclic(), 12)
 KNOWN = [  # of the paper's ring, found by two independent programs
     *((0.05, 1, 1.0458), (0.05, 2, 0.9667), (0.05, 10, 0.9612), (0.05, 10_000, 0.9591)),
     *((0.02, 1, 0.9862), (0.1, 1, 1.2140), (0.1, 2, 0.9574)),
@@ -64,7 +65,7 @@ def test_short_ticks_ask_for_a_rate_of_exchanges(gain):
 
 def digraphs():
     """Two rings, a path and some that are drawn."""
-    yield from (RING, Cyclic(navigator=[1]).normalised(7), Path().normalised(5))
+    yield from (RING, matrix_of(Cyclic(navigator=[1]), 7), matrix_of(Path(), 5))
     for seed in range(4):
         weights = np.random.default_rng(seed).random((6, 7)) ** 3
         weights[:, 1:][np.eye(6, dtype=bool)] = 0

@@ -15,13 +15,16 @@ from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph
 from jaxnet.theory import spread
+from tests.matrices import matrix_of, slotwise, whole
 
 ATTACKED = [2, 5, 8, 11]
-CYCLIC = Cyclic(navigator_weight=0.1).weights(12)
+CYCLIC = matrix_of(Cyclic(navigator_weight=0.1), 12)
 
 
 class Network(NamedTuple):
-    """A graph, its links that are attacked, carry their source's word and are trusted, and ϑ of each."""
+    """A graph, its links that are attacked, carry their source's word and are trusted, as matrices over
+    (listener, source), and ϑ of each.
+    """
 
     weights: np.ndarray
     attacked: np.ndarray
@@ -33,12 +36,14 @@ class Network(NamedTuple):
     def retained(self):
         """Whom vehicles that trim may retain."""
         theta = dict(enumerate(self.theta.tolist(), start=1))
-        return TrustedTrim(theta=theta).retained(self.weights, self.trusted)
+        network = graph.of_matrix(self.weights)
+        return TrustedTrim(theta=theta).retained(network, slotwise(network, self.trusted))
 
     @property
     def spread(self):
         """Arguments of what theory says of it."""
-        return self.retained, self.attacked, self.carried
+        retained = self.retained
+        return retained, *(slotwise(retained.graph, each) for each in (self.attacked, self.carried))
 
     def gains(self):
         """γ, by the package."""
@@ -48,15 +53,16 @@ class Network(NamedTuple):
 def of(weights, attacked, channel="auto", theta=1, trusted=None, threat="adds"):
     """A network in which these vehicles are attacked, ϑ the same for all."""
     attack = Bias(vehicles=attacked, channel=channel, threat=threat)
-    links = attack.links(weights)
-    trusts = graph.trusted_links(weights, trusted or {})
+    network = graph.of_matrix(weights)
+    links = whole(network, attack.links(network))
+    trusts = whole(network, graph.trusted_links(network, trusted or {}))
     return Network(weights, links, ~(links & attack.replaces()), trusts, np.full(len(weights), theta))
 
 
 def hearing(sources):
     """Graph of who hears whom, with equal weights."""
     edges = [(i, j, 1.0) for i, heard in sources.items() for j in heard]
-    return graph.weighted(len(sources), edges)
+    return graph.dense(graph.weighted(len(sources), edges))
 
 
 TRIO = {1: [2, 3], 2: [1, 3], 3: [1, 2]}
@@ -87,7 +93,7 @@ def gains_by_trial(network):
     worst = np.zeros(m)
     for rows in product(*map(choices, weights, trusted, theta)):
         kept = np.stack(rows)
-        lost = np.array(graph.unreachable(kept), dtype=int) - 1
+        lost = np.array(graph.unreachable(graph.of_matrix(kept)), dtype=int) - 1
         tainted = np.isin(np.arange(m), lost)
         for _ in range(m):
             tainted = tainted | (kept[:, 1:][:, tainted] > 0).any(axis=1)
@@ -139,7 +145,7 @@ def test_the_weights_are_fixed_where_nobody_has_a_choice(network):
     if any(len(each) > 1 for each in rows):
         assert found is None
     else:
-        np.testing.assert_allclose(found, np.stack([only for (only,) in rows]), rtol=1e-14)
+        np.testing.assert_allclose(graph.dense(found), np.stack([only for (only,) in rows]), rtol=1e-14)
 
 
 def test_the_ring_that_trims():
@@ -155,7 +161,7 @@ def test_the_ring_that_trims():
 
 @pytest.mark.parametrize(
     ("weights", "greatest", "mean"),
-    [(Star().weights(12), 1, 1 / 3), (Path().weights(12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
+    [(matrix_of(Star(), 12), 1, 1 / 3), (matrix_of(Path(), 12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
 )
 def test_untrimmed_gains_are_those_of_constant_attacks(weights, greatest, mean):
     """SCIENCE O3, by arithmetic."""
@@ -170,7 +176,7 @@ def test_a_replaced_word_ends_what_its_source_has_gathered():
     On the path everybody behind an attacked vehicle is off by what that one's link carries, 1. On the ring
     with x of the attacked and y of the others x = 0.9 y and y = 0.45 + 0.45 y, for of x nothing is sent on.
     """
-    path = of(Path().weights(12), ATTACKED, theta=0, threat="replaces").gains()
+    path = of(matrix_of(Path(), 12), ATTACKED, theta=0, threat="replaces").gains()
     np.testing.assert_allclose(path, [0.0, 0.0, *[1.0] * 10], rtol=1e-12)
     ring = of(CYCLIC, ATTACKED, theta=0, threat="replaces").gains()
     expected = np.full(12, 0.45 / 0.55)

@@ -14,8 +14,7 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
-from jaxnet.model import graph
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges
 
@@ -61,9 +60,9 @@ class AnyAttack(Kind):
         """ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
 
-    def links(self, weights: Weights) -> Links:
+    def links(self, graph: Digraph) -> Links:
         """Links that carry the attack, of those of a graph; where vehicles are drawn, that may carry it."""
-        return np.zeros(weights.shape, bool)
+        return graph.none
 
     def chosen(self, draw: Any) -> np.ndarray:
         """Which vehicles are attacked in each lane: (m, lanes)."""
@@ -223,19 +222,16 @@ class Attack(AnyAttack):
         """The magnitude given."""
         return self.magnitude
 
-    def links(self, weights: Weights) -> Links:
+    def links(self, graph: Digraph) -> Links:
         """`neighbour`: everything that they transmit, `navigator`: what they hear from 0."""
         channel = self.channel
         if channel == "auto":
-            channel = "neighbour" if graph.hears_vehicles(weights) else "navigator"
-        everyone = range(1, len(weights) + 1)
-        listed = np.array(sorted(self.targets()) if isinstance(self.vehicles, list) else everyone, dtype=int)
-        links = np.zeros(weights.shape, dtype=bool)
+            channel = "neighbour" if hears_vehicles(graph) else "navigator"
+        everyone = np.arange(1, graph.vehicles + 1)
+        listed = np.isin(everyone, self.targets()) if isinstance(self.vehicles, list) else everyone > 0
         if channel == "neighbour":
-            links[:, listed] = True
-        else:
-            links[listed - 1, 0] = True
-        return links & (weights > 0)
+            return graph.heard & np.append(False, listed)[graph.sources]
+        return graph.heard & (graph.sources == 0) & listed[:, None]
 
     def replaces(self) -> bool:
         """As `threat` says."""

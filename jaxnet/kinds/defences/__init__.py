@@ -8,8 +8,8 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
-from jaxnet.model import graph, safety
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model import safety
+from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import AnySubset, any_untrusted
 from jaxnet.model.safety import Safe
 
@@ -49,11 +49,11 @@ class AnyDefence(Kind):
         """Whether it cannot be evaluated at any instant, without memory (`tick: 0`)."""
         return True
 
-    def trusts(self, weights: Weights) -> Links:
+    def trusts(self, graph: Digraph) -> Links:
         """Links of a graph whose source the listener trusts: the navigator, wherever it is heard."""
-        return graph.trusted_links(weights, {})
+        return trusted_links(graph, {})
 
-    def shared(self, weights: Weights, trusted: Links, sources: np.ndarray) -> Any:
+    def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Any:
         """Arrays that all lanes share, made once: any pytree. `sources` (slots, m) tells who is in each."""
         return ()
 
@@ -89,26 +89,26 @@ class AnyDefence(Kind):
         """
         raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
 
-    def retained(self, weights: Weights, trusted: Links) -> AnySubset | None:
+    def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
         """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
         return None
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
         """How many it drops of whom, at most; by default every untrusted source, and never a trusted one."""
-        return self.retained(weights, trusted) or any_untrusted(weights, trusted, weights.shape[1])
+        return self.retained(graph, trusted) or any_untrusted(graph, trusted, len(trusted) + 1)
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """Vehicles that end on the navigator whatever attackers say, by each reason, the strongest first.
 
         By default those upstream of whom nothing is attacked, and those who drop all upstream that is.
         """
-        known, none = self.retained(weights, trusted), np.zeros(len(weights), int)
-        reasons = [Safe("untouched", safety.greatest(self.may_drop(weights, trusted), attacked, none))]
+        known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
+        reasons = [Safe("untouched", safety.greatest(self.may_drop(graph, trusted), attacked, none))]
         if known is not None:
             reasons.append(Safe("by trust", safety.greatest(known.believed(), attacked, none)))
         return reasons
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Lines of `jaxnet check`: what it promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
 
@@ -119,13 +119,12 @@ class ShareOfLinks(Record):
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
 
-    def links(self, weights: Weights) -> Links:
+    def links(self, graph: Digraph) -> Links:
         """With the same seed more of them where the share is greater."""
-        heard, random = weights > 0, np.random.default_rng(self.seed)
-        heard[:, 0] = False
-        lots = random.random(heard.shape)
+        heard, random = graph.heard & (graph.sources > 0), np.random.default_rng(self.seed)
+        lots = np.array([random.random(graph.vehicles + 1)[each] for each in graph.sources])
         number = np.floor(self.share * heard.sum(axis=1) + random.random(len(heard)))
-        return graph.trusted_links(weights, {}) | graph.least(heard, lots, number)
+        return trusted_links(graph, {}) | least(heard, lots, number)
 
 
 class NearestSources(Record):
@@ -133,10 +132,10 @@ class NearestSources(Record):
 
     nearest: int = Field(ge=1, description="sources, of those equally far the lowest numbers")
 
-    def links(self, weights: Weights) -> Links:
+    def links(self, graph: Digraph) -> Links:
         """By the graph alone."""
-        hops = np.append(0.0, graph.hops(weights))
-        return graph.least(weights > 0, np.tile(hops, (len(weights), 1)), self.nearest)
+        far = np.append(0.0, hops(graph))
+        return least(graph.heard, far[graph.sources], self.nearest)
 
 
 def way_trusted(value: Any) -> str | None:
@@ -210,13 +209,13 @@ class Defence(AnyDefence):
 
         return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
 
-    def trusts(self, weights: Weights) -> Links:
+    def trusts(self, graph: Digraph) -> Links:
         """The navigator wherever it is heard and those listed, or as another rule says."""
         if isinstance(self.trusted, Record):
-            return self.trusted.links(weights)
+            return self.trusted.links(graph)
         if self.trusted == "none":
-            return np.zeros(weights.shape, bool)
-        return graph.trusted_links(weights, self.trusted)
+            return graph.none
+        return trusted_links(graph, self.trusted)
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Whoever is named must exist, and a rule that has a memory needs ticks."""
@@ -242,10 +241,10 @@ class Sparing(Defence):
         """Of trusted links, or slots, those whose weight is not touched."""
         return trusted & (not self.drop_trusted)
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
         """Whom it does not spare."""
-        known = self.retained(weights, trusted)
-        return known or any_untrusted(weights, self.spares(trusted), weights.shape[1])
+        known = self.retained(graph, trusted)
+        return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
     def spared(self, around: Neighbourhood) -> Any:
         """Slots (slots, m, lanes) whose weight is not touched."""

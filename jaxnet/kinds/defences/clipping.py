@@ -6,7 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Positive
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, everybody
 
@@ -32,6 +32,6 @@ class Clipping(Sparing):
         share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
         return around.weights * xp.where(self.spared(around), 1.0, share), memory
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
         """Nobody, for no weight is ever 0."""
-        return everybody(weights)
+        return everybody(graph)

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, everybody
 
@@ -48,6 +48,6 @@ class GeometricMedian(Defence):
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
         """Nobody, for no weight is ever 0."""
-        return everybody(weights)
+        return everybody(graph)

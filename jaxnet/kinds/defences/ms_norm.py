@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, any_untrusted
 
@@ -37,10 +37,10 @@ class MSNorm(Sparing):
         beyond = candidate[:, None] & ((other > this) | ((other == this) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
-    def retained(self, weights: Weights, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
         """It drops F sources that it does not spare, or all where it hears fewer."""
-        return any_untrusted(weights, self.spares(trusted), self.F)
+        return any_untrusted(graph, self.spares(trusted), self.F)
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """How many it drops."""
         return {"defence": f"the {self.F} farthest from one's own position are dropped"}

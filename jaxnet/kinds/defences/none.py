@@ -3,7 +3,7 @@
 from typing import Any
 
 from jaxnet.kinds.defences import AnyDefence, Neighbourhood
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, everybody
 
 
@@ -19,10 +19,10 @@ class NoDefence(AnyDefence):
         """Nobody is dropped, ever."""
         return last, memory
 
-    def retained(self, weights: Weights, trusted: Links) -> AnySubset | None:
+    def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
         """Everybody."""
-        return everybody(weights)
+        return everybody(graph)
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """There is none."""
         return {"defence": "none"}

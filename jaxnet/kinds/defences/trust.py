@@ -8,7 +8,7 @@ from pydantic import Field
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.model import safety
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
@@ -76,12 +76,12 @@ class Trust(Sparing):
         there = xp.where(trusts.any(axis=0)[None], word, own)
         return radius / (radius + length(position - there[:, None]))
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """In the end nobody attacked is believed but who is spared, or heard with nobody else."""
-        reasons, heard, spared = super().safe(weights, attacked, trusted), weights > 0, self.spares(trusted)
-        drops, everyone = self.may_drop(weights, trusted), np.ones(len(weights), bool)
+        reasons, heard, spared = super().safe(graph, attacked, trusted), graph.heard, self.spares(trusted)
+        drops, everyone = self.may_drop(graph, trusted), np.ones(graph.vehicles, bool)
         if self.observation == "random" and safety.stay_joined(drops, everyone).all():
             believed = attacked & (spared | (attacked == heard).all(axis=1, keepdims=True))
-            ends = safety.greatest(everybody(weights), believed, np.zeros(len(weights), int))
+            ends = safety.greatest(everybody(graph), believed, np.zeros(graph.vehicles, int))
             reasons.append(Safe("by earned trust", ends))
         return reasons

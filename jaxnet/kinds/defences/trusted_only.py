@@ -3,7 +3,7 @@
 from typing import Any
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset
 
 
@@ -28,11 +28,11 @@ class TrustedOnly(Defence):
         trusts = (around.weights > 0) & around.trusted[:, :, None]
         return trusts | ~trusts.any(axis=0, keepdims=True), memory
 
-    def retained(self, weights: Weights, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
         """All untrusted sources are dropped for good, where there is a trusted one."""
-        links = (weights > 0) & ~trusted & trusted.any(axis=1, keepdims=True)
-        return AnySubset(weights, links, links.sum(axis=1))
+        links = graph.heard & ~trusted & trusted.any(axis=1, keepdims=True)
+        return AnySubset(graph, links, links.sum(axis=1))
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Whom it makes exact."""
         return {"defence": "trusted sources only, everybody where there is none"}

@@ -11,7 +11,7 @@ from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
 from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
 from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
 from jaxnet.model import hearing, safety
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe
@@ -83,12 +83,12 @@ class TrustedTrim(Sparing):
         """What is remembered is remembered from tick to tick."""
         return self.filter is not None or self.score == "announced"
 
-    def shared(self, weights: Weights, trusted: Links, sources: np.ndarray) -> Trimming:
+    def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Trimming:
         """ϑ, and where the trusted sources are heard."""
-        slots = hearing.by_slot(trusted, sources)
+        slots = hearing.by_slot(graph, trusted, sources)
         most = max(1, int(slots.sum(axis=0).max()))
         references = np.argsort(~slots, axis=0, kind="stable")[:most]
-        return Trimming(by_listener(self.theta, len(weights)), references)
+        return Trimming(by_listener(self.theta, graph.vehicles), references)
 
     def start(self, around: Neighbourhood) -> Any:
         """Nothing was scored yet, and nothing is announced but that nothing drives one."""
@@ -145,23 +145,23 @@ class TrustedTrim(Sparing):
             return received[0].__array_namespace__().concatenate(received)
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
-    def retained(self, weights: Weights, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
         """A vehicle that trims drops exactly ϑ_i sources not spared, or all where it hears fewer."""
-        theta = by_listener(self.theta, len(weights))
-        links = (weights > 0) & ~self.spares(trusted) & self.protected(weights, trusted)[:, None]
-        return AnySubset(weights, links, np.minimum(theta, links.sum(axis=1)))
+        theta = by_listener(self.theta, graph.vehicles)
+        links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
+        return AnySubset(graph, links, np.minimum(theta, links.sum(axis=1)))
 
-    def protected(self, weights: Weights, trusted: Links) -> Bool[np.ndarray, " m"]:
+    def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
         """Vehicles that trim anybody on a graph."""
-        theta = by_listener(self.theta, len(weights))
-        return self.trims((weights > 0).sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
+        theta = by_listener(self.theta, graph.vehicles)
+        return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
-    def safe(self, weights: Weights, attacked: Links, trusted: Links) -> list[Safe]:
+    def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """If they announce, unfiltered, those too whose disturbance contracts; other scores prove nothing."""
-        reasons = super().safe(weights, attacked, trusted)
+        reasons = super().safe(graph, attacked, trusted)
         if self.score != "announced" or self.filter is not None:
             return reasons
-        drops = self.retained(weights, trusted).believed()
+        drops = self.retained(graph, trusted).believed()
         for why, closed in (("by majority", True), ("by contraction", False)):
             inside = safety.greatest(drops, attacked, drops.number, closed)
             shrinks = safety.contraction(drops, inside)
@@ -169,9 +169,9 @@ class TrustedTrim(Sparing):
             reasons.append(Safe(why + rate, inside))
         return reasons
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Who trims, and where more than ϑ_i are attacked."""
-        theta, meets = by_listener(self.theta, len(weights)), self.protected(weights, trusted)
+        theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
         outnumbered = meets & ((attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1))
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
         asked = "|N_i| > ϑ" if self.score == "announced" else "|N_i| ≥ 2ϑ + 1 with ϑ trusted"

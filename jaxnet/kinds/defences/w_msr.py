@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, any_untrusted
 
 
@@ -46,10 +46,10 @@ class WMSR(Sparing):
         before = sum(xp.where(beyond(k), 1, 0) for k in range(above.shape[1]))
         return ~((side != 0) & (before < self.F)), memory
 
-    def may_drop(self, weights: Weights, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
         """F on either side."""
-        return any_untrusted(weights, self.spares(trusted), 2 * self.F)
+        return any_untrusted(graph, self.spares(trusted), 2 * self.F)
 
-    def describe(self, weights: Weights, attacked: Links, trusted: Links) -> dict[str, str]:
+    def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """What is known of it."""
         return {"defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"}

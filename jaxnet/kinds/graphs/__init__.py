@@ -1,7 +1,7 @@
 """Who hears whom, with what weight.
 
-A graph of m vehicles is one array (m, m + 1), as in `model.graph`: row i - 1 holds what vehicle i hears,
-column j the weight of source j, the navigator's first.
+A graph of m vehicles is given as an array (m, m + 1), dense or a sparse one of SciPy's: row i - 1 holds what
+vehicle i hears, column j the weight of source j, the navigator's first; or as a `model.graph.Digraph`.
 """
 
 from collections.abc import Iterator
@@ -10,11 +10,13 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Discriminator, Field
+from scipy import sparse
 
 from jaxnet.kinds.fields import MARK, Number, Record, Within, bounds, is_drawn, median, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, hearing
-from jaxnet.model.graph import Links, Neighbours, Weights
+from jaxnet.model.graph import Digraph
+from jaxnet.model.patterns import Neighbours
 
 TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
 
@@ -24,16 +26,21 @@ class Graph(Kind):
 
     linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Any:
         """Weights w_ij, not negative; the rows of listeners are normalised to sum 1.
 
         Where numbers are drawn, the graph with their medians.
         """
         raise NotImplementedError
 
-    def links(self, vehicles: int) -> Links:
-        """Links that some lane may have; the weights of the others are 0 in all lanes."""
-        return self.weights(vehicles) > 0
+    def links(self, vehicles: int) -> Any:
+        """Links that some lane may have, given as weights are; the weights of others are 0 in all lanes."""
+        return self.weights(vehicles)
+
+    def linked(self, vehicles: int) -> Digraph:
+        """The graph of these links, each with weight 1; raises KindError."""
+        given = self.digraph(self.links(vehicles), vehicles)
+        return given._replace(weights=given.heard.astype(float))
 
     def differs(self) -> bool:
         """Whether lanes have graphs or weights of their own."""
@@ -55,16 +62,23 @@ class Graph(Kind):
         """Weights of each lane by slot, normalised."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
-        return draw.same(hearing.by_slot(self.normalised(vehicles), sources))
+        given = self.normalised(vehicles)
+        return draw.same(hearing.by_slot(given, given.weights, sources))
 
-    def normalised(self, vehicles: int) -> Weights:
-        """The weights with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
-        weights = np.asarray(self.weights(vehicles), float)
-        if weights.shape != (vehicles, vehicles + 1) or not (weights >= 0).all():
+    def normalised(self, vehicles: int) -> Digraph:
+        """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
+        return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
+
+    def digraph(self, given: Any, vehicles: int) -> Digraph:
+        """What `weights` and `links` may give, as a graph; raises KindError."""
+        if not isinstance(given, Digraph):
+            given = given if sparse.issparse(given) else np.asarray(given, float)
+            given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
+        if given is None or given.vehicles != vehicles or not (given.weights >= 0).all():
             raise KindError(
                 f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers, none of them negative"
             )
-        return graph.normalised(weights)
+        return given
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """The navigator must reach everybody, otherwise L is singular."""
@@ -150,37 +164,44 @@ class Unweighted(Graph):
             return np.isin(everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)])
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
-    def connected(self, vehicles: int, random: np.random.Generator) -> Links:
+    def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
         """Links by which the navigator reaches everybody, if they are drawn; raises KindError."""
         for _ in range(TRIES):
-            links = np.column_stack([self.informed(vehicles, random), self.heard(vehicles, random)])
+            informed = np.flatnonzero(self.informed(vehicles, random))
+            listeners, heard, _ = graph.entries(self.heard(vehicles, random))
+            sources = np.concatenate([np.zeros_like(informed), heard + 1])
+            links = graph.of_links(vehicles, np.concatenate([informed, listeners]), sources)
             if not (self.is_random() and graph.unreachable(links)):
                 return links
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
-    def parts(self, links: Links) -> Float[np.ndarray, "m m"]:
-        """Weights of neighbours in proportion to each other."""
-        heard = links[:, 1:]
-        return graph.metropolis(heard) if self.weighting == "metropolis" else heard.astype(float)
+    def parts(self, links: Digraph) -> tuple[Float[np.ndarray, "m slots"], Float[np.ndarray, " m"]]:
+        """Weights of neighbours in proportion to each other, and their sums."""
+        if self.weighting == "uniform":
+            parts = (links.heard & (links.sources > 0)).astype(float)
+            return parts, parts.sum(axis=1)
+        parts = graph.metropolis(links)
+        return parts, graph.totals(links.sources - 1, parts, links.vehicles)
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """By the rule; the study's graph, where lanes have their own one like theirs."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         return self.weighted(links, median(self.navigator_weight))
 
-    def weighted(self, links: Links, navigator_weight: Any) -> Weights:
+    def weighted(self, links: Digraph, navigator_weight: Any) -> Digraph:
         """Links with weights by the rule."""
-        parts = self.parts(links)
-        navigator, rest = shared_out(links[:, 0], parts.sum(axis=1), navigator_weight)
-        return np.column_stack([navigator, parts * rest[:, None]])
+        parts, total = self.parts(links)
+        navigator, rest = shared_out(informed_in(links), total, navigator_weight)
+        weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
+        return links._replace(weights=weights)
 
     def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
         """The same with each lane's own weight of the navigator."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
-        parts = self.parts(links)
+        parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
-        navigator, rest = shared_out(links[:, 0], parts.sum(axis=1), numbers)
-        by_slot = hearing.by_slot(np.pad(parts, ((0, 0), (1, 0))), sources)
+        navigator, rest = shared_out(informed_in(links), total, numbers)
+        by_slot = hearing.by_slot(links, parts, sources)
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
@@ -191,6 +212,11 @@ class Unweighted(Graph):
             *self.impossible(scenario.vehicles),
         ]
         yield from found or super().faults(scenario)
+
+
+def informed_in(links: Digraph) -> Bool[np.ndarray, " m"]:
+    """Who hears the navigator."""
+    return (links.heard & (links.sources == 0)).any(axis=1)
 
 
 def shared_out(informed: Any, total: Any, navigator_weight: Any) -> tuple[Any, Any]:
@@ -212,7 +238,7 @@ class Random(Unweighted):
         """Always."""
         return True
 
-    def links(self, vehicles: int) -> Links:
+    def links(self, vehicles: int) -> Any:
         """Where lanes have their own graph, anybody may hear anybody, and the navigator who is drawn."""
         if not self.redraw:
             return super().links(vehicles)
@@ -236,7 +262,7 @@ class Random(Unweighted):
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
         graphs = (self.connected(vehicles, random) for random in draw.generators("topology"))
         weights = (self.weighted(*each) for each in zip(graphs, numbers, strict=True))
-        return np.stack([hearing.by_slot(each, sources) for each in weights])
+        return np.stack([hearing.by_slot(each, each.weights, sources) for each in weights])
 
 
 def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:

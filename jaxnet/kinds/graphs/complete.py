@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxnet.kinds.graphs import Unweighted
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 
 class Complete(Unweighted):

@@ -7,7 +7,7 @@ import numpy as np
 from jaxnet.kinds.graphs import Unweighted
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 
 class Cyclic(Unweighted):

@@ -11,7 +11,7 @@ from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import graph
-from jaxnet.model.graph import Weights
+from jaxnet.model.graph import Digraph
 
 GREATEST = 1e9  # weight of an edge
 Edge = Annotated[
@@ -30,7 +30,7 @@ class Edges(Graph):
         list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
     ]
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """The edges with their weights' medians."""
         return graph.weighted(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
 

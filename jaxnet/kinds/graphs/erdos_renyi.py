@@ -4,7 +4,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.graphs import Random
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 
 class ErdosRenyi(Random):

@@ -6,7 +6,7 @@ from typing import Any
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import graph
-from jaxnet.model.graph import Weights
+from jaxnet.model.graph import Digraph
 
 HEARD = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
 
@@ -16,7 +16,7 @@ class Figure1(Graph):
 
     kind = "figure1"
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """Equal weights."""
         return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in HEARD])
 

@@ -12,7 +12,7 @@ from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.edges import GREATEST, edge_faults, edges_of
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model import graph
-from jaxnet.model.graph import Weights
+from jaxnet.model.graph import Digraph
 
 Edges = Iterator[tuple[Any, Any, Any]]
 AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
@@ -50,7 +50,7 @@ class File(Graph):
         rows = (edge.split(",") for edge in self.content[self.path].split())
         return [(int(i), int(j), float(weight)) for i, j, weight in rows]
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """The edges' weights."""
         return graph.weighted(vehicles, self.edges())
 

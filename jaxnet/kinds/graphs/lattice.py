@@ -9,7 +9,7 @@ from pydantic import Field
 from jaxnet.kinds.graphs import Unweighted, too_many
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 Nearest = Annotated[
     int, Field(ge=2, multiple_of=2, description="vehicles that each one hears, half on each side")

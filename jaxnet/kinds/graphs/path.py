@@ -3,7 +3,8 @@
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.model.graph import Weights
+from jaxnet.model import graph
+from jaxnet.model.graph import Digraph
 
 
 class Path(Graph):
@@ -11,6 +12,6 @@ class Path(Graph):
 
     kind = "path"
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """One source each."""
-        return np.eye(vehicles, vehicles + 1)
+        return graph.of_links(vehicles, np.arange(vehicles), np.arange(vehicles))

@@ -8,7 +8,7 @@ from pydantic import Field
 from jaxnet.kinds.graphs import Random, too_many
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 
 class RandomRegular(Random):

@@ -9,7 +9,7 @@ from jaxnet.kinds.graphs import Random, too_many
 from jaxnet.kinds.graphs.lattice import Nearest
 from jaxnet.kinds.kind import Fault
 from jaxnet.model import patterns
-from jaxnet.model.graph import Neighbours
+from jaxnet.model.patterns import Neighbours
 
 
 class SmallWorld(Random):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.model.graph import Weights
+from jaxnet.model import graph
+from jaxnet.model.graph import Digraph
 
 
 class Star(Graph):
@@ -11,6 +12,6 @@ class Star(Graph):
 
     kind = "star"
 
-    def weights(self, vehicles: int) -> Weights:
+    def weights(self, vehicles: int) -> Digraph:
         """`a0 = 1`, no link between vehicles."""
-        return np.eye(1, vehicles + 1).repeat(vehicles, axis=0)
+        return graph.of_links(vehicles, np.arange(vehicles), np.zeros(vehicles))

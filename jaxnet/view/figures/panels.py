@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import NO_BREAK, called
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
@@ -181,11 +182,10 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
     return (np.flatnonzero(np.nan_to_num(lane["attack"].values).any(axis=(0, 2))) + 1).tolist()
 
 
-def falsified_links(cell: Cell, weights: np.ndarray, attacked: Sequence[int]) -> np.ndarray:
-    """Links of a graph (m, m + 1) on which these vehicles are attacked: their own, or what they hear of 0."""
-    m = len(weights)
-    sources, listeners = np.arange(m + 1)[None], np.arange(1, m + 1)[:, None]
-    return cell.scenario.attack.links(weights) & np.isin(np.where(sources, sources, listeners), attacked)
+def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Links:
+    """Links of a graph on which these vehicles are attacked: their own, or what they hear of 0."""
+    sources, listeners = graph.sources, np.arange(1, graph.vehicles + 1)[:, None]
+    return cell.scenario.attack.links(graph) & np.isin(np.where(sources, sources, listeners), attacked)
 
 
 def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:

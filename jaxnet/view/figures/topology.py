@@ -10,6 +10,7 @@ from matplotlib.patches import FancyArrowPatch
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
+from jaxnet.model.graph import Digraph
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles, name
 from jaxnet.view.figures.style import Figure
@@ -38,18 +39,18 @@ def figure(cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
     Weights that are drawn lane by lane are those of the graph of their medians.
     """
     there = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
-    across = side_by_side([network.weights for _, network in there], width)
+    across = side_by_side([network.graph for _, network in there], width)
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
     shown = there[: columns * max(1, int((style.TALLEST - KEY_HEIGHT) / size))]
-    weights = [network.weights for _, network in shown]
+    graphs = [network.graph for _, network in shown]
     rows = -(-len(shown) // columns)
     drawn = Figure(figsize=(width, size * rows + KEY_HEIGHT))
     for number, (cell, network) in enumerate(shown):
         draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
     handles, ncols = legend(shown), multiples.legend_columns(width, 5)
     drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.4)
-    words = left_out(weights, 72 * size)
+    words = left_out(graphs, 72 * size)
     if words:
         multiples.note(drawn, f"There is no room for {' and '.join(words)}")
     multiples.note_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
@@ -66,30 +67,30 @@ def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
     return list(graphs.values())
 
 
-def side_by_side(graphs: Sequence[np.ndarray], width: float) -> int:
+def side_by_side(graphs: Sequence[Digraph], width: float) -> int:
     """How many graphs stand in a row: as many as leave APART between the nodes of each."""
-    wanted = max(APART / spacing(weights, 1.0) for weights in graphs)
+    wanted = max(APART / spacing(graph, 1.0) for graph in graphs)
     return max(1, min(MOST_IN_ROW, int(72 * width / wanted)))
 
 
-def spacing(weights: np.ndarray, size: float) -> float:
+def spacing(graph: Digraph, size: float) -> float:
     """From the last node to the nearest in a panel of this size [pt]."""
-    places = positions(weights)
+    places = positions(graph)
     extent = np.ptp(places, axis=0).max() + 2 * EDGE
     return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
 
 
-def diameter(weights: np.ndarray, size: float) -> float:
+def diameter(graph: Digraph, size: float) -> float:
     """Of a node in a panel of this size [pt]."""
-    return min(NODE, 0.8 * spacing(weights, size))
+    return min(NODE, 0.8 * spacing(graph, size))
 
 
-def left_out(graphs: Sequence[np.ndarray], size: float) -> list[str]:
+def left_out(graphs: Sequence[Digraph], size: float) -> list[str]:
     """What panels of this size [pt] have no room for."""
     words = []
-    if any(diameter(weights, size) < LEGIBLE for weights in graphs):
+    if any(diameter(graph, size) < LEGIBLE for graph in graphs):
         words.append("the numbers of vehicles that are not attacked")
-    if any((weights > 0).any() and not labelled_links(weights) for weights in graphs):
+    if any(graph.heard.any() and not labelled_links(graph) for graph in graphs):
         words.append("the weights of all links")
     return words
 
@@ -102,43 +103,42 @@ def attacked_links(cell: Cell) -> int:
 def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
     """What the legend calls the link of each vehicle, from 0, with each source that it hears."""
     attacked, decides = attacked_vehicles(cell), cell.scenario.defence.decides
+    links = network.graph.edges()
+    either = zip(network.attacked[links].tolist(), network.trusted[links].tolist(), strict=True)
     return {
-        (int(i), int(j)): "attacked link"
-        if attacked and network.attacked[i, j]
-        else "trusted link"
-        if decides and network.trusted[i, j]
-        else "other link"
-        for i, j in np.argwhere(network.weights > 0)
+        ends: "attacked link" if attacked and lies else "trusted link" if decides and trusts else "other link"
+        for ends, (lies, trusts) in zip(network.graph.pairs(), either, strict=True)
     }
 
 
 def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
     """Arrows run as the signals do, from the source to the vehicle that hears it, on size [pt]."""
-    places = positions(network.weights)
+    places = positions(network.graph)
     attacked = attacked_vehicles(cell)
-    across = diameter(network.weights, size)
-    for (i, j), called in link_names(cell, network).items():
-        mutual = j > 0 and network.weights[j - 1, i + 1] > 0
+    across = diameter(network.graph, size)
+    names = link_names(cell, network)
+    for (i, j), called in names.items():
+        mutual = (j - 1, i + 1) in names
         bend = 0.16 if mutual else 0.0
         draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINKS[called])
-    if len(network.weights) <= CROWD or not weight_classes(network.weights):
-        label_weights(panel, network.weights, places)
+    if network.graph.vehicles <= CROWD or not weight_classes(network.graph):
+        label_weights(panel, network.graph, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
-    panel.set_title(heading(cell, network.weights), pad=2)
+    panel.set_title(heading(cell, network.graph), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")
     panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
     panel.set_ylim(places[:, 1].min() - EDGE, places[:, 1].max() + EDGE)
 
 
-def positions(weights: np.ndarray) -> np.ndarray:
+def positions(graph: Digraph) -> np.ndarray:
     """Where the sources stand: around the navigator, or in a snake if few vehicles hear it.
 
     A crowd stands on two circles by turns, which leaves room for the links between neighbours.
     """
-    m = len(weights)
-    if (weights[:, 0] > 0).sum() * 3 >= m:
+    m = graph.vehicles
+    if (graph.heard & (graph.sources == 0)).sum() * 3 >= m:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         if m > CROWD:
@@ -168,28 +168,27 @@ def draw_link(
     panel.add_patch(arrow)
 
 
-def weight_classes(weights: np.ndarray) -> dict[tuple[bool, float], tuple[int, int]]:
+def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
     """Weights of navigator and vehicles where there are few of them, with one link of each; else nothing."""
     classes: dict[tuple[bool, float], tuple[int, int]] = {}
-    links = np.argwhere(weights > 0)
-    for i, j in links:
-        classes.setdefault((bool(j == 0), round(float(weights[i, j]), 6)), (int(i), int(j)))
-    return classes if len(links) > 8 and len(classes) <= 3 else {}
+    weights = graph.pairs()
+    for (i, j), weight in weights.items():
+        classes.setdefault((j == 0, round(weight, 6)), (i, j))
+    return classes if len(weights) > 8 and len(classes) <= 3 else {}
 
 
-def labelled_links(weights: np.ndarray) -> list[tuple[int, int]]:
+def labelled_links(graph: Digraph) -> list[tuple[int, int]]:
     """All links, or where few values recur, one of each from navigator and vehicles; none of too many."""
-    links = [(int(i), int(j)) for i, j in np.argwhere(weights > 0)]
-    return list(weight_classes(weights).values()) or (links if len(links) <= MOST_WEIGHTS else [])
+    links = list(graph.pairs())
+    return list(weight_classes(graph).values()) or (links if len(links) <= MOST_WEIGHTS else [])
 
 
-def heading(cell: Cell, weights: np.ndarray) -> str:
+def heading(cell: Cell, graph: Digraph) -> str:
     """A graph's name; in a crowd, where no label is clear of the nodes, with the weights that recur."""
     words = [
-        f"{weight:.3g} from {'0' if navigator else 'vehicles'}"
-        for navigator, weight in weight_classes(weights)
+        f"{weight:.3g} from {'0' if navigator else 'vehicles'}" for navigator, weight in weight_classes(graph)
     ]
-    crowded = len(weights) > CROWD and words
+    crowded = graph.vehicles > CROWD and words
     return f"{caption(cell)}\nweights: {', '.join(words)}" if crowded else caption(cell)
 
 
@@ -200,13 +199,14 @@ def caption(cell: Cell) -> str:
     return name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
 
 
-def label_weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
+def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
     """Write the weights beside their links."""
-    for i, j in labelled_links(weights):
+    weights = graph.pairs()
+    for i, j in labelled_links(graph):
         middle = 0.5 * (places[i + 1] + places[j])
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
-        mutual = j > 0 and weights[j - 1, i + 1] > 0  # bent arrows need more room
+        mutual = (j - 1, i + 1) in weights  # bent arrows need more room
         x, y = middle + (0.22 if mutual else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)

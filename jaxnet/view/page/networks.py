@@ -96,12 +96,13 @@ def node(called: str, place: np.ndarray, radius: float) -> str:
 
 def network(cell: Cell, situation: Situation) -> str:
     """One network; arrows run from the source to the vehicle that hears it."""
-    places = 100 * positions(situation.weights) * [1, -1]
+    places = 100 * positions(situation.graph) * [1, -1]
     gaps = np.hypot(*(places[:, None] - places[None]).T) + np.diag(np.full(len(places), np.inf))
     radius = min(NODE, 0.4 * float(gaps.min()))
     drawn = []
-    for (i, j), called in link_names(cell, situation).items():
-        mutual = j > 0 and situation.weights[j - 1, i + 1] > 0
+    names = link_names(cell, situation)
+    for (i, j), called in names.items():
+        mutual = (j - 1, i + 1) in names
         drawn.append(arrow(places[j], places[i + 1], radius, BEND * mutual, called))
     attacked = attacked_vehicles(cell)
     for source, place in enumerate(places):

@@ -5,11 +5,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import title
 from jaxnet.config.scenario import situation_of
+from jaxnet.model import hearing
+from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import Watched, watched
 from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
@@ -59,7 +61,7 @@ def about(results: Results, of: Results, one: Watched) -> dict[str, Any]:
 
 def frame_bytes(cell: Cell) -> float:
     """What one instant of a lane takes on the page: four numbers a vehicle, two an attacked, a bit a link."""
-    links = np.count_nonzero(situation_of(cell.scenario).weights)
+    links = np.count_nonzero(situation_of(cell.scenario).graph.weights)
     return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * cell.scenario.attack.number()) + links / 8)
 
 
@@ -68,10 +70,10 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
     cell, data = results.study.cells[one.cell], one.arrays()
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
-    attacked, links = attacked_vehicles(cell, data), links_of(results, one, cell)
-    false = falsified_links(cell, links.astype(float), attacked)
+    attacked, graph = attacked_vehicles(cell, data), graph_of(results, one, cell)
+    listeners, slots = graph.edges()
+    sources, false = graph.sources[listeners, slots], falsified_links(cell, graph, attacked)[listeners, slots]
     places, navigator = data["states"].values[..., :2], data["navigator"].values
-    heard = np.argwhere(links)
     given = {
         "cells": [one.cell],
         "sample": one.sample,
@@ -80,9 +82,11 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "outputs": len(outputs),
         "vehicles": places.shape[1],
         "attacked": attacked,
-        "heard_from_navigator": bool(false[:, 0].any()),
+        "heard_from_navigator": bool(false[sources == 0].any()),
         "replaced": cell.scenario.attack.replaces(),
-        "links": [[int(i) + 1, int(j), bool(false[i, j])] for i, j in heard],
+        "links": [
+            [int(i) + 1, int(j), bool(lies)] for i, j, lies in zip(listeners, sources, false, strict=True)
+        ],
         "time": packed(data["time"].values),
         "x": packed(places[..., 0]),
         "y": packed(places[..., 1]),
@@ -93,22 +97,18 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "attack": packed(data["attack"].values[:, np.array(attacked, int) - 1]),
     }
     if cell.scenario.defence.decides:
-        given["kept"] = packed(np.packbits(data["kept"].values[:, heard[:, 0], heard[:, 1]] > 0), "u1")
+        given["kept"] = packed(np.packbits(data["kept"].values[:, listeners, sources] > 0), "u1")
     return given
 
 
-def links_of(results: Results, one: Watched, cell: Cell) -> Bool[np.ndarray, "m n"]:
+def graph_of(results: Results, one: Watched, cell: Cell) -> Digraph:
     """Who hears whom in a lane, whose graph may be its own."""
     if not cell.scenario.topology.differs():
-        return situation_of(cell.scenario).weights > 0
+        return situation_of(cell.scenario).graph
     from jaxnet.lanes.jobs import job, source_of
 
     made = job(cell.scenario, source_of(results.study.config, cell.scenario), [one.sample])
-    sources = np.asarray(made.network.hearing.sources)
-    links = np.zeros((sources.shape[1], sources.shape[1] + 1), bool)
-    slots, listeners = np.nonzero(np.asarray(made.inputs.lane.weights[0]))
-    links[listeners, sources[slots, listeners]] = True
-    return links
+    return hearing.graph_of(np.asarray(made.network.hearing.sources), np.asarray(made.inputs.lane.weights[0]))
 
 
 def label(results: Results, one: Watched, cell: Cell) -> str:

@@ -15,7 +15,7 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import numbered
 from jaxnet.model import safety
-from jaxnet.model.graph import Links, Weights
+from jaxnet.model.graph import Digraph, Links, dense
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
@@ -125,12 +125,13 @@ def network_key(cell: Cell) -> Any:
     Where a jerk is held, one law, gain and tick as well.
     """
     scenario = cell.scenario
-    weights, attacked, trusted, _ = situation_of(scenario)
-    attack = scenario.attack
+    graph, attacked, trusted, _ = situation_of(scenario)
+    attack, links = scenario.attack, graph.edges()
+    network = links[0], *(each[links] for each in (*graph, attacked, trusted))
     words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), attack.kind
     threat = attack.replaces(), attack.falsified(), attack.identities()
     held = (scenario.law.model_dump_json(), scenario.tick, repr(scenario.gain)) if scenario.law.holds else ()
-    return weights.tobytes(), attacked.tobytes(), trusted.tobytes(), words, threat, scenario.horizon, held
+    return scenario.vehicles, *(each.tobytes() for each in network), words, threat, scenario.horizon, held
 
 
 def title(cells: Sequence[Cell], most: int) -> str:
@@ -153,19 +154,19 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     """
     scenario = cells[0].scenario
     known = situation_of(scenario)
-    weights, attacked, trusted, _ = known
-    closely = closely and len(weights) <= robustness.MOST_NODES
-    facts = certificate.certify(weights, attacked)
+    graph, attacked, trusted, _ = known
+    closely = closely and graph.vehicles <= robustness.MOST_NODES
+    facts = certificate.certify(graph, attacked)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
         **({} if facts.inverse_norm is None else {"‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}"}),
-        "robustness": robustness_line(weights > 0, trusted, closely),
+        "robustness": robustness_line(graph, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
         "Assumption 1": honest_line(facts),
-        **scenario.defence.describe(weights, attacked, trusted),
-        **cut_off_line(scenario.defence.may_drop(weights, trusted)),
+        **scenario.defence.describe(graph, attacked, trusted),
+        **cut_off_line(scenario.defence.may_drop(graph, trusted)),
         **(held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)),
         **drawn_lines(cells),
     }
@@ -173,8 +174,8 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
     """Who is safe, and what breaks it."""
-    lines = {"safe": safe_line(safe_in(scenario, known.weights, known.attacked))}
-    return lines | (margin_lines(scenario, known.weights) if closely and scenario.attack.present else {})
+    lines = {"safe": safe_line(safe_in(scenario, known.graph, known.attacked))}
+    return lines | (margin_lines(scenario, known.graph) if closely and scenario.attack.present else {})
 
 
 def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
@@ -188,7 +189,8 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if scenario.vehicles > certificate.MOST_INVERTED:
         return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
     fixed = None if kept is None else kept.fixed
-    weights = (known.weights if fixed is None else fixed) * ~(known.attacked & scenario.attack.replaces())
+    honest = ~(known.attacked & scenario.attack.replaces())
+    weights = dense((known.graph if fixed is None else fixed).only(honest))
     left = law.left(rounds.eigenvalues(weights))
     if left is None:
         return f"{law.kind}: nothing is known of its stability"
@@ -255,27 +257,27 @@ def honest_line(facts: certificate.Certificate) -> str:
     return line
 
 
-def robustness_line(heard: Links, trusted: Links, closely: bool) -> str:
+def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
     """What rules of the literature ask for, as far as it tells anything where there is one navigator."""
     line = "exactly 1-robust with the navigator, as every graph that it reaches; W-MSR with F = 1 asks for 3"
     if closely:
-        found = robustness.robustness(heard[:, 1:])
+        found = robustness.robustness(dense(graph)[:, 1:] > 0)
         line += f"; the vehicles alone {len(found)}-robust"
         if found:
             most = max(r for r, s in enumerate(found, 1) if s >= r)
             line += f" and ({most}, {found[most - 1]})-robust"
-    leaders = np.asarray(trusted.any(axis=0))
+    leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
-        reached = numbered(robustness.followers(heard, trusted, leaders) & ~leaders[1:])
-        line += f"; led by {names}, whom somebody trusts, strongly {robustness.led(heard, leaders)}-robust,"
+        reached = numbered(robustness.followers(graph, trusted, leaders) & ~leaders[1:])
+        line += f"; led by {names}, whom somebody trusts, strongly {robustness.led(graph, leaders)}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
     return line
 
 
 def cut_off_line(drops: AnySubset) -> dict[str, str]:
     """Who may lose the navigator by whom vehicles drop, if anybody."""
-    lost = numbered(~safety.stay_joined(drops, np.ones(len(drops.weights), bool)))
+    lost = numbered(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
 
 
@@ -293,15 +295,15 @@ def vehicles_named(vehicles: Vehicles) -> str:
     return "every vehicle" if vehicles.all() else ranges(numbered(vehicles))
 
 
-def margin_lines(scenario: Scenario, weights: Weights) -> dict[str, str]:
+def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
     """By which attacked vehicles it is not known who is safe, and how many more it takes of the others."""
 
     def safe(attacked: list[int]) -> Vehicles:
-        reasons = safe_in(scenario, weights, scenario.attack.on(attacked).links(weights))
+        reasons = safe_in(scenario, graph, scenario.attack.on(attacked).links(graph))
         return np.any([each.vehicles for each in reasons], axis=0)
 
-    everyone = range(1, len(weights) + 1)
-    found, by = certificate.margin(safe, scenario.attack.targets() or everyone, len(weights)), {}
+    everyone = range(1, graph.vehicles + 1)
+    found, by = certificate.margin(safe, scenario.attack.targets() or everyone, graph.vehicles), {}
     for i, sets in zip(everyone, found.sets, strict=True):
         if any(sets):
             by.setdefault(" or ".join(map(set_named, sets)), []).append(i)

@@ -19,7 +19,7 @@ def test_attacked_links_of_each_channel(heard, attackers):
     vehicles_talk = any(j > 0 for _, j in links(heard))
 
     def attacked(channel):
-        return marked(Bias(vehicles=sorted(attackers), channel=channel).links(weights))
+        return marked(weights, Bias(vehicles=sorted(attackers), channel=channel).links(weights))
 
     assert attacked("neighbour") == transmitted
     assert attacked("navigator") == received
@@ -35,4 +35,5 @@ def test_attacked_links_of_each_channel(heard, attackers):
     ],
 )
 def test_attacked_links_of_the_papers_scenarios(graph, expected):
-    assert marked(Bias().links(graph.weights(12))) == expected
+    weights = graph.weights(12)
+    assert marked(weights, Bias().links(weights)) == expected

@@ -5,12 +5,12 @@ import pytest
 
 import jaxnet
 from jaxnet.config.document import ConfigError
-from jaxnet.model import hearing
 from jaxnet.statistics import limits
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
 from tests.kinds.attacks.test_threat import rows_of
+from tests.matrices import slots_of
 
 ATTACKED = [2, 5, 8, 11]
 
@@ -26,7 +26,7 @@ def test_each_listener_is_told_its_own(engine, accuracy):
     for number in range(2):
         lane, navigator = systems.lane(one, number), navigator_at(one, number)
         links = [(i, j) for i, j in np.argwhere(lane.weights > 0) if j in ATTACKED]
-        slots = hearing.slots(lane.weights > 0)
+        slots = slots_of(lane.weights)
         told = {
             (i, j): lane.vectors[:, i * len(slots) + int(np.flatnonzero(slots[:, i] == j)[0])]
             for i, j in links

@@ -42,7 +42,7 @@ def test_a_guarantee_holds_and_where_none_is_told_the_rule_is_broken(defence, ho
     attack = {"kind": "spoof", "vehicles": [2], "orders": [1, 2, 3], "magnitude": 10.0}
     study = systems.study(**GRAPH, attack=attack, defence=defence, engine="exact", horizon=60.0, tail=1.0)
     known = situation_of(study.cells[0].scenario)
-    reasons = safe_in(study.cells[0].scenario, known.weights, known.attacked)
+    reasons = safe_in(study.cells[0].scenario, known.graph, known.attacked)
     safe = np.any([each.vehicles for each in reasons], axis=0)
     assert safe.tolist() == [holds] * 6
     outcome = systems.simulate(systems.lanes(study, 4, ()))

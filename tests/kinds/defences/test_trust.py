@@ -14,20 +14,23 @@ from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
+from jaxnet.model.graph import dense
 from tests import systems
+from tests.matrices import matrix_of, whole
 
 RING = Cyclic().weights(12)
 
 
 def trusts(weights, **keys):
     """Links that are trusted."""
-    return TrustedOnly(trusted=keys).trusts(weights)
+    return whole(weights, TrustedOnly(trusted=keys).trusts(weights))
 
 
 def test_nobody_is_trusted_where_none_is_said():
     """Not even the navigator, which is by default."""
     assert not TrustedOnly(trusted="none").trusts(RING).any()
-    np.testing.assert_array_equal(TrustedOnly().trusts(RING), np.eye(1, 13, dtype=bool).repeat(12, axis=0))
+    alone = np.eye(1, 13, dtype=bool).repeat(12, axis=0)
+    np.testing.assert_array_equal(whole(RING, TrustedOnly().trusts(RING)), alone)
 
 
 @given(st.integers(0, 2**32), st.floats(0, 1))
@@ -35,7 +38,7 @@ def test_a_share_is_that_of_each_listener_rounded(seed, share):
     """Up or down; of links alone, the navigator besides; the same by the same seed, and more of the same."""
     weights = ErdosRenyi(seed=seed, navigator={"share": 0.5}).weights(9)
     found = trusts(weights, share=share, seed=seed)
-    heard = weights > 0
+    heard = dense(weights) > 0
     assert not (found & ~heard).any()
     np.testing.assert_array_equal(found[:, 0], heard[:, 0])
     exact = share * heard[:, 1:].sum(axis=1)
@@ -49,8 +52,8 @@ def test_a_share_is_that_of_all_links_on_average():
     found = np.mean([trusts(RING, share=0.2, seed=seed)[:, 1:] for seed in range(2000)], axis=0)
     assert found.sum() == pytest.approx(0.2 * 24, rel=0.03)
     deviation = np.sqrt(0.2 * 0.8 / 2000)
-    assert np.abs(found[RING[:, 1:] > 0] - 0.2).max() < 4 * deviation
-    np.testing.assert_array_equal(trusts(RING, share=1.0), RING > 0)
+    assert np.abs(found[dense(RING)[:, 1:] > 0] - 0.2).max() < 4 * deviation
+    np.testing.assert_array_equal(trusts(RING, share=1.0), dense(RING) > 0)
 
 
 def test_the_nearest_are_by_links_from_the_navigator():
@@ -60,8 +63,8 @@ def test_the_nearest_are_by_links_from_the_navigator():
     assert found == [{0, 2}, {1, 3}, {2, 6}, {1, 5}, {2, 4}, {3, 5}, {4, 8}, {5, 7}, {6, 8}]
     first = [set(np.flatnonzero(row)) for row in trusts(weights, nearest=1)]
     assert first == [{0}, {1}, {2}, {1}, {2}, {3}, {4}, {5}, {6}]
-    np.testing.assert_array_equal(trusts(weights, nearest=9), weights > 0)
-    np.testing.assert_array_equal(trusts(RING, nearest=1), TrustedOnly().trusts(RING))
+    np.testing.assert_array_equal(trusts(weights, nearest=9), dense(weights) > 0)
+    np.testing.assert_array_equal(trusts(RING, nearest=1), whole(RING, TrustedOnly().trusts(RING)))
 
 
 def test_a_chain_of_nearest_sources_is_safe_from_all_others():
@@ -70,7 +73,7 @@ def test_a_chain_of_nearest_sources_is_safe_from_all_others():
     keys = {"vehicles": 6, "topology": {"kind": "edges", "edges": edges}, "attack": {"vehicles": [6]}}
     study = systems.study(defence={"kind": "trusted_only", "trusted": {"nearest": 1}}, **keys)
     known = situation_of(study.cells[0].scenario)
-    np.testing.assert_array_equal(known.trusted, Path().weights(6) > 0)
+    np.testing.assert_array_equal(whole(known.graph, known.trusted), matrix_of(Path(), 6) > 0)
     assert any(each.vehicles.all() for each in safe(study))
     study = systems.study(defence={"kind": "trusted_only", "trusted": "none"}, **keys)
     assert not any(each.vehicles.any() for each in safe(study))
@@ -80,7 +83,7 @@ def safe(study):
     """By which reasons who is safe."""
     scenario = study.cells[0].scenario
     known = situation_of(scenario)
-    return safe_in(scenario, known.weights, known.attacked)
+    return safe_in(scenario, known.graph, known.attacked)
 
 
 def test_a_lane_trusts_of_its_own_graph_what_all_lanes_trust():

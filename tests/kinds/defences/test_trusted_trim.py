@@ -18,10 +18,11 @@ from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph, retained
 from tests import reference
+from tests.matrices import matrix_of, slotwise, whole
 from tests.model.test_graph import digraphs, weights_of
 
 FLEET, TOLERANCE = 5, 1e-9
-RING = Cyclic(navigator_weight=0.1).weights(FLEET)
+RING = matrix_of(Cyclic(navigator_weight=0.1), FLEET)
 SOURCES = np.tile(np.arange(FLEET + 1)[:, None], FLEET)  # a slot for each source, in their order
 
 seeds = st.integers(0, 2**32 - 1)
@@ -41,7 +42,8 @@ class Situation:
     def decided(self):
         """Weights in force and links dropped, by the package."""
         rule = TrustedTrim(theta=dict(enumerate(self.theta.tolist(), start=1)))
-        shared = rule.shared(self.weights, self.trusted, SOURCES)
+        network = graph.of_matrix(self.weights)
+        shared = rule.shared(network, slotwise(network, self.trusted), SOURCES)
         arrays = self.weights.T, self.received.T, self.trusted.T, self.memory.T
         kept, dropped = decide(*map(jnp.asarray, arrays), jax.tree.map(jnp.asarray, shared))
         return np.asarray(kept).T, np.asarray(dropped).T
@@ -111,7 +113,7 @@ def vehicle_one(positions, heard_by_it, trusted, theta, dropped_before=()):
     marks, memory = np.zeros((2, FLEET, FLEET + 1), dtype=bool)
     marks[0, trusted] = True
     memory[0, list(dropped_before)] = True
-    weights = graph.weighted(FLEET, edges)
+    weights = graph.dense(graph.weighted(FLEET, edges))
     _, dropped = Situation(weights, received, marks, [theta] + [0] * 4, memory).decided()
     assert not dropped[1:].any()
     return set(np.flatnonzero(dropped[0]).tolist())
@@ -147,7 +149,7 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
     the source that was dropped last behind itself, and it is back at every other tick.
     """
     edges = [(1, j, 1.0) for j in (0, 2, 3, 4, 5)] + [(i, 0, 1.0) for i in range(2, FLEET + 1)]
-    weights, trusted = graph.weighted(FLEET, edges), np.zeros((FLEET, FLEET + 1), dtype=bool)
+    weights, trusted = graph.dense(graph.weighted(FLEET, edges)), np.zeros((FLEET, FLEET + 1), dtype=bool)
     trusted[0, [0, 2, 3]] = True
     received = np.random.default_rng(0).normal(0.0, 100.0, (100, FLEET, FLEET + 1, 2))
     for scene in received:
@@ -159,7 +161,7 @@ def test_a_standing_scene_is_decided_the_same_at_every_tick():
         np.testing.assert_array_equal(second, first)
 
 
-@pytest.mark.parametrize("weights", [Star().weights(5), Path().weights(5), Figure1().weights(5)])
+@pytest.mark.parametrize("weights", [matrix_of(each, 5) for each in (Star(), Path(), Figure1())])
 @given(seeds)
 def test_the_unprotected_keep_everybody(weights, seed):
     """Whatever they hear, trust and remember: no vehicle of these has three sources."""
@@ -251,13 +253,14 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
     weights = weights_of(heard)
     trusts = rule.trusts(weights)
     marks, found = rule.protected(weights, trusts), rule.retained(weights, trusts)
-    np.testing.assert_array_equal(found.weights, weights)
+    assert found.graph is weights
+    trusts, links = whole(weights, trusts), whole(weights, found.links)
     for i, (sources, drops) in enumerate(zip(heard, theta, strict=True), start=1):
         believed = sources & ({0} | set(trusted.get(i, ())))
         assert marks[i - 1] == (len(sources) > 2 * drops and len(believed) >= drops > 0)
         assert set(np.flatnonzero(trusts[i - 1])) == believed
         others = sources - believed if marks[i - 1] else set()
-        assert set(np.flatnonzero(found.links[i - 1])) == others
+        assert set(np.flatnonzero(links[i - 1])) == others
         assert found.number[i - 1] == min(drops, len(others))
 
 
@@ -272,7 +275,7 @@ def test_protected_vehicles_hear_and_trust_enough(heard, trusted, theta):
 )
 def test_of_the_papers_graphs_only_the_ring_can_trim(weights, everybody):
     marks = TrustedTrim().protected(weights, TrustedTrim().trusts(weights))
-    assert marks.tolist() == [everybody] * len(weights)
+    assert marks.tolist() == [everybody] * weights.vehicles
 
 
 CONDITION = "ϑ = 1, |N_i| ≥ 2ϑ + 1 with ϑ trusted: "

@@ -11,6 +11,7 @@ import jaxnet
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.store.folder import digest
+from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
 STUDY = (
@@ -28,7 +29,7 @@ def written(path, text=None, topology="{kind: file, path: mine.csv}"):
 
 def weights_of(study):
     """The graph of a study of one cell."""
-    return study.cells[0].scenario.topology.weights(study.config.vehicles)
+    return matrix_of(study.cells[0].scenario.topology, study.config.vehicles)
 
 
 def network_of(weights):
@@ -48,12 +49,12 @@ def test_a_csv_is_the_edges_that_it_lists(tmp_path):
 
 def test_a_graph_written_as_graphml_is_read_back(tmp_path):
     """Bit for bit with its weights; one without direction both ways, without weights with equal ones."""
-    given = ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis").weights(3)
+    given = matrix_of(ErdosRenyi(probability=0.5, navigator={"share": 0.5}, weighting="metropolis"), 3)
     nx.write_graphml(network_of(given), tmp_path / "mine.graphml")
     file = written(tmp_path, topology="{kind: file, path: mine.graphml}")
     np.testing.assert_allclose(weights_of(jaxnet.load(file)), given, rtol=1e-15)
     nx.write_graphml(nx.path_graph(4), tmp_path / "mine.graphml")
-    row = Grid(rows=1, columns=3, navigator=[1], navigator_weight=0.5).weights(3)
+    row = matrix_of(Grid(rows=1, columns=3, navigator=[1], navigator_weight=0.5), 3)
     np.testing.assert_array_equal(weights_of(jaxnet.load(file)), row)
 
 

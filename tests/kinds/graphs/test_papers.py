@@ -7,6 +7,8 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.figure1 import Figure1
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
+from jaxnet.model.graph import dense
+from tests.matrices import matrix_of
 
 FLEET = range(1, 13)
 RING = {i: {0: 0.1, (i - 1) or 12: 0.45, i + 1 if i < 12 else 1: 0.45} for i in FLEET}
@@ -28,5 +30,5 @@ def test_the_papers_graphs_have_the_papers_weights(graph, rows):
     for listener, row in rows.items():
         for source, weight in row.items():
             expected[listener - 1, source] = weight
-    np.testing.assert_array_equal(graph.weights(len(rows)), expected)
-    np.testing.assert_allclose(graph.normalised(len(rows)), expected, rtol=1e-15)
+    np.testing.assert_array_equal(matrix_of(graph, len(rows)), expected)
+    np.testing.assert_allclose(dense(graph.normalised(len(rows))), expected, rtol=1e-15)

@@ -15,6 +15,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph as graphs
 from tests import systems
+from tests.matrices import links_of, matrix_of
 
 KEYS = {"vehicles": 8, "attack": {"vehicles": [2, 5]}, "engine": "exact"}
 KINDS = {
@@ -29,7 +30,7 @@ REGULAR = [[1, 2], [1, 3], [1, 5], [2, 4], [2, 6], [3, 5], [3, 6], [4, 5], [4, 6
 
 def heard(graph, vehicles):
     """Who hears whom of the vehicles."""
-    return graph.weights(vehicles)[:, 1:] > 0
+    return matrix_of(graph, vehicles)[:, 1:] > 0
 
 
 def test_links_of_erdos_renyi_are_binomial_and_independent():
@@ -46,7 +47,7 @@ def test_links_of_erdos_renyi_are_binomial_and_independent():
 
 def test_a_link_of_a_small_world_is_rewired_with_the_probability():
     """The number of links stays; so many of the lattice's are gone, on average."""
-    before = Lattice().weights(100)[:, 1:] > 0
+    before = matrix_of(Lattice(), 100)[:, 1:] > 0
     gone = 0
     for seed in range(20):
         now = heard(SmallWorld(rewired=0.3, seed=seed), 100)
@@ -59,7 +60,7 @@ def test_a_link_of_a_small_world_is_rewired_with_the_probability():
 
 def test_everything_is_rewired_at_one():
     """But for the few links that are drawn where another one was."""
-    before, now = Lattice().weights(200)[:, 1:] > 0, heard(SmallWorld(rewired=1.0), 200)
+    before, now = matrix_of(Lattice(), 200)[:, 1:] > 0, heard(SmallWorld(rewired=1.0), 200)
     assert (before & now).sum() < 0.05 * before.sum()
 
 
@@ -67,14 +68,14 @@ def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them(
     """Vehicle 1 of 3 hears it, others are heard with probability ½: all such graphs equally often."""
     graph = ErdosRenyi(probability=0.5, navigator=[1])
     random = np.random.default_rng(5)
-    found = Counter(graph.connected(3, random).tobytes() for _ in range(1500))
+    found = Counter(graphs.dense(graph.connected(3, random)).tobytes() for _ in range(1500))
     every = (np.array([number >> bit & 1 for bit in range(6)], bool) for number in range(64))
     possible = 0
     for bits in every:
         links = np.zeros((3, 4), bool)
         links[0, 0] = True
         links[:, 1:][~np.eye(3, dtype=bool)] = bits
-        possible += not graphs.unreachable(links)
+        possible += not graphs.unreachable(graphs.of_matrix(links))
     assert len(found) == possible
     assert stats.chisquare(list(found.values())).pvalue > 0.01
 
@@ -82,20 +83,20 @@ def test_graphs_that_the_navigator_reaches_are_as_likely_as_they_are_among_them(
 def test_half_hear_the_navigator_and_it_reaches_everybody():
     """Of graphs so sparse that one draw of the links would often not do."""
     keys = {"probability": 0.12, "navigator": {"share": 0.5}}
-    seen = [ErdosRenyi(seed=seed, **keys).weights(12) for seed in range(20)]
+    seen = [matrix_of(ErdosRenyi(seed=seed, **keys), 12) for seed in range(20)]
     assert all((weights[:, 0] > 0).sum() == 6 for weights in seen)
-    assert not any(map(graphs.unreachable, seen))
-    np.testing.assert_array_equal(ErdosRenyi(seed=8, **keys).weights(12), seen[8])
+    assert not any(graphs.unreachable(graphs.of_matrix(each)) for each in seen)
+    np.testing.assert_array_equal(matrix_of(ErdosRenyi(seed=8, **keys), 12), seen[8])
     again = np.random.default_rng(8)
     once = ErdosRenyi(**keys)
     links = np.column_stack([once.informed(12, again), once.heard(12, again)])
-    assert graphs.unreachable(links), "what the seed draws first is not what it gives"
+    assert graphs.unreachable(graphs.of_matrix(links)), "what the seed draws first is not what it gives"
 
 
 def test_after_so_many_draws_it_is_given_up():
     """In words."""
     with pytest.raises(KindError, match="erdos_renyi: the navigator reaches everybody in none of 1000 draws"):
-        ErdosRenyi(probability=0.01, navigator=[1]).weights(12)
+        matrix_of(ErdosRenyi(probability=0.01, navigator=[1]), 12)
 
 
 def test_the_regular_graph_of_a_seed_stays_what_it_was():
@@ -117,10 +118,10 @@ def test_a_lane_s_graph_belongs_to_seed_and_sample_alone(kind, navigator):
 
     many = weights_of(range(12))
     assert len({each.tobytes() for each in many}) == 12
-    assert not any(map(graphs.unreachable, many))
+    assert not any(graphs.unreachable(graphs.of_matrix(each)) for each in many)
     np.testing.assert_allclose(many.sum(axis=2), 1, rtol=1e-15)
     informed = (many[:, :, 0] > 0).sum(axis=1)
     assert set(informed) == {{"all": 8, "[1, 2, 3]": 3}.get(str(navigator), 4)}
     np.testing.assert_array_equal(weights_of([7, 3, 11]), many[[7, 3, 11]])
     assert not np.array_equal(weights_of(range(3), seed=1), many[:3])
-    assert (scenario.topology.links(8) >= (many > 0).any(axis=0)).all()
+    assert (links_of(scenario.topology, 8) >= (many > 0).any(axis=0)).all()

@@ -20,11 +20,12 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model import graph as graphs
 from tests import systems
+from tests.matrices import matrix_of, whole
 
 
 def heard(graph, vehicles):
     """Who hears whom of the vehicles."""
-    return graph.weights(vehicles)[:, 1:] > 0
+    return matrix_of(graph, vehicles)[:, 1:] > 0
 
 
 def theirs(network):
@@ -53,7 +54,7 @@ def theirs(network):
 def test_links_are_those_of_networkx(ours, network):
     """Everybody hears the navigator too."""
     np.testing.assert_array_equal(heard(ours, len(network)), theirs(network))
-    assert (ours.weights(len(network))[:, 0] == 0.1).all()
+    assert (matrix_of(ours, len(network))[:, 0] == 0.1).all()
 
 
 def test_offsets_need_not_be_mutual():
@@ -73,7 +74,7 @@ def test_offsets_need_not_be_mutual():
 )
 def test_eigenvalues_are_those_of_a_circulant_matrix(graph, offsets):
     """`Σ_o w e^(2πiko/m)`, k from 0 to m - 1; A is the same when all vehicles are renumbered around."""
-    A = graph.weights(13)[:, 1:]
+    A = matrix_of(graph, 13)[:, 1:]
     np.testing.assert_array_equal(np.roll(A, 1, axis=(0, 1)), A)
     k = np.arange(13)
     expected = sum(0.9 / len(offsets) * np.exp(2j * np.pi * k * offset / 13) for offset in offsets)
@@ -97,8 +98,8 @@ def test_the_gain_of_the_complete_graph():
     """In closed form: of `L⁻¹W_a`, and where simulated lanes end, to 1e-6."""
     attacked = [2, 5]
     expected = gain_of_complete(9, attacked, 0.2)
-    weights = Complete(navigator_weight=0.2).weights(9)
-    links = Bias(vehicles=attacked).links(weights)
+    network = Complete(navigator_weight=0.2).weights(9)
+    weights, links = graphs.dense(network), whole(network, Bias(vehicles=attacked).links(network))
     static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
     np.testing.assert_allclose(static, expected, rtol=1e-12)
     given = systems.study(
@@ -119,7 +120,7 @@ def test_the_gain_of_the_complete_graph():
 
 def test_those_listed_hear_the_navigator_and_the_others_their_neighbours_alone():
     """With the whole of the weight."""
-    weights = Lattice(navigator=[1, 4], navigator_weight=0.4).weights(6)
+    weights = matrix_of(Lattice(navigator=[1, 4], navigator_weight=0.4), 6)
     np.testing.assert_array_equal(weights[:, 0], [0.4, 0, 0, 0.4, 0, 0])
     for row, share in zip(weights[:, 1:], [0.15, 0.25, 0.25, 0.15, 0.25, 0.25], strict=True):
         np.testing.assert_allclose(row[row > 0], share, rtol=1e-15)
@@ -129,7 +130,7 @@ def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
     """Half of twelve are six; more of the same where the share is greater."""
 
     def informed(seed, share, kind=Complete):
-        return set(np.flatnonzero(kind(navigator={"share": share}, seed=seed).weights(12)[:, 0]))
+        return set(np.flatnonzero(matrix_of(kind(navigator={"share": share}, seed=seed), 12)[:, 0]))
 
     assert [len(informed(seed, 0.5)) for seed in range(20)] == [6] * 20
     assert len({frozenset(informed(seed, 0.5)) for seed in range(20)}) > 15
@@ -139,8 +140,8 @@ def test_a_share_is_drawn_by_the_seed_whatever_the_pattern():
 
 def test_who_hears_no_vehicle_hears_the_navigator_alone():
     """On a grid of one place, and a vehicle that no link was drawn for."""
-    np.testing.assert_array_equal(Grid(rows=1, columns=1).weights(1), [[1.0, 0.0]])
-    weights = ErdosRenyi(probability=0.2, seed=1).weights(8)
+    np.testing.assert_array_equal(matrix_of(Grid(rows=1, columns=1), 1), [[1.0, 0.0]])
+    weights = matrix_of(ErdosRenyi(probability=0.2, seed=1), 8)
     alone = ~(weights[:, 1:] > 0).any(axis=1)
     assert alone.any()
     assert not alone.all()
@@ -152,7 +153,7 @@ def test_who_hears_no_vehicle_hears_the_navigator_alone():
 
 def test_metropolis_weights_by_hand():
     """On a grid of 2 × 3 vehicles 2 and 5 have three neighbours, so `1/(1 + 3)`; 1 and 4 two, `1/(1 + 2)`."""
-    weights = Grid(rows=2, columns=3, weighting="metropolis").weights(6)
+    weights = matrix_of(Grid(rows=2, columns=3, weighting="metropolis"), 6)
     np.testing.assert_allclose(weights[0], [0.1, 0, 0.9 * 3 / 7, 0, 0.9 * 4 / 7, 0, 0], rtol=1e-15)
     np.testing.assert_allclose(weights[1], [0.1, 0.3, 0, 0.3, 0, 0.3, 0], rtol=1e-15)
 
@@ -161,8 +162,9 @@ def test_metropolis_weights_by_hand():
 def test_metropolis_weights_are_symmetric_but_for_the_scale_of_rows(seed, navigator_weight):
     """With its own weight for each vehicle, which cancels in the law, they are doubly stochastic too."""
     graph = SmallWorld(rewired=0.5, seed=seed, weighting="metropolis", navigator_weight=navigator_weight)
-    weights = graph.weights(10)
-    pairs = graphs.metropolis(heard(graph, 10))
+    weights = matrix_of(graph, 10)
+    network = graph.weights(10)
+    pairs = graphs.dense(network._replace(weights=graphs.metropolis(network)))[:, 1:]
     matrix = pairs + np.diag(1 - pairs.sum(axis=1))
     np.testing.assert_array_equal(matrix, matrix.T)
     assert (matrix.diagonal() > 0).all()
@@ -174,7 +176,7 @@ def test_metropolis_weights_are_symmetric_but_for_the_scale_of_rows(seed, naviga
 @pytest.mark.parametrize("graph", [Cyclic, Lattice, Complete, RandomRegular])
 def test_where_all_hear_equally_many_the_rules_agree(graph):
     """Metropolis weights are then all the same."""
-    ours, uniform = (graph(weighting=rule).weights(12) for rule in ("metropolis", "uniform"))
+    ours, uniform = (matrix_of(graph(weighting=rule), 12) for rule in ("metropolis", "uniform"))
     np.testing.assert_allclose(ours, uniform, rtol=1e-14)
 
 
@@ -190,7 +192,7 @@ def test_a_drawn_weight_of_the_navigator_is_each_lane_s_own(weighting):
     assert ((seen[:, 0, 0] >= 0.2) & (seen[:, 0, 0] <= 0.8)).all()
     for weights in seen:
         expected = Grid(**keys, navigator_weight=float(weights[0, 0]))
-        np.testing.assert_allclose(weights, expected.weights(6), rtol=1e-14)
+        np.testing.assert_allclose(weights, matrix_of(expected, 6), rtol=1e-14)
 
 
 def test_a_random_graph_may_have_a_drawn_weight_too():

@@ -1,0 +1,53 @@
+"""However a graph of one's own is given, it is the same graph."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.kind import KindError
+from jaxnet.model import graph
+from tests import systems
+from tests.matrices import links_of
+
+WEIGHTS = np.array([[1.0, 0, 0, 0], [0.3, 0.6, 0, 0], [0.2, 0, 5.0, 0]])
+GIVEN = {
+    "dense": WEIGHTS,
+    "list": WEIGHTS.tolist(),
+    "csr": sparse.csr_array(WEIGHTS),
+    "coo, not in order": sparse.coo_array(
+        ([5.0, 0.2, 0.6, 0.3, 1.0], ([2, 2, 1, 1, 0], [2, 0, 1, 0, 0])), shape=(3, 4)
+    ),
+    "coo, in parts": sparse.coo_array(
+        ([5.0, 0.2, 0.6, 0.3, 0.5, 0.5, 0.0], ([2, 2, 1, 1, 0, 0, 0], [2, 0, 1, 0, 0, 0, 3])), shape=(3, 4)
+    ),
+    "digraph": graph.of_matrix(WEIGHTS),
+}
+
+
+class Mine(Graph):
+    """A graph that is given in one way or another."""
+
+    kind = "mine"
+    way: str = "dense"
+
+    def weights(self, vehicles):
+        """Of three vehicles."""
+        return GIVEN[self.way]
+
+
+@pytest.mark.parametrize("way", GIVEN)
+def test_arrays_dense_and_sparse_are_one_graph(way):
+    """Its rows of sum 1, its links, and the lanes of it."""
+    expected = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)
+    np.testing.assert_array_equal(graph.dense(Mine(way=way).normalised(3)), expected)
+    np.testing.assert_array_equal(links_of(Mine(way=way), 3), WEIGHTS > 0)
+    given = systems.study(topology=Mine(way=way), vehicles=3, attack="none", engine="exact", defence="none")
+    np.testing.assert_array_equal(systems.lane(systems.lanes(given, 2), 1).weights, expected)
+
+
+@pytest.mark.parametrize("way", GIVEN)
+def test_one_of_another_size_is_refused(way):
+    """By its kind's name, with the shape that is wanted."""
+    with pytest.raises(KindError, match=r"mine: weights must be \(4, 5\) numbers, none of them negative"):
+        Mine(way=way).normalised(4)

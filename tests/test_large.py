@@ -1,0 +1,42 @@
+"""A study of 10,000 vehicles is checked, and its lanes are drawn, without an array of their square."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+VEHICLES = 10_000
+PROGRAM = """
+import json, sys, tracemalloc
+import jaxnet
+from jaxnet.lanes.jobs import job, source_of
+from jaxnet.view.text import check
+
+def peak_of(topology):
+    keys = {"samples": 2, "engine": "exact", "attack": {"kind": "rotating", "magnitude": 10}}
+    tracemalloc.start()
+    study = jaxnet.load({"vehicles": int(sys.argv[1]), "topology": topology, **keys})
+    text, scenario = check.text(study), study.cells[0].scenario
+    weights = job(scenario, source_of(study.config, scenario), range(2)).inputs.lane.weights
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak, text, weights.shape, weights.sum()
+
+print(json.dumps(list(map(peak_of, json.loads(sys.argv[2])))))
+"""  # by itself, for with types checked it takes a minute
+
+
+def test_memory_grows_with_links_and_not_with_the_square_of_vehicles():
+    """At its peak, of Python and NumPy together, it is less than a byte for each pair of vehicles."""
+    lattice = {"kind": "lattice", "weighting": "metropolis", "navigator": {"share": 0.5}}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    words = [sys.executable, "-c", PROGRAM, str(VEHICLES), json.dumps(["path", lattice])]
+    done = subprocess.run(words, env=environment, check=True, capture_output=True, text=True)
+    for (peak, text, shape, total), slots in zip(json.loads(done.stdout), (1, 5), strict=True):
+        assert peak < VEHICLES**2
+        assert "10,000 vehicles" in text
+        assert shape == [2, slots, VEHICLES]
+        assert total == pytest.approx(2 * VEHICLES)
