@@ -5,7 +5,7 @@ The paper's matrix `[a0 | A]`, (m, m + 1) with the navigator's column first, is 
 wanted: of small fleets, by what inverts it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,6 +140,22 @@ def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
     everybody.
     """
     return np.eye(len(weights)) - weights[:, 1:]
+
+
+def solver(graph: Digraph) -> Callable[[np.ndarray], np.ndarray]:
+    """What makes `L⁻¹ b` of b (m, …), L = I - A sparse and nonsingular."""
+    from scipy.sparse.linalg import splu
+
+    listeners, slots = graph.edges()
+    sources, weights = graph.sources[listeners, slots], graph.weights[listeners, slots]
+    shape = graph.vehicles, graph.vehicles + 1
+    heard = sparse.csc_array((weights, (listeners, sources)), shape=shape)[:, 1:]
+    return splu(sparse.csc_array(sparse.eye_array(graph.vehicles) - heard)).solve
+
+
+def inverse_norm(graph: Digraph) -> float:
+    """`‖L⁻¹‖₂` of a nonsingular L."""
+    return float(np.linalg.norm(solver(graph)(np.eye(graph.vehicles)), 2))
 
 
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:

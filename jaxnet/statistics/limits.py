@@ -6,7 +6,7 @@ sound bounds are never below the peak gain and need no check of their own.
 """
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -37,6 +37,8 @@ UNCHECKED = (
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
+Jets = Float[np.ndarray, "3 2 _ lanes"]  # of signals, or of what they do to vehicles
+Response = Callable[[Jets], Any]
 
 
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
@@ -142,8 +144,8 @@ def limits_of(
     error, attack = start_of_errors(scenario, draw)
     flow = influence(tuple(scenario.gain), tuple(times.tolist()))
     found = {}
-    for name, (bound, mixing) in holding(scenario).items():
-        free = error - np.einsum("ij,kxjn->kxin", mixing, attack)
+    for name, (bound, response) in holding(scenario).items():
+        free = error - response(attack)
         transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
         found[name] = allowed(scenario, bound, magnitudes(scenario, draw), transient)
     return found
@@ -154,31 +156,39 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
-def holding(scenario: Scenario) -> dict[str, tuple[Bound, Float[np.ndarray, "m signals"]]]:
-    """Bounds that hold, each with the K of the G = K a its transient starts from: 0 where sets may switch."""
+def holding(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
+    """Bounds that hold, each with the G of the attack that its transient starts from: 0 where sets may
+    switch.
+    """
     reach, known = spread_of(scenario), situation_of(scenario)
     assert reach is not None
-    nothing = np.zeros_like(of_signals(scenario, known.graph))
     gain = np.array(scenario.gain)
-    found = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
+    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
     if scenario.attack.harmonic and scenario.attack.consistent():
         found["harmonic"] = bounds.harmonic(reach, gain), nothing
-    if reach.fixed is not None and np.isfinite(reach.norms):
-        added = reach.fixed.only(known.attacked)
-        word = graph.dense(reach.fixed.only(~(known.attacked & scenario.attack.replaces())))
-        mixing = np.linalg.solve(graph.laplacian(word), of_signals(scenario, added))
-        found["static"] = bounds.static(reach), mixing
+    if reach.fixed is not None and not np.isinf(reach.norms):
+        word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))
+        found["static"] = bounds.static(reach), forced(scenario, word, reach.fixed.only(known.attacked))
     return found
 
 
-def of_signals(scenario: Scenario, added: Digraph) -> Float[np.ndarray, "m signals"]:
-    """Weights on attacked links by the number of the signal that a link carries."""
-    sources = sources_of(scenario)
-    signals, listeners = signals_of(scenario, sources), np.arange(scenario.vehicles)
-    number = signals.max() + 1 if scenario.attack.by_link() else scenario.vehicles
-    found, weights = np.zeros((scenario.vehicles, number)), hearing.by_slot(added, added.weights, sources)
-    np.add.at(found, (np.broadcast_to(listeners, signals.shape), signals), weights)
-    return found
+def nothing(attack: Jets) -> float:
+    """What no attack does."""
+    return 0.0
+
+
+def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
+    """`G = L⁻¹ d`, by the graph whose links carry what vehicles say, and the one of attacked links."""
+    solve, sources = graph.solver(word), sources_of(scenario)
+    signals, weights = signals_of(scenario, sources), hearing.by_slot(added, added.weights, sources)
+
+    def response(attack: Jets) -> Jets:
+        shares = zip(weights, signals, strict=True)
+        sums = np.sum([share[:, None] * attack[:, :, each] for share, each in shares], axis=0)
+        found = solve(np.moveaxis(sums, 2, 0).reshape(scenario.vehicles, -1))
+        return np.moveaxis(found.reshape(-1, *sums.shape[:2], sums.shape[-1]), 0, 2)
+
+    return response
 
 
 def allowed(scenario: Scenario, bound: Bound, magnitude: Any, transient: Any = 0.0) -> Any:

@@ -28,6 +28,7 @@ from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory import lyapunov, response, spread
+from jaxnet.theory.certificate import MOST_INVERTED
 from jaxnet.theory.response import Gain
 from jaxnet.theory.spread import Gains
 
@@ -52,7 +53,7 @@ class Spread(NamedTuple):
 
     gains: Gains  # γ
     fixed: Digraph | None  # in force for good; None where retained neighbours, or attacks, may jump
-    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else not-a-number
+    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else, or of large fleets, not-a-number
     orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
 
     def disturbance(self, gain: Gain) -> float:
@@ -77,7 +78,7 @@ def spread_of(
         return Spread(gains, None, np.nan, orders)
     if graph.unreachable(fixed):
         return Spread(gains, fixed, np.inf, orders)
-    inverse = np.linalg.norm(np.linalg.inv(graph.laplacian(graph.dense(fixed.only(carried)))), 2)
+    inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
     added = fixed.only(attacked).weights.sum(axis=1)
     return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 

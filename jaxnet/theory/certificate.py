@@ -38,7 +38,7 @@ def certify(
     lost = graph.unreachable(network)
     norm = np.inf if lost else None
     if not lost and network.vehicles <= MOST_INVERTED:
-        norm = float(np.linalg.norm(np.linalg.inv(graph.laplacian(graph.dense(network))), 2))
+        norm = graph.inverse_norm(network)
     return Certificate(
         heard=network.heard.sum(axis=1),
         unreachable=lost,

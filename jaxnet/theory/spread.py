@@ -9,6 +9,7 @@ static gain `s = L⁻¹ W_a 1`.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxnet.model import graph
 from jaxnet.model.graph import Links
 from jaxnet.model.retained import AnySubset
 
@@ -22,10 +23,10 @@ def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     The first are the largest set of which everybody can drop whatever they hear from outside it, found by
     taking out, again and again, those who cannot.
     """
-    graph, links, number = retained
-    heard, cut = graph.heard, np.ones(graph.vehicles, bool)
+    network, links, number = retained
+    heard, cut = network.heard, np.ones(network.vehicles, bool)
     while True:
-        outside = heard & ~np.append(False, cut)[graph.sources]
+        outside = heard & ~np.append(False, cut)[network.sources]
         tied = (outside & ~links).any(axis=1) | ((outside & links).sum(axis=1) > number)
         if not (cut & tied).any():
             break
@@ -33,7 +34,7 @@ def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     may_keep = heard & ~(links & (number == links.sum(axis=1))[:, None])
     newest = cut
     while newest.any():
-        newest = (may_keep & np.append(False, newest)[graph.sources]).any(axis=1) & ~cut
+        newest = (may_keep & np.append(False, newest)[network.sources]).any(axis=1) & ~cut
         cut = cut | newest
     return cut
 
@@ -53,10 +54,9 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
     while True:
         reward = attacked + carried * np.append(0.0, gains)[sources]
         kept = worst_kept(weights, reward, links, number)
-        mixing = np.zeros((len(within), len(joined) + 1))
-        np.add.at(mixing, (np.arange(len(within))[:, None], sources), kept * carried)
-        laplacian = np.eye(len(within)) - mixing[:, within + 1]
-        better = np.linalg.solve(laplacian, (kept * attacked).sum(axis=1))
+        word, added = np.zeros(retained.graph.weights.shape), np.zeros(len(joined))
+        word[within], added[within] = kept * carried, (kept * attacked).sum(axis=1)
+        better = graph.solver(retained.graph._replace(weights=word))(added)[within]
         if (better <= gains[within] * (1 + ROUNDING)).all():
             gains[~joined] = np.inf
             return gains
