@@ -226,7 +226,7 @@ def test_what_is_typed_into_a_shell_is_not_given_to_workers():
     work = types.SimpleNamespace(modules={"__main__": registry.Provenance("", "0", None)})
     crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
     with pytest.raises(cluster.ClusterError, match="no worker can import __main__, which has no file"):
-        next(crew(work, [1], lambda _: None))
+        next(crew(work, [types.SimpleNamespace(number=1)], lambda _: None))
 
 
 HEAD = """

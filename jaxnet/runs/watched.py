@@ -1,6 +1,7 @@
 """The lanes that the report shows: which they are, and where their trajectories are stored."""
 
 import re
+import warnings
 from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
@@ -11,11 +12,12 @@ from upath import UPath
 
 from jaxnet.runs.replay import path_of, replay, worst_of
 from jaxnet.statistics.steps import Steps, untold
-from jaxnet.store import rows
+from jaxnet.store import layout, rows
 from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
+MOST_BYTES = 2**28  # that such a lane may take: 470 vehicles who decide, over 301 output times
 
 
 class Watched(NamedTuple):
@@ -52,7 +54,14 @@ def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
     """Simulate again what the report shows and no store holds; the stores, as they are made.
 
     The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
+    None is of large fleets, which is told.
     """
+    cells = results.study.cells
+    size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
+    if size > MOST_BYTES:
+        words = f"a lane in motion takes {size / 1e9:.1f} GB: the page shows those that are stored alone"
+        warnings.warn(f"{results.path}: {words}", stacklevel=2)
+        return
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)

@@ -37,8 +37,7 @@ UNCHECKED = (
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
-Jets = Float[np.ndarray, "3 2 _ lanes"]  # of signals, or of what they do to vehicles
-Response = Callable[[Jets], Any]
+Response = Callable[[np.ndarray], Any]  # (3, 2, signals, lanes) to (3, 2, m, lanes), of jets
 
 
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
@@ -172,7 +171,7 @@ def holding(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     return found
 
 
-def nothing(attack: Jets) -> float:
+def nothing(attack: np.ndarray) -> float:
     """What no attack does."""
     return 0.0
 
@@ -182,7 +181,7 @@ def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
     solve, sources = graph.solver(word), sources_of(scenario)
     signals, weights = signals_of(scenario, sources), hearing.by_slot(added, added.weights, sources)
 
-    def response(attack: Jets) -> Jets:
+    def response(attack: np.ndarray) -> np.ndarray:
         shares = zip(weights, signals, strict=True)
         sums = np.sum([share[:, None] * attack[:, :, each] for share, each in shares], axis=0)
         found = solve(np.moveaxis(sums, 2, 0).reshape(scenario.vehicles, -1))

@@ -1,7 +1,9 @@
 """The worst choice is found where it is known, is what its study of its own gives, and is found again."""
 
+import contextlib
 import itertools
 import math
+import pickle
 
 import jax
 import numpy as np
@@ -16,6 +18,7 @@ from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Trials, searched
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
+from jaxnet.runs import cluster
 from tests import systems
 
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
@@ -144,6 +147,41 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     assert again.worst.equals(results.worst)
     assert again.searched.equals(results.searched)
     assert len(simulated) == len(results.searched)
+
+
+class Here(cluster.Cluster):
+    """A crew that is this process, which is sent a task as others are."""
+
+    def __init__(self):
+        """Nobody is called together."""
+
+    def deal(self, task, modules, items):
+        """What the task finds of each item."""
+        return [pickle.loads(pickle.dumps(task))(item) for item in items.values()]
+
+
+def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
+    """They find what one process finds, and leave it nothing to simulate of the choices."""
+    results, given = whole
+    monkeypatch.setattr(worst, "FRESH", 48)
+    random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
+    monkeypatch.setattr(cluster, "crew", lambda *_: contextlib.nullcontext(Here()))
+    told, counts, simulate = [], [], Trials.simulated
+
+    def counting(trials, points):
+        counts.append(len(points))
+        return simulate(trials, points)
+
+    def tell(what, done, total):
+        told.append((what, len(counts)))
+
+    monkeypatch.setattr(Trials, "simulated", counting)
+    list(api.write_search(random, tell, workers=2))
+    assert told[1] == ("cells searched", len(results.searched))
+    assert len(counts) == len(results.searched)
+    again = jaxnet.open(tmp_path / "s")
+    assert again.worst.equals(results.worst)
+    assert again.searched.equals(results.searched)
 
 
 def test_a_cell_that_has_ended_is_not_tried_from_other_starts_again(whole, monkeypatch):

@@ -20,7 +20,6 @@ from distributed import Client
 from upath import UPath
 
 import jaxnet
-from jaxnet.explore.search import Trials
 from jaxnet.runs import cluster
 from jaxnet.runs.cluster import ClusterError
 from jaxnet.store import arrays, layout
@@ -225,17 +224,6 @@ def test_parts_of_a_longer_study(study, whole, tmp_path):
     assert not results.errors["tracking"].isnull().any()
     assert not (out / "fit.csv").exists()
     assert results.row(0, 300) is None
-
-
-def test_workers_search_cells_side_by_side(tmp_path, monkeypatch):
-    """They find what one process finds, and leave it nothing to simulate of the choices."""
-    keys = STUDY | {"name": "searched", "save": {}, "sweep": {"attack.magnitude": [1, 10]}}
-    given = keys | {"search": {"over": {"attack.phase": "each"}, "budget": 200}}
-    alone = jaxnet.search(given, tmp_path / "alone", progress=False)
-    monkeypatch.setattr(Trials, "simulated", lambda *_: pytest.fail("not by a worker"))
-    found = jaxnet.search(given, tmp_path / "parted", progress=False, workers=2)
-    assert found.worst.equals(alone.worst)
-    assert found.searched.equals(alone.searched)
 
 
 def swap(one, other):

@@ -546,6 +546,19 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     assert [(path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)] == before
 
 
+def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypatch):
+    """It says so, and how large one is: 6 output times of 12 vehicles, who retain whom of 13."""
+    from jaxnet.runs import watched
+
+    results = jaxnet.run(systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out")
+    least = 6 * 12 * 13 * 4
+    monkeypatch.setattr(watched, "MOST_BYTES", least)
+    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0\.0 GB: the page shows those"):
+        assert list(watched.replay_watched(results)) == []
+    monkeypatch.setattr(watched, "MOST_BYTES", 2 * least)
+    assert len(list(watched.replay_watched(results))) == 2
+
+
 def test_cells_are_named_by_how_many_they_are(html):
     """One is a cell, in the certificates too."""
     assert [wording.cells_named(each) for each in ([0], [0, 1], [0, 1, 2, 3, 7])] == [
