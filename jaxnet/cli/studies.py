@@ -178,8 +178,8 @@ def search(
     """Look for the worst of what `search.over` lets an attacker choose, beside as many random lanes.
 
     The lanes are a run of the study; a search that was broken off goes on, and workers search cells side by
-    side. The best choice of each cell is
-    tried from 10,000 other starts and by the nonlinear engine, and written as a study of its own.
+    side. The best choice of each cell is tried from 10,000 other starts and by the nonlinear engine, and
+    written as a study of its own.
     """
     with user_errors():
         from jaxnet import api

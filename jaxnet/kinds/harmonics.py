@@ -55,9 +55,10 @@ class Harmonics(Attack):
         return xp.concatenate(each, axis=1)
 
     def vectors(self) -> np.ndarray:
-        """Of cosine and sine of each harmonic, in their order."""
+        """Of cosine and sine of each harmonic, in their order; 0 of a vehicle that has none."""
         pairs = self.pairs()
-        return pairs / self.greatest(pairs)
+        greatest = self.greatest(pairs)
+        return pairs / np.where(greatest > 0, greatest, 1.0)
 
     def greatest(self, vectors: np.ndarray) -> np.ndarray:
         """What signals of vectors (2, m, B, lanes) and their derivatives do not exceed, (m, 1, lanes)."""

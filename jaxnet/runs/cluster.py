@@ -265,6 +265,8 @@ def by_worker(
 
 def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Done":
     """On a worker: simulate and store a shard, unless it is there."""
+    from distributed import get_worker
+
     from jaxnet.engine.batch import Machine
     from jaxnet.runs import shards
 
@@ -275,7 +277,7 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
         ended += lanes
         if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
             raise FolderError(
-                f"worker {address()} does not see this study in {work.folder.path}:"
+                f"worker {get_worker().address} does not see this study in {work.folder.path}:"
                 " it must be on storage that all share"
             )
 
@@ -284,13 +286,6 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
     if done is None or work.missing(shard, done):
         done = next(shards.simulate_shards(work, [shard], Machine(1, chunk), see))
     return done
-
-
-def address() -> str:
-    """Of the worker that this is."""
-    from distributed import get_worker
-
-    return get_worker().address
 
 
 def drained(said: deque[str]) -> Iterator[str]:

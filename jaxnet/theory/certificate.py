@@ -29,10 +29,7 @@ class Certificate(NamedTuple):
     cut_off: list[int]  # vehicles that no honest path joins to the navigator
 
 
-def certify(
-    network: Digraph,
-    attacked: Links,
-) -> Certificate:
+def certify(network: Digraph, attacked: Links) -> Certificate:
     """Certificate of a graph and the links attacked on it."""
     honest = network.heard & ~attacked
     lost = graph.unreachable(network)

@@ -553,7 +553,7 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
     results = jaxnet.run(systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out")
     part = 6 * 12 * 13 * 4
     monkeypatch.setattr(watched, "MOST_BYTES", part)
-    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0\.0 GB: the page shows those"):
+    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0\.0 GB: the page shows only"):
         assert list(watched.replay_watched(results)) == []
     monkeypatch.setattr(watched, "MOST_BYTES", 10 * part)
     assert len(list(watched.replay_watched(results))) == 2

@@ -25,7 +25,7 @@ NODE = 11.0  # [pt] diameter of a node where there is room for it
 KEY_HEIGHT = 0.55  # [in]
 LEGIBLE = 9.5  # [pt] diameter of a node whose number can be read
 APART = 18.0  # [pt] from one node to the next that panels grow for
-MOST_WEIGHTS = 60  # links of a graph that all have their weights written on them
+MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
 
 PLAIN = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
 TRUSTED = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from jaxnet.config.document import ConfigError
+from jaxnet.explore.box import Box, places_of
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics import limits
 from jaxnet.view.text import check
 from tests import reference, systems
@@ -104,6 +106,19 @@ def test_the_freeform_attack_is_what_its_coefficients_say():
             basis = np.asarray(lane.signal.basis(np.linspace(0.0, 30.0, 301)))
             signals.append(np.einsum("xjb,kbt->kxjt", lane.vectors, basis))
         np.testing.assert_allclose(signals[0], size * signals[1], rtol=0, atol=1e-12)
+
+
+def test_a_freeform_attack_of_nothing_is_none():
+    """Whose coefficients are all 0, or in the middle of what they are drawn from, as a search has them."""
+    tabled = {"vehicles": [2, 5], "harmonics": 1, "coefficients": [[9, 0, 0, 9], [0, 0, 0, 0]]}
+    given = systems.study(attack={"kind": "freeform", **tabled}, engine="exact")
+    vectors = systems.lane(systems.lanes(given, 1), 0).vectors
+    assert np.linalg.norm(vectors[:, 1]) > 1
+    assert not vectors[:, [j for j in range(12) if j != 1]].any()
+    over = {"over": {"attack.coefficients": "each"}}
+    (cell,) = systems.study(attack={"kind": "freeform", "vehicles": [2]}, search=over, engine="exact").cells
+    box = Box(cell.scenario, Keyed(0), places_of(cell.scenario, Keyed(0)))
+    assert not box.lanes(box.centre([2])[None], np.array([0])).inputs.lane.vectors.any()
 
 
 @pytest.mark.parametrize(
