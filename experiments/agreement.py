@@ -115,9 +115,7 @@ def parting(one: Job, outcomes: list[Outcome], number: int) -> Parting:
 
 def dropped(one: Job, outcome: Outcome, number: int) -> np.ndarray:
     """Slots of each listener that a lane's decisions drop: (ticks, slots, m)."""
-    sources = np.asarray(one.network.hearing.sources)
-    kept = outcome.series["kept"][number][:, np.arange(sources.shape[1]), sources]
-    return (kept == 0) & (one.inputs.lane.weights[number] > 0)
+    return (outcome.series["kept"][number] == 0) & (one.inputs.lane.weights[number] > 0)
 
 
 def scores(one: Job, outcome: Outcome, number: int, tick: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,7 +21,8 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE, title
-from jaxnet.model.graph import Digraph, dense
+from jaxnet.model import hearing
+from jaxnet.model.graph import Digraph
 from jaxnet.statistics.curves import FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
@@ -43,9 +44,9 @@ class Film(NamedTuple):
     time: Float[np.ndarray, " times"]
     places: Float[np.ndarray, "times sources 2"]  # of the navigator, then of the vehicles [m]
     heading: Float[np.ndarray, "times m"]  # [rad]
-    weights: Float[np.ndarray, "times m sources"]  # in force
-    heard: Bool[np.ndarray, "m sources"]  # links of the graph
-    attacked: Bool[np.ndarray, "m sources"]
+    links: Int[np.ndarray, "2 links"]  # of the graph: listeners, from 0, and sources
+    attacked: Bool[np.ndarray, " links"]
+    kept: Bool[np.ndarray, "times links"]  # whether they are retained
     told: Float[np.ndarray, "times false 2"]  # where attacked links say that their sources are [m]
     truth: Float[np.ndarray, "times false 2"]  # and where these are
     liars: list[int]  # attacked vehicles
@@ -63,20 +64,24 @@ def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarra
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
     false, liars = falsified_links(cell, graph, vehicles_attacked), np.array(vehicles_attacked, int) - 1
-    weights, links = dense(graph), dense(graph.only(false)) > 0
+    listeners, slots = graph.edges()
+    sources, lied = graph.sources[listeners, slots], false[listeners, slots]
     signal = lane["attack"].values[frames][:, liars]
-    about_navigator = bool(links[:, 0].any()) or attack.replaces()
+    from_navigator = bool(lied[sources == 0].any())
+    about_navigator = from_navigator or attack.replaces()
     truth = np.repeat(navigator[:, None], len(liars), axis=1) if about_navigator else vehicles[:, liars]
-    kept = lane["kept"].values[frames] if "kept" in lane else np.repeat(weights[None], len(frames), axis=0)
+    kept = np.ones((len(frames), len(sources)), bool)
+    if cell.scenario.defence.decides:
+        kept = hearing.by_link(graph, lane["kept"].values[frames] > 0, lane["source"].values)
     return Film(
         lane["time"].values[frames],
         np.concatenate([navigator[:, None], vehicles], axis=1),
         np.radians(ahead[frames]),
+        np.stack([listeners, sources]),
+        lied,
         kept,
-        weights > 0,
-        links,
         truth + signal,
-        vehicles[:, liars] if attack.replaces() and not links[:, 0].any() else truth,
+        vehicles[:, liars] if attack.replaces() and not from_navigator else truth,
         vehicles_attacked,
     )
 
@@ -90,10 +95,10 @@ LINKS: dict[str, dict[str, Any]] = {
 
 def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
     """Ends of the links of each look, in the order of LINKS."""
-    places, kept = film.places[frame], film.heard & (film.weights[frame] > 0)
-    chosen = kept & ~film.attacked, kept & film.attacked, film.heard & ~kept
-    found = [np.argwhere(links) for links in chosen]
-    return [np.stack([places[each[:, 1]], places[each[:, 0] + 1]], axis=1) for each in found]
+    places, kept = film.places[frame], film.kept[frame]
+    listeners, sources = film.links
+    ends = np.stack([places[sources], places[listeners + 1]], axis=1)
+    return [ends[chosen] for chosen in (kept & ~film.attacked, kept & film.attacked, ~kept)]
 
 
 def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
@@ -109,7 +114,7 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], C
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
     plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
     (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
-    edges = [style.RED if one + 1 in film.liars else "0.15" for one in range(film.heard.shape[0])]
+    edges = [style.RED if one + 1 in film.liars else "0.15" for one in range(film.heading.shape[1])]
     vehicles = plane.scatter(
         *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
     )

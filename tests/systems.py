@@ -59,9 +59,25 @@ def lanes(given: Study, samples: int, save: tuple[str, ...] = EVERYTHING) -> Any
 
 
 def simulate(one: Any) -> Outcome:
-    """Outcomes of lanes."""
-    outcomes = [simulated(each) for each in getattr(one, "jobs", [one])]
+    """Outcomes of lanes; whom they retain is told by listener and source, (times, m, m + 1)."""
+    outcomes = [by_source(each, simulated(each)) for each in getattr(one, "jobs", [one])]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *outcomes)
+
+
+def by_source(job: Job, outcome: Outcome) -> Outcome:
+    """The same with `kept` by listener and source, if it was saved."""
+    if "kept" not in outcome.series:
+        return outcome
+    kept = of_slots(outcome.series["kept"], np.asarray(job.network.hearing.sources))
+    return outcome._replace(series=outcome.series | {"kept": kept})
+
+
+def of_slots(kept: np.ndarray, sources: np.ndarray) -> np.ndarray:
+    """Weights by listener and source, (…, m, m + 1), of those by slot."""
+    found = np.zeros((*kept.shape[:-2], sources.shape[1], sources.shape[1] + 1))
+    for slot, listener in np.ndindex(*sources.shape):
+        found[..., listener, sources[slot, listener]] += kept[..., slot, listener]
+    return found
 
 
 def simulated(job: Job) -> Outcome:

@@ -48,7 +48,7 @@ def test_a_film_shows_the_lane(results, cell):
     np.testing.assert_allclose(shown.errors.mean(axis=1), tracking, rtol=1e-6)
     np.testing.assert_allclose(np.cos(shown.heading), np.cos(lane["states"].values[:, :, 2]), atol=1e-12)
     situation = situation_of(results.study.cells[cell].scenario)
-    np.testing.assert_array_equal(shown.heard, dense(situation.graph) > 0)
+    np.testing.assert_array_equal(shown.links.T, np.argwhere(dense(situation.graph)))
     retained, lied, dropped = (sum(map(len, ends)) for ends in zip(*links(shown), strict=True))
     assert retained + lied + dropped == len(shown.time) * situation.graph.heard.sum()
     assert lied > 0
@@ -144,7 +144,7 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         page = trajectories.lane(results, each, 5)
         assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays()) == wanted
         said = [(i, j) for i, j, false in page["links"] if false]
-        assert said == [(i + 1, int(j)) for i, j in np.argwhere(shown.attacked)]
+        assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "attacked: 2 drawn for each lane" in networks.drawing(study.cells)

@@ -114,10 +114,9 @@ def greatest_error(job: Job, positions: Positions) -> float:
     return float(np.max(errors))
 
 
-def kept(job: Job, number: int) -> Float[np.ndarray, "times m sources"]:
+def kept(job: Job, number: int) -> Float[np.ndarray, "times slots m"]:
     """Weights of a lane that nobody trims, at every output time."""
-    hearing = jax.tree.map(jnp.asarray, job.network.hearing)
-    weights = hearing.matrix(jnp.asarray(job.inputs.lane.weights[number]))
+    weights = job.inputs.lane.weights[number]
     return np.broadcast_to(weights, (int(job.clock.outputs) + 1, *weights.shape))
 
 

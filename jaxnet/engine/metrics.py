@@ -39,7 +39,7 @@ SERIES: dict[str, Callable[[Observation], Any]] = {
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
     "state": lambda seen: seen.state.swapaxes(0, 1),
     "attack": lambda seen: seen.attack.swapaxes(0, 1),
-    "kept": lambda seen: seen.hearing.retained(seen.weights),
+    "kept": lambda seen: seen.weights.mean(axis=0),
 }
 
 NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}

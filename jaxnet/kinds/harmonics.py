@@ -12,7 +12,7 @@ from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model.signal import ORDERS, Harmonic
 
 FINENESS = 32  # instants of a grid in a period of the highest harmonic
-AT_ONCE = 1_024  # signals whose size is found at once
+SIGNALS = 1_024  # signals whose size is found at once
 
 
 class Harmonics(Attack):
@@ -71,8 +71,8 @@ class Harmonics(Attack):
         each = vectors.transpose(1, 3, 0, 2).reshape(m * lanes, 2, -1)
         scale, found = np.abs(each).max(axis=(1, 2)), np.zeros(m * lanes)
         attacked = np.flatnonzero(scale)
-        for start in range(0, len(attacked), AT_ONCE):
-            some = attacked[start : start + AT_ONCE]
+        for start in range(0, len(attacked), SIGNALS):
+            some = attacked[start : start + SIGNALS]
             unit = each[some] / scale[some, None, None]
             norms = [rate[some] ** order * self.peak(unit, order) for order in ORDERS]
             found[some] = scale[some] * np.maximum.reduce(norms)

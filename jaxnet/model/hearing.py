@@ -141,6 +141,19 @@ def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "sl
     return of_matrix(sparse.coo_array((weights.ravel(), links), shape=(len(sources.T), len(sources.T) + 1)))
 
 
+def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
+    """What slots have (…, slots, m) by link of a graph, (…, links), those of a source's identities added."""
+    m = graph.vehicles
+    listeners, each = graph.edges()
+    links = listeners * (m + 1) + graph.sources[listeners, each]
+    slots = np.arange(m)[None] * (m + 1) + sources
+    place = np.searchsorted(links, slots).clip(max=len(links) - 1)
+    heard = (links[place] == slots) & (sources >= 0)
+    found = np.zeros((len(links), *values.shape[:-2]), values.dtype)
+    np.add.at(found, place[heard], np.moveaxis(values[..., heard], -1, 0))
+    return np.moveaxis(found, 0, -1)
+
+
 def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
     """What a graph's links have, slot by slot of a wider table of sources; 0 where a listener does not hear.
 

@@ -17,7 +17,7 @@ from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
-MOST_BYTES = 2**28  # that such a lane may take: 470 vehicles who decide, over 301 output times
+MOST_BYTES = 2**24  # that such a lane may take: 700 vehicles on a ring, over 301 output times
 
 
 class Watched(NamedTuple):

@@ -22,10 +22,12 @@ from zarr.storage import FsspecStore
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.vehicles import HEADING
-from jaxnet.store.layout import NAVIGATOR, Variable, coordinates
+from jaxnet.lanes.jobs import sources_of
+from jaxnet.store.layout import Variable, coordinates, shared
 
 IDENTITY = "identity"
 CHECKSUM = 4  # bytes at a chunk's end
+NOBODY = -1  # is heard in a slot that a cell does not have
 
 
 def prepare(
@@ -38,7 +40,7 @@ def prepare(
         group = zarr.open_group(store_at(path), mode="w")
         create(group, variables, coords, (1, chunk))
         if "states" in variables:
-            add_navigator(group, cells, coords)
+            add_shared(group, shared(variables), cells, coords)
         add_labels(group, "cell", swept(cells, cells))
         group.attrs[IDENTITY] = uuid.uuid4().hex  # last, so that a store that has one is whole
     for name in variables:
@@ -106,7 +108,8 @@ def create(
 ) -> None:
     """Empty arrays, parted along their first dimensions, and the coordinates of their dimensions."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
-        add(group, dim, (dim,), coords[dim])
+        if dim not in group:
+            add(group, dim, (dim,), coords[dim])
     member(group, "time").attrs["units"] = "s"
     for name, (dims, dtype, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims]
@@ -116,7 +119,7 @@ def create(
             chunks=(*chunks, *shape[len(chunks) :]),
             compressors=(ZstdCodec(), Crc32cCodec()),
             dtype=dtype,
-            fill_value=np.nan,
+            fill_value=np.nan if dtype.startswith("float") else NOBODY,
             dimension_names=dims,
         )
         array.attrs["long_name"] = meaning
@@ -129,15 +132,22 @@ def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray)
     array[...] = values
 
 
-def add_navigator(group: zarr.Group, cells: Sequence[Cell], coords: Mapping[str, Any]) -> None:
-    """`navigator`, the same for all lanes of a cell."""
-    add(group, "navigator", NAVIGATOR.dims, np.stack([path_of_navigator(cell, coords) for cell in cells]))
-    member(group, "navigator").attrs["long_name"] = NAVIGATOR.meaning
+def add_shared(
+    group: zarr.Group, variables: Mapping[str, Variable], cells: Sequence[Cell], coords: Mapping[str, Any]
+) -> None:
+    """Arrays that all lanes of a cell share."""
+    create(group, variables, coords, (1,))
+    for place, cell in enumerate(cells):
+        write(group, (place,), of_cell(cell, variables, coords["time"]))
 
 
-def path_of_navigator(cell: Cell, coords: Mapping[str, Any]) -> np.ndarray:
-    """Where the navigator of a cell is at each time [m]."""
-    return cell.scenario.navigator.jets(coords["time"])[0].T
+def of_cell(cell: Cell, variables: Mapping[str, Variable], time: np.ndarray) -> dict[str, np.ndarray]:
+    """Where the navigator of a cell is at each time [m], and whom its vehicles hear in which slot."""
+    made = {
+        "navigator": lambda: cell.scenario.navigator.jets(time)[0].T,
+        "source": lambda: sources_of(cell.scenario),
+    }
+    return {name: made[name]() for name in variables}
 
 
 def swept(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[Any]]:
@@ -164,10 +174,14 @@ def stored(variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]) 
 
 
 def write(group: zarr.Group, place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
-    """Store values at their place along the first dimensions, also what is not a number in every lane."""
+    """Store values at their place along the first dimensions, also what is not a number in every lane.
+
+    They may have less slots than there is room for.
+    """
     for name, each in values.items():
         array = member(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
-        array[place] = each
+        lanes = sum(isinstance(part, slice) for part in place)
+        array[(*place, *map(slice, each.shape[lanes:]))] = each
 
 
 def checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]) -> dict[str, int]:

@@ -14,7 +14,7 @@ from zarr.storage import MemoryStore
 
 from jaxnet.config.cells import Cell
 from jaxnet.store import arrays
-from jaxnet.store.layout import Variable, along_lanes, coordinates
+from jaxnet.store.layout import Variable, along_lanes, coordinates, shared
 
 CHECKSUMS = "checksums"  # of the chunks of each lane, by array
 
@@ -41,8 +41,8 @@ def write_lanes(
     """Store lanes of one cell from a place on."""
     values = arrays.stored(variables, series)
     count = len(next(iter(values.values())))
-    path = arrays.path_of_navigator(cell, {"time": arrays.member(group, "time")[:]})
-    values["navigator"] = np.broadcast_to(path, (count, *path.shape))
+    same = arrays.of_cell(cell, shared(variables), np.asarray(arrays.member(group, "time")[:]))
+    values |= {name: np.broadcast_to(each, (count, *each.shape)) for name, each in same.items()}
     arrays.write(group, (slice(first, first + count),), values)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxnet.config import keys
 from jaxnet.config.cells import Cell
+from jaxnet.lanes.jobs import sources_of
 
 SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
@@ -33,9 +34,10 @@ TRAJECTORIES = {
     "attack": Variable(
         (*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]", "attack"
     ),
-    "kept": Variable((*LANE_TIME, "vehicle", "source"), "float32", "weights in force", "kept"),
+    "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "weights in force", "kept"),
 }
 NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]", "navigator")
+SOURCES = Variable(("cell", "slot", "vehicle"), "int32", "whom a vehicle hears in a slot", "sources")
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
@@ -47,10 +49,17 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
         "sample": np.arange(samples),
         "time": np.arange(outputs + 1) * scenario.output_step,
         "vehicle": np.arange(1, scenario.vehicles + 1),
-        "source": np.arange(scenario.vehicles + 1),
+        "slot": np.arange(slots_of(cells)),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),
     }
+
+
+def slots_of(cells: Sequence[Cell]) -> int:
+    """Slots of a trajectory that says whom vehicles retain, of the cell that has most; else 0."""
+    deciding = [cell.scenario for cell in cells if cell.scenario.defence.decides]
+    alike = {repr((each.topology, each.attack.identities(), each.attack.splits())): each for each in deciding}
+    return max((len(sources_of(each)) for each in alike.values()), default=0)
 
 
 class Shard(NamedTuple):
@@ -118,19 +127,25 @@ def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
 
 
 def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """The same arrays, and the navigator's, of chosen lanes along one dimension."""
-    every = {**variables, "navigator": NAVIGATOR}
-    return {
-        name: variable._replace(dims=("lane", *variable.dims[variable.dims.index("time") :]))
-        for name, variable in every.items()
-    }
+    """The same arrays, and those that lanes of a cell share, of chosen lanes along one dimension."""
+    every = {**variables, **shared(variables)}
+    return {name: variable._replace(dims=("lane", *own_dims(variable))) for name, variable in every.items()}
+
+
+def shared(variables: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Arrays of a trajectory that all lanes of a cell share."""
+    return {"navigator": NAVIGATOR} | ({"source": SOURCES} if "kept" in variables else {})
+
+
+def own_dims(variable: Variable) -> tuple[str, ...]:
+    """Dimensions of an array but those that say of which lane it is."""
+    return tuple(dim for dim in variable.dims if dim not in ("cell", "sample", "lane"))
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
     """Bytes of one lane's part of some arrays."""
     coords = coordinates(cells, 1)
     return sum(
-        int(np.prod([len(coords[dim]) for dim in variable.dims[variable.dims.index("time") :]]))
-        * np.dtype(variable.dtype).itemsize
+        int(np.prod([len(coords[dim]) for dim in own_dims(variable)])) * np.dtype(variable.dtype).itemsize
         for variable in variables.values()
     )

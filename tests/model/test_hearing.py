@@ -57,6 +57,18 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     np.testing.assert_array_equal(network.retained(in_slots[None]), weights)
 
 
+def test_what_slots_have_is_told_link_by_link():
+    """Those of a source's identities added, none of a slot that a listener leaves over or a cell lacks."""
+    graph = of_matrix(np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]]))
+    slots = hearing.slots(graph, np.where(graph.sources == 2, 2, 1))
+    assert slots.tolist() == [[0, 1, 2], [2, 3, 2], [2, 2, 3]]  # the last but one left over, and the last
+    slots = np.concatenate([slots, np.full((1, 3), -1)])
+    values = np.array([[1, 2, 3], [4, 5, 6], [7, 0, 0], [9, 9, 9]])
+    assert hearing.by_link(graph, values, slots).tolist() == [1, 11, 2, 5, 9]
+    several = np.stack([values, 10 * values])
+    assert hearing.by_link(graph, several, slots)[1].tolist() == [10, 110, 20, 50, 90]
+
+
 def test_axes_may_have_weights_of_their_own():
     """Each axis has the mean by its own weights; who is retained is the mean of both."""
     rng = np.random.default_rng(0)

@@ -22,6 +22,8 @@ from click.testing import CliRunner
 import jaxnet
 from jaxnet.cli import main
 from jaxnet.config.document import ConfigError
+from jaxnet.config.scenario import situation_of
+from jaxnet.model.graph import dense
 from jaxnet.runs.replay import replay
 from jaxnet.store import layout
 from jaxnet.store.admission import admit
@@ -122,12 +124,12 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert paths["state"].values.tolist() == ["x", "y", "heading", "speed", "turn_rate", "force"]
     assert paths["navigator"].dims == ("cell", "time", "axis")
     assert paths["attack"].dims == ("cell", "sample", "time", "vehicle", "axis")
-    assert paths["kept"].dims == ("cell", "sample", "time", "vehicle", "source")
+    assert paths["kept"].dims == ("cell", "sample", "time", "slot", "vehicle")
     assert paths["kept"].dtype == np.float32
     assert paths["vehicle"].values.tolist() == list(range(1, 13))
-    assert paths["source"].values.tolist() == list(range(13))
+    assert paths["source"].dims == ("cell", "slot", "vehicle")
     np.testing.assert_allclose(paths["time"].values, np.arange(21) * 0.1)
-    np.testing.assert_allclose(paths["kept"].sum("source").values, 1.0, atol=1e-6)
+    np.testing.assert_allclose(paths["kept"].sum("slot").values, 1.0, atol=1e-6)
     heading = paths.sel(state="heading")["states"].values
     assert (heading > -np.pi).all()
     assert (heading <= np.pi).all()
@@ -286,6 +288,39 @@ def test_chosen_trajectories(config, tmp_path):
         assert {variable.encoding["chunks"][0] for variable in part.data_vars.values()} == {1}
         stored = sum(variable.nbytes for variable in part.data_vars.values())
         assert stored == layout.disk_bytes(given.config, given.cells, lanes=0)
+
+
+@pytest.mark.parametrize("choice", ["all", {"samples": [0, 1]}])
+def test_whom_vehicles_retain_is_told_of_cells_that_hear_through_more_or_less_slots(tmp_path, choice):
+    """By the formula of the documentation: of links of the graph alone, and of all on a star."""
+    sweep = {"topology": ["star", "cyclic"]}
+    given = systems.study(
+        engine="exact", horizon=2.0, tail=1.0, samples=2, sweep=sweep, save={"trajectories": choice}
+    )
+    data = jaxnet.run(given, tmp_path / "out").trajectories
+    for cell in given.cells:
+        graph = dense(situation_of(cell.scenario).graph)
+        one = (
+            data.isel(cell=cell.number, sample=1) if choice == "all" else data.isel(lane=2 * cell.number + 1)
+        )
+        weights = [one["kept"].where(one["source"] == j).sum("slot").values for j in range(13)]
+        weights = np.stack(weights, axis=-1)
+        np.testing.assert_allclose(weights.sum(axis=2), 1.0, atol=1e-6)
+        assert ((weights > 0) <= (graph > 0)).all()
+        star = cell.labels["topology"] == "star"
+        assert ((weights > 0) == (graph > 0)).all() == star
+        assert (one["kept"].isnull().all(("time", "vehicle")).values == [False, star, star]).all()
+        assert ((one["source"] < 0).all("vehicle").values == [False, star, star]).all()
+
+
+@pytest.mark.parametrize("topology", ["cyclic", "path", {"kind": "lattice", "neighbours": 4}])
+def test_a_trajectory_grows_with_the_fleet_and_no_faster(topology):
+    """Who retains whom included."""
+    sizes = []
+    for vehicles in (20, 2000):
+        cells = systems.study(topology=topology, vehicles=vehicles).cells
+        sizes.append(layout.variable_bytes(layout.trajectory_variables(cells), cells))
+    assert sizes[1] == 100 * sizes[0]
 
 
 def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):

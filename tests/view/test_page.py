@@ -475,7 +475,7 @@ def hold_against(shown, lane, place: int) -> None:
     np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-5)
     rows = shown.eval_on_selector("#lanes .raster", f"plot => plot.data[0].text.map(row => row[{place}])")
     said = {tuple(map(int, re.findall(r"\d+", row.replace("the navigator", "0"))[:2])): row for row in rows}
-    weights = lane["kept"].values
+    weights = systems.of_slots(lane["kept"].values, lane["source"].values)
     assert len(said) == 36
     assert {link for link, row in said.items() if ": retained" in row} == {
         (i + 1, j) for i, j in np.argwhere(weights > 0)

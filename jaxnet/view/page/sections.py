@@ -245,6 +245,8 @@ def sensitivity_section(results: Results) -> Section | None:
 def lanes_section(results: Results) -> Section:
     """Lanes in motion."""
     name, (found, many) = "Lanes in motion", trajectories.lanes(results)
+    if many and not found:
+        return Section("lanes", name, f"<p>{TOO_LARGE}</p>")
     if not found:
         ended = worst_of_cells(results, 1)
         if ended.empty:
@@ -261,6 +263,10 @@ def lanes_section(results: Results) -> Section:
     return Section("lanes", name, note + DRAWN, found)
 
 
+TOO_LARGE = (
+    "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
+    " <code>trajectories.zarr</code>."
+)
 CHOSEN = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most, spread"
     " evenly over the study, and the worst lanes of the study if it asks for recovery."

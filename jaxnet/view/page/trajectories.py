@@ -27,11 +27,14 @@ LETTERS = 4 / 3  # per byte
 
 
 def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
-    """As many lanes as the page has room for, and how many have a trajectory in all."""
+    """As many lanes as the page has room for, and how many have a trajectory in all.
+
+    There is room for none of a large fleet.
+    """
     found = [*searched_for(results), *((results, each) for each in watched(results))]
     most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_LANES]), default=1.0)
     room = BUDGET / most
-    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
+    count = min(len(found), int(min(room / FEWEST_FRAMES, MOST_LANES)))
     frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
     return [lane(of, each, frames) | about(results, of, each) for of, each in found[:count]], len(found)
 
@@ -97,7 +100,8 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "attack": packed(data["attack"].values[:, np.array(attacked, int) - 1]),
     }
     if cell.scenario.defence.decides:
-        given["kept"] = packed(np.packbits(data["kept"].values[:, listeners, sources] > 0), "u1")
+        kept = hearing.by_link(graph, data["kept"].values > 0, data["source"].values)
+        given["kept"] = packed(np.packbits(kept), "u1")
     return given
 
 
