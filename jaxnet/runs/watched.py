@@ -59,7 +59,7 @@ def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
     if size > MOST_BYTES:
-        words = f"a lane in motion takes {size / 1e9:.1f} GB: the page shows only what is stored"
+        words = f"a lane in motion takes {size / 1e6:,.0f} MB: the page shows only what is stored"
         warnings.warn(f"{results.path}: {words}", stacklevel=2)
         return
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")

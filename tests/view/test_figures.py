@@ -13,10 +13,12 @@ from upath import UPath
 
 import jaxnet
 from jaxnet.config import naming
+from jaxnet.config.scenario import situation_of
 from jaxnet.statistics.curves import SHARE, Curve
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.store.results import Results
 from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology, unrecovered
+from jaxnet.view.page import networks
 from tests import systems
 
 
@@ -235,7 +237,7 @@ def test_nodes_of_graphs_keep_apart(vehicles):
 
 def test_graphs_too_large_for_numbers_say_so():
     """The navigator and the attacked keep theirs."""
-    figure = graphs_of(400, [7], ["star"])
+    figure = graphs_of(300, [7], ["star"])
     assert {text.get_text() for text in figure.axes[0].texts} == {"0", "7"}
     assert figure.axes[0].get_title() == "star\nweights: 1 from 0"
     words = "There is no room for the numbers of vehicles that are not attacked"
@@ -295,3 +297,24 @@ def test_chosen_cells_are_what_is_drawn(results):
     assert names[:3] == ["tails", "tails-one-column", "tails-topology=star"]
     assert len(set(names)) == len(names)
     assert all("/" not in name and len(name) < 120 for name in names)
+
+
+def test_a_large_fleet_is_shown_by_its_matrix():
+    """Grey where anybody in a bin hears anybody there, white elsewhere; a strip for 0, marks for attacks."""
+    attack = {"kind": "bias", "vehicles": [2, 700]}
+    study = systems.study(vehicles=720, attack=attack, sweep={"topology": ["cyclic", "path"]})
+    for panel, cell in zip(topology.figure(study.cells).axes, study.cells, strict=True):
+        (image,), m = panel.images, 720
+        known, hears = np.zeros((60, 60), bool), set()
+        for i, j in situation_of(cell.scenario).graph.pairs():
+            if j == 0:
+                hears.add(i // 12)
+            else:
+                known[i // 12, (j - 1) // 12] = True
+        np.testing.assert_array_equal(image.get_array() < 1.0, known)
+        assert image.get_extent() == [0.5, m + 0.5, m + 0.5, 0.5]
+        assert len(panel.collections) == len(hears)
+        assert panel.lines[0].get_xdata().tolist() == [2, 700]
+    assert "densities of links" in networks.drawing(study.cells)
+    small = systems.study(vehicles=12)
+    assert "densities" not in networks.drawing(small.cells)

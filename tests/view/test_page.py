@@ -547,13 +547,13 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
 
 
 def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypatch):
-    """It says so. Whom each of 12 vehicles retains of 13 sources at 6 output times is part of a lane."""
+    """It says so. Whom each of 12 vehicles retains in 3 slots at 6 output times is part of a lane."""
     from jaxnet.runs import watched
 
     results = jaxnet.run(systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out")
-    part = 6 * 12 * 13 * 4
+    part = 6 * 12 * 3 * 4
     monkeypatch.setattr(watched, "MOST_BYTES", part)
-    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0\.0 GB: the page shows only"):
+    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0 MB: the page shows only"):
         assert list(watched.replay_watched(results)) == []
     monkeypatch.setattr(watched, "MOST_BYTES", 10 * part)
     assert len(list(watched.replay_watched(results))) == 2

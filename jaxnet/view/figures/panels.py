@@ -18,6 +18,7 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
+MOST_APART = 100  # vehicles whose paths can be told from each other; those of more are a density
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
 KEY_HEIGHT = 0.35  # [in]
@@ -162,15 +163,20 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
     positions = lane["states"].values[:, :, :2]
     attacked = attacked_vehicles(cell, lane)
+    crowd = positions.shape[1] > MOST_APART
     for vehicle in range(positions.shape[1]):
-        look = ATTACKED if vehicle + 1 in attacked else HONEST
+        lies = vehicle + 1 in attacked
+        look = ATTACKED if lies else CROWDED if crowd else HONEST
         x, y = positions[:, vehicle].T
-        panel.plot(x, y, **look, zorder=2 if vehicle + 1 in attacked else 1)
+        panel.plot(x, y, **look, zorder=2 if lies else 1)
+        if crowd and not lies:
+            continue
         panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
 HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
+CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "alpha": 0.15, "rasterized": True}
 ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
@@ -190,9 +196,11 @@ def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Link
 
 def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
     """What is what in the plane."""
+    fleets = [cell.scenario.vehicles for row in rows for cell in row]
     handles = [
         Line2D([], [], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), label="navigator"),
-        Line2D([], [], **HONEST, label="vehicle"),
+        *[Line2D([], [], **HONEST, label="vehicle")] * (min(fleets) <= MOST_APART),
+        *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")] * (max(fleets) > MOST_APART),
     ]
     attacks = [cell.scenario.attack for row in rows for cell in row]
     if any(attack.number() and attack.amplitude() != 0 for attack in attacks):

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import FancyArrowPatch
+from matplotlib.patches import FancyArrowPatch, Patch
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.graph import Digraph
-from jaxnet.view.figures import multiples, style
+from jaxnet.view.figures import adjacency, multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles, name
 from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
+MATRICES_IN_ROW = 2  # of them, where any is shown by its matrix
 SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
 CROWD = 16  # more vehicles than this are too many for one circle
 INNER = 0.8  # radius of a crowd's second circle
@@ -69,8 +70,9 @@ def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
 
 def side_by_side(graphs: Sequence[Digraph], width: float) -> int:
     """How many graphs stand in a row: as many as leave APART between the nodes of each."""
-    wanted = max(APART / spacing(graph, 1.0) for graph in graphs)
-    return max(1, min(MOST_IN_ROW, int(72 * width / wanted)))
+    wanted = [APART / spacing(graph, 1.0) for graph in graphs if not adjacency.too_large(graph)]
+    most = MOST_IN_ROW if len(wanted) == len(graphs) else MATRICES_IN_ROW
+    return max(1, min(most, int(72 * width / max(wanted, default=1.0))))
 
 
 def spacing(graph: Digraph, size: float) -> float:
@@ -87,7 +89,7 @@ def diameter(graph: Digraph, size: float) -> float:
 
 def left_out(graphs: Sequence[Digraph], size: float) -> list[str]:
     """What panels of this size [pt] have no room for."""
-    words = []
+    words, graphs = [], [graph for graph in graphs if not adjacency.too_large(graph)]
     if any(diameter(graph, size) < LEGIBLE for graph in graphs):
         words.append("the numbers of vehicles that are not attacked")
     if any(graph.heard.any() and not labelled_links(graph) for graph in graphs):
@@ -112,7 +114,14 @@ def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
 
 
 def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
-    """Arrows run as the signals do, from the source to the vehicle that hears it, on size [pt]."""
+    """Arrows run as the signals do, from the source to the vehicle that hears it, on size [pt].
+
+    A large fleet's links are a density.
+    """
+    panel.set_title(heading(cell, network.graph), pad=2)
+    if adjacency.too_large(network.graph):
+        adjacency.draw(panel, network, attacked_vehicles(cell))
+        return
     places = positions(network.graph)
     attacked = attacked_vehicles(cell)
     across = diameter(network.graph, size)
@@ -125,7 +134,6 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
         label_weights(panel, network.graph, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
-    panel.set_title(heading(cell, network.graph), pad=2)
     panel.set_aspect("equal")
     panel.axis("off")
     panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
@@ -245,10 +253,19 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
         )
 
 
-def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D]:
+def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
     """What is what, of what is there."""
+    large = [each for each in shown if adjacency.too_large(each[1].graph)]
+    keys = adjacency.legend(any(attacked_vehicles(cell) for cell, _ in large)) if large else []
+    return of_nodes([each for each in shown if not adjacency.too_large(each[1].graph)]) + keys
+
+
+def of_nodes(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
+    """What is what, where vehicles are drawn one by one."""
+    if not shown:
+        return []
     node = {"linestyle": "", "markersize": 7}
-    handles = [Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
+    handles: list[Line2D | Patch] = [Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
     if any(attacked_vehicles(cell) for cell, _ in shown):
         rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
         handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))

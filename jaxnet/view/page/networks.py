@@ -10,6 +10,7 @@ from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.config.study import Study
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import magnitude_words
+from jaxnet.view.figures.adjacency import too_large
 from jaxnet.view.figures.panels import attacked_vehicles, name
 from jaxnet.view.figures.topology import caption, link_names, most_attacked, positions
 
@@ -64,7 +65,10 @@ def defence_words(cell: Cell) -> str:
 def drawing(cells: Sequence[Cell]) -> str:
     """The first few networks before anybody trims, with a key to what is drawn."""
     graphs = most_attacked(cells)
-    shown = [(cell, situation_of(cell.scenario)) for cell in graphs[:MOST_DRAWN]]
+    known = [(cell, situation_of(cell.scenario)) for cell in graphs]
+    shown = [each for each in known if not too_large(each[1].graph)][:MOST_DRAWN]
+    if not shown:
+        return "<p>Too large to be drawn here: as densities of links in figures/topologies.</p>"
     called = [
         "navigator",
         "vehicle",
