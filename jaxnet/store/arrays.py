@@ -176,12 +176,14 @@ def stored(variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]) 
 def write(group: zarr.Group, place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
     """Store values at their place along the first dimensions, also what is not a number in every lane.
 
-    They may have less slots than there is room for.
+    They may have less slots than there is room for. Chunks are written whole, for what is there may be torn.
     """
     for name, each in values.items():
         array = member(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
-        lanes = sum(isinstance(part, slice) for part in place)
-        array[(*place, *map(slice, each.shape[lanes:]))] = each
+        own = array.ndim - len(place)  # dimensions of a part
+        missing = np.subtract(array.shape[-own:], each.shape[-own:])
+        widths = [(0, 0)] * (each.ndim - own) + [(0, number) for number in missing]
+        array[place] = np.pad(each, widths, constant_values=array.fill_value) if missing.any() else each
 
 
 def checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]) -> dict[str, int]:
