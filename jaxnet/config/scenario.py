@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
+from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe
@@ -81,3 +82,10 @@ def interval_of(scenario: Scenario) -> float:
 def outputs_of(scenario: Scenario) -> int:
     """Output times after t = 0."""
     return round(scenario.horizon / scenario.output_step)
+
+
+def sources_of(scenario: Scenario) -> np.ndarray:
+    """Who is heard slot by slot: attacked sources as often as they have identities."""
+    linked = scenario.topology.linked(scenario.vehicles)
+    each = scenario.attack.identities() + scenario.attack.splits()
+    return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
-from jaxnet.config.scenario import has_ticks, interval_of, outputs_of
+from jaxnet.config.scenario import has_ticks, interval_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.attacks import AnyAttack, scaled
@@ -87,13 +87,6 @@ def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
     """
     spared = place.vehicle not in (0, *scenario.attack.targets())
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
-
-
-def sources_of(scenario: Scenario) -> np.ndarray:
-    """Who is heard slot by slot: attacked sources as often as they have identities."""
-    linked = scenario.topology.linked(scenario.vehicles)
-    each = scenario.attack.identities() + scenario.attack.splits()
-    return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))
 
 
 def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:

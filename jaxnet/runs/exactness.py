@@ -68,7 +68,8 @@ def greatest_distance(one: batch.Inputs, hearing: Hearing, interval: float, seri
             mixing[listeners[added], carries[added]] += weights[listeners[added], slot[added]]
         return np.stack([mixing @ jet.T for jet in signals[round(t / interval)]])
 
-    kept = np.moveaxis(hearing.retained(jnp.moveaxis(jnp.asarray(series["kept"]), 0, -1)[None]), -1, 0)
+    by_slot = jnp.asarray(np.moveaxis(series["kept"], 0, -1))
+    kept = np.moveaxis(np.asarray(hearing.retained(by_slot[None])), -1, 0)
     known = exact.tracking_errors(start, corruption, kept, np.asarray(lane.gain), interval)
     ours = series["state"][:, :, :2] - navigator[0].T[:, None]
     return float(np.linalg.norm(ours - known, axis=2).max())

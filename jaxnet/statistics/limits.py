@@ -17,9 +17,9 @@ from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of
+from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
-from jaxnet.lanes.jobs import attack_of, signals_of, source_of, sources_of, start_of
+from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph

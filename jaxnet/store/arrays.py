@@ -21,8 +21,8 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import FsspecStore
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.scenario import sources_of
 from jaxnet.kinds.vehicles import HEADING
-from jaxnet.lanes.jobs import sources_of
 from jaxnet.store.layout import Variable, coordinates, shared
 
 IDENTITY = "identity"

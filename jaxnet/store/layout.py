@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxnet.config import keys
 from jaxnet.config.cells import Cell
-from jaxnet.lanes.jobs import sources_of
+from jaxnet.config.scenario import sources_of
 
 SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
