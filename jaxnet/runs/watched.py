@@ -17,7 +17,8 @@ from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
 
 MOST_REPLAYED = 12  # whose median and worst lanes are simulated again
-MOST_BYTES = 2**24  # that such a lane may take: 700 vehicles on a ring, over 301 output times
+MOST_BYTES = 2**28  # that such a lane may take
+MOST_VEHICLES = 300  # of a fleet of which each can be told from the others where it is drawn
 
 
 class Watched(NamedTuple):
@@ -58,8 +59,11 @@ def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
     """
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
-    if size > MOST_BYTES:
-        words = f"a lane in motion takes {size / 1e6:,.0f} MB: the page shows only what is stored"
+    vehicles = max(cell.scenario.vehicles for cell in cells)
+    if size > MOST_BYTES or vehicles > MOST_VEHICLES:
+        words = (
+            f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each, are too large to be put in motion"
+        )
         warnings.warn(f"{results.path}: {words}", stacklevel=2)
         return
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")

@@ -36,7 +36,9 @@ def prepare(
     """The store at this path, with room for that many samples; made if there is none that can be read."""
     coords = coordinates(cells, samples)
     group = opened(path, (*variables, "sample"))
-    if group is None or any(member(group, name).chunks[1] != chunk for name in variables):
+    if group is None or not all(
+        laid_out(member(group, name), variable.dims, chunk) for name, variable in variables.items()
+    ):
         group = zarr.open_group(store_at(path), mode="w")
         create(group, variables, coords, (1, chunk))
         if "states" in variables:
@@ -50,6 +52,12 @@ def prepare(
     member(group, "sample")[:] = coords["sample"]
     consolidate(group)
     return group
+
+
+def laid_out(array: zarr.Array, dims: tuple[str, ...], chunk: int) -> bool:
+    """Whether an array has these dimensions, and so many samples in a chunk."""
+    known: Any = array.metadata.to_dict()
+    return tuple(known.get("dimension_names") or ()) == dims and array.chunks[1] == chunk
 
 
 def consolidate(group: zarr.Group) -> None:
@@ -108,8 +116,7 @@ def create(
 ) -> None:
     """Empty arrays, parted along their first dimensions, and the coordinates of their dimensions."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
-        if dim not in group:
-            add(group, dim, (dim,), coords[dim])
+        add(group, dim, (dim,), coords[dim])
     member(group, "time").attrs["units"] = "s"
     for name, (dims, dtype, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims]
@@ -119,7 +126,7 @@ def create(
             chunks=(*chunks, *shape[len(chunks) :]),
             compressors=(ZstdCodec(), Crc32cCodec()),
             dtype=dtype,
-            fill_value=np.nan if dtype.startswith("float") else NOBODY,
+            fill_value=filling(dtype),
             dimension_names=dims,
         )
         array.attrs["long_name"] = meaning
@@ -136,9 +143,12 @@ def add_shared(
     group: zarr.Group, variables: Mapping[str, Variable], cells: Sequence[Cell], coords: Mapping[str, Any]
 ) -> None:
     """Arrays that all lanes of a cell share."""
-    create(group, variables, coords, (1,))
-    for place, cell in enumerate(cells):
-        write(group, (place,), of_cell(cell, variables, coords["time"]))
+    each = [of_cell(cell, variables, coords["time"]) for cell in cells]
+    for name, (dims, dtype, meaning, _) in variables.items():
+        shape = [len(coords[dim]) for dim in dims[1:]]
+        whole = np.stack([padded(one[name].astype(dtype), shape) for one in each])
+        add(group, name, dims, whole)
+        member(group, name).attrs["long_name"] = meaning
 
 
 def of_cell(cell: Cell, variables: Mapping[str, Variable], time: np.ndarray) -> dict[str, np.ndarray]:
@@ -176,14 +186,25 @@ def stored(variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]) 
 def write(group: zarr.Group, place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
     """Store values at their place along the first dimensions, also what is not a number in every lane.
 
-    They may have less slots than there is room for. Chunks are written whole, for what is there may be torn.
+    Chunks are written whole, for what is there may be torn.
     """
     for name, each in values.items():
         array = member(group, name).with_config({"write_empty_chunks": True})  # or `intact` would miss them
-        own = array.ndim - len(place)  # dimensions of a part
-        missing = np.subtract(array.shape[-own:], each.shape[-own:])
-        widths = [(0, 0)] * (each.ndim - own) + [(0, number) for number in missing]
-        array[place] = np.pad(each, widths, constant_values=array.fill_value) if missing.any() else each
+        array[place] = padded(each, array.shape[len(place) :])
+
+
+def padded(values: np.ndarray, shape: Sequence[int]) -> np.ndarray:
+    """Values that may have less slots than there is room for, in a shape of their last dimensions."""
+    missing = np.subtract(shape, values.shape[-len(shape) :])
+    if not missing.any():
+        return values
+    widths = [(0, 0)] * (values.ndim - len(shape)) + [(0, number) for number in missing]
+    return np.pad(values, widths, constant_values=filling(values.dtype))
+
+
+def filling(dtype: Any) -> Any:
+    """What stands where nothing was written."""
+    return np.nan if np.issubdtype(dtype, np.floating) else NOBODY
 
 
 def checksums(path: UPath, variables: Mapping[str, Variable], place: tuple[int, ...]) -> dict[str, int]:

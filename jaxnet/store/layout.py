@@ -57,8 +57,10 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
 
 def slots_of(cells: Sequence[Cell]) -> int:
     """Slots of a trajectory that says whom vehicles retain, of the cell that has most; else 0."""
-    deciding = [cell.scenario for cell in cells if cell.scenario.defence.decides]
-    alike = {repr((each.topology, each.attack.identities(), each.attack.splits())): each for each in deciding}
+    alike = {}
+    for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
+        several = scenario.attack.identities() + scenario.attack.splits() > 1  # slots of an attacked source
+        alike[repr((scenario.topology, several and scenario.attack))] = scenario
     return max((len(sources_of(each)) for each in alike.values()), default=0)
 
 

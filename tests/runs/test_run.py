@@ -318,6 +318,34 @@ def test_whom_vehicles_retain_is_told_of_cells_that_hear_through_more_or_less_sl
         assert ((one["source"] < 0).all("vehicle").values == [False, star, star]).all()
 
 
+def test_there_is_room_for_the_slots_of_every_cell(tmp_path):
+    """Where identities of attacked sources take slots, and more of them in a later cell."""
+    given = systems.study(
+        engine="exact",
+        horizon=1.0,
+        tail=0.5,
+        samples=1,
+        attack={"sybils": 3},
+        sweep={"attack.vehicles": [[2], [2, 4], [7]]},
+        save={"trajectories": "all"},
+    )
+    data = jaxnet.run(given, tmp_path / "out").trajectories
+    assert data.sizes["slot"] == 1 + 4 + 4
+    np.testing.assert_allclose(data["kept"].sum("slot").values, 1.0, atol=1e-6)
+    heard = (data["source"] == 2).drop_sel(vehicle=2)  # who has slots over stands in them itself
+    assert heard.sum(("slot", "vehicle")).values.tolist() == [8, 8, 2]
+
+
+def test_a_store_of_another_layout_is_made_anew(tmp_path):
+    """As by an earlier version: its lanes are simulated again."""
+    keys = {"engine": "exact", "topology": "star", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    study = systems.study(**keys, save={"trajectories": "all"})
+    whole = jaxnet.run(study, tmp_path / "out").trajectories.load()
+    metadata = tmp_path / "out" / "trajectories.zarr" / "kept" / "zarr.json"
+    metadata.write_text(metadata.read_text().replace('"slot"', '"other"'))
+    assert jaxnet.run(study, tmp_path / "out").trajectories.equals(whole)
+
+
 @pytest.mark.parametrize("topology", ["cyclic", "path", {"kind": "lattice", "neighbours": 4}])
 def test_a_trajectory_grows_with_the_fleet_and_no_faster(topology):
     """Who retains whom included."""

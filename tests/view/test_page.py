@@ -553,10 +553,18 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
     results = jaxnet.run(systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1), tmp_path / "out")
     part = 6 * 12 * 3 * 4
     monkeypatch.setattr(watched, "MOST_BYTES", part)
-    with pytest.warns(UserWarning, match=r"out: a lane in motion takes 0 MB: the page shows only"):
+    with pytest.warns(UserWarning, match=r"out: lanes of 12 vehicles, 0\.01 MB each, are too large"):
         assert list(watched.replay_watched(results)) == []
     monkeypatch.setattr(watched, "MOST_BYTES", 10 * part)
+    monkeypatch.setattr(watched, "MOST_VEHICLES", 11)
+    with pytest.warns(UserWarning, match=r"out: lanes of 12 vehicles"):
+        assert list(watched.replay_watched(results)) == []
+    monkeypatch.setattr(watched, "MOST_VEHICLES", 12)
     assert len(list(watched.replay_watched(results))) == 2
+    assert len(trajectories.lanes(results)[0]) == 2
+    monkeypatch.setattr(trajectories, "MOST_VEHICLES", 11)
+    assert trajectories.lanes(results) == ([], 2)
+    assert "jaxnet animate" in sections.lanes_section(results).body
 
 
 def test_cells_are_named_by_how_many_they_are(html):

@@ -1,24 +1,27 @@
 """Who hears whom in a fleet too large to draw each vehicle: the adjacency matrix, as a density of links."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba_array
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.scenario import Situation
 from jaxnet.model.graph import Digraph
+from jaxnet.runs.watched import MOST_VEHICLES
 from jaxnet.view.figures import style
 
-MOST_DRAWN = 300  # vehicles that are drawn one by one
 BINS = 60  # of listeners, and of sources
 STRIP = 0.05  # of the matrix's width, that the navigator's column takes
-GREYS = ("0.75", "0.15")  # of one link in a bin, and of as many as any bin has
+GREYS = (0.75, 0.15)  # of one link in a bin, and of as many as any bin has
 REST = 0.04  # of the width, from the navigator's column to the matrix
 
 
 def too_large(graph: Digraph) -> bool:
     """Whether a graph's vehicles cannot be told from each other in a panel."""
-    return graph.vehicles > MOST_DRAWN
+    return graph.vehicles > MOST_VEHICLES
 
 
 def draw(panel: Axes, network: Situation, attacked: list[int]) -> None:
@@ -29,17 +32,13 @@ def draw(panel: Axes, network: Situation, attacked: list[int]) -> None:
     edges = np.linspace(0.5, m + 0.5, BINS + 1)
     links, _, _ = np.histogram2d(listeners + 1, sources, bins=(edges, edges))
     heard, _ = np.histogram(listeners[sources == 0] + 1, bins=edges)
-    shade = float(GREYS[0]) + (float(GREYS[1]) - float(GREYS[0])) * links / max(1.0, links.max())
-    shade[links == 0] = 1.0
-    panel.imshow(
-        shade, cmap="gray", vmin=0, vmax=1, extent=(0.5, m + 0.5, m + 0.5, 0.5), interpolation="nearest"
-    )
+    shade = np.where(links > 0, np.interp(links, (0, max(1, links.max())), GREYS), 1.0)
+    look: dict[str, Any] = {"interpolation": "nearest", "cmap": "gray", "vmin": 0, "vmax": 1}
+    panel.imshow(shade, extent=(0.5, m + 0.5, m + 0.5, 0.5), **look)
     share = heard / np.histogram(np.arange(1, m + 1), bins=edges)[0]
-    left = -(REST + STRIP) * m
-    for top, bottom, each in zip(edges[:-1], edges[1:], share, strict=True):
-        if each:
-            box = {"color": style.BLUE, "alpha": 0.25 + 0.75 * each, "linewidth": 0}
-            panel.fill_between([left, left + STRIP * m], top, bottom, **box)
+    left, opaque = -(REST + STRIP) * m, np.where(share > 0, 0.25 + 0.75 * share, 0.0)
+    strip = np.stack([to_rgba_array(style.BLUE, alpha) for alpha in opaque])
+    panel.imshow(strip, extent=(left, left + STRIP * m, m + 0.5, 0.5), interpolation="nearest")
     panel.plot(attacked, np.full(len(attacked), -0.03 * m), "v", color=style.RED, markersize=3, zorder=3)
     panel.set(xlim=(left, m + 0.5), ylim=(m + 0.5, -0.06 * m), xlabel="source", ylabel="listener")
     panel.locator_params(nbins=4)
@@ -49,7 +48,7 @@ def legend(attacked: bool) -> list[Patch | Line2D]:
     """What is what."""
     marks = {"linestyle": "", "marker": "v", "markersize": 4, "color": style.RED}
     return [
-        Patch(color=GREYS[1], label="links, darker where more"),
+        Patch(color=str(GREYS[1]), label="links, darker where more"),
         Patch(color=style.BLUE, label="who hears the navigator"),
         *[Line2D([], [], label="attacked vehicles", **marks)] * attacked,
     ]

@@ -12,7 +12,7 @@ from jaxnet.config.naming import title
 from jaxnet.config.scenario import situation_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
-from jaxnet.runs.watched import Watched, watched
+from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import scales
 from jaxnet.store.results import Results
 from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
@@ -31,12 +31,13 @@ def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
 
     There is room for none of a large fleet.
     """
-    found = [*searched_for(results), *((results, each) for each in watched(results))]
+    there = [*searched_for(results), *((results, each) for each in watched(results))]
+    found = [(of, each) for of, each in there if of.study.cells[each.cell].scenario.vehicles <= MOST_VEHICLES]
     most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_LANES]), default=1.0)
     room = BUDGET / most
-    count = min(len(found), int(min(room / FEWEST_FRAMES, MOST_LANES)))
+    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
     frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
-    return [lane(of, each, frames) | about(results, of, each) for of, each in found[:count]], len(found)
+    return [lane(of, each, frames) | about(results, of, each) for of, each in found[:count]], len(there)
 
 
 def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:

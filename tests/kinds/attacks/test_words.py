@@ -5,6 +5,7 @@ import pytest
 
 from jaxnet.config.document import ConfigError
 from jaxnet.explore.box import Box, places_of
+from jaxnet.kinds.attacks.freeform import Freeform
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics import limits
 from jaxnet.view.text import check
@@ -75,6 +76,22 @@ def test_harmonics_and_their_derivatives_come_near_their_bound_and_never_exceed_
                 assert np.abs(slope - jets[k + 1]).max() < 1e-3
     directions = {tuple(np.round(lane.vectors[:, j - 1].ravel(), 6)) for j in ATTACKED}
     assert len(directions) == len(ATTACKED)
+
+
+def test_the_size_of_harmonics_is_the_same_whatever_is_beside_them():
+    """To the last bit, and of any size of the vectors."""
+    rng = np.random.default_rng(0)
+    vectors, frequency = rng.normal(size=(2, 3, 10, 700)), rng.uniform(0.1, 20, 700)
+    vectors[:, 1, :, 5] *= 1e200
+
+    def size(lanes):
+        made = Freeform().model_copy(update={"frequency": frequency[lanes], "harmonics": 5})
+        return made.greatest(vectors[..., lanes])
+
+    whole = size(slice(None))
+    for lanes in (slice(0, 1), slice(5, 6), slice(340, 349), slice(699, 700)):
+        np.testing.assert_array_equal(size(lanes), whole[..., lanes])
+    assert np.isfinite(whole).all()
 
 
 def test_the_freeform_attack_is_what_its_coefficients_say():
