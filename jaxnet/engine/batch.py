@@ -7,6 +7,7 @@ engines they are the last.
 """
 
 import functools
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,7 +26,9 @@ from jaxnet.model.lane import Network
 
 Tree = TypeVar("Tree")
 
-ROOM = 12  # vehicles, of which an engine takes its chunk of lanes side by side; fewer of larger fleets
+FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
+MOST_VEHICLES = 40_000  # of all lanes side by side, that they may stay in a core's cache
+LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
 COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
@@ -59,11 +62,12 @@ class Machine(NamedTuple):
         return there[: self.devices]
 
     def width(self, plan: Plan, vehicles: int) -> int:
-        """Lanes side by side."""
+        """Lanes side by side: of larger fleets fewer, about as the root of their size, a power of two."""
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        return max(4, chunk * ROOM // max(ROOM, vehicles))
+        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), MOST_VEHICLES / vehicles)
+        return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
 
 EVERYTHING = Machine()

@@ -29,7 +29,8 @@ from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 
-SOLVED = 16  # lanes whose Laplacians are factorised at once
+SOLVED, SOLVED_OF_LARGE = 16, 2  # lanes whose Laplacians are factorised at once
+LARGE = 24  # vehicles; from there on lanes that need it not cost more than another pass does
 
 State = Float[Array, "n m lanes"]
 
@@ -211,7 +212,8 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
 
     carry = fleet.held, fleet.slope, fleet.step, fleet.status
     anew = here if lane.law.holds else here & (first | lanes)
-    held, slope, step, status = for_each(anew, SOLVED, some, carry)
+    at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+    held, slope, step, status = for_each(anew, at_once, some, carry)
     switches = fleet.switches + jnp.where(first, 0, vehicles)
     return fleet._replace(mind=mind, held=held, slope=slope, step=step, status=status, switches=switches)
 

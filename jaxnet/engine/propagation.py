@@ -39,7 +39,8 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
-SOLVED = 16  # lanes whose Laplacians are solved at once
+SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
+LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
 NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 
@@ -163,9 +164,11 @@ def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Net
         cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
         return put(forced, few, response), put(status, few, cut_off)
 
+    at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+
     def every(carry: Any) -> Any:
         free, before, status = carry
-        forced, status = for_each(flagged, SOLVED, some, (before, status))
+        forced, status = for_each(flagged, at_once, some, (before, status))
         return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
 
     carry = fleet.free, fleet.forced, fleet.status

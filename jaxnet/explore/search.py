@@ -19,11 +19,13 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-POPULATIONS = 16  # side by side
+COURSE = 2  # to be raised when searches begin to go another way, so that none kept before goes on
+POPULATIONS = 16  # side by side, or more where budgets are large
 SPREAD = 0.15  # of a population at first, of the box's edge
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
+MOST_GENERATIONS = 3_000  # that it is to have, or there are more
 AT_ONCE = 4096  # choices tried in a batch, where they could be more
 SMALL = 1e-6  # step by which a slope is found
 SHORTER = 0.25 * 0.5 ** np.arange(24)  # steps along it
@@ -197,7 +199,8 @@ def evolved(
         return Population(box, next(points), int(random.integers(2**32)))
 
     size = another().strategy.population_size * trials.starts
-    side_by_side = min(POPULATIONS, max(1, (until - trials.lanes) // (LEAST_GENERATIONS * size)))
+    generations = (until - trials.lanes) // size  # of one population alone
+    side_by_side = max(1, generations // MOST_GENERATIONS, min(POPULATIONS, generations // LEAST_GENERATIONS))
     populations = [another() for _ in range(side_by_side)]
     while trials.lanes + size * len(populations) <= until:
         asked = [population.ask() for population in populations]

@@ -26,7 +26,7 @@ from jaxnet.engine.batch import Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Generation, Trials, searched
+from jaxnet.explore.search import COURSE, Generation, Trials, searched
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
@@ -39,7 +39,8 @@ from jaxnet.store import rows
 from jaxnet.store.folder import Folder, FolderError, digest
 from jaxnet.store.results import Results
 
-CHECKPOINT = 10.0  # [s]
+CHECKPOINT = 10.0  # [s], or longer where that would take more than
+WRITING = 0.05  # of the time
 FRESH = 10_000  # starts from which the worst choice is tried again
 BOUNDED = {"tail_max": np.max, "tail_mean": np.mean}  # of what vehicles' bounds come to, metrics are at most
 
@@ -91,13 +92,14 @@ class Hunt:
 
     def generations(self) -> Iterator[Generation]:
         """All, those that were there included; what they came to is kept now and then, and at the end."""
-        kept = time.monotonic()
+        due = time.monotonic() + CHECKPOINT
         try:
             for generation in searched(self.trials, self.asked.budget, self.asked.seed):
                 yield generation
-                if time.monotonic() > kept + CHECKPOINT:
+                if (began := time.monotonic()) > due:
                     self.keep()
-                    kept = time.monotonic()
+                    ended = time.monotonic()
+                    due = ended + max(CHECKPOINT, (ended - began) / WRITING)
         finally:
             self.keep()
 
@@ -108,7 +110,7 @@ class Hunt:
 
     def stamp(self) -> str:
         """Of all that makes the search go its way."""
-        said = json.dumps([digest(self.study), plain(self.asked), self.cell.number])
+        said = json.dumps([COURSE, digest(self.study), plain(self.asked), self.cell.number])
         return hashlib.sha256(said.encode()).hexdigest()
 
     def read(self) -> dict[str, np.ndarray]:

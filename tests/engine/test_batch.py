@@ -1,5 +1,7 @@
 """Lanes in a batch do not know of each other, and a failed one is named."""
 
+import math
+
 import jax
 import numpy as np
 import pytest
@@ -73,6 +75,20 @@ def test_chunks_of_another_width_agree(engine):
     np.testing.assert_array_equal(ours.switches, theirs.switches)
     for metric, other in zip(ours.metrics.values(), theirs.metrics.values(), strict=True):
         np.testing.assert_allclose(metric, other, rtol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["nonlinear", "exact", "stacked"])
+def test_larger_fleets_have_fewer_lanes_side_by_side(engine):
+    """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
+    plan = systems.lanes(systems.study(engine=engine, **SHORTEST), 1, ()).plan
+    fleets = [1, 12, 13, 50, 100, 300, 1_000, 3_000, 10_000, 100_000]
+    widths = [batch.EVERYTHING.width(plan, vehicles) for vehicles in fleets]
+    assert widths[:2] == [batch.method(plan).chunk] * 2
+    assert widths == sorted(widths, reverse=True)
+    assert all(math.log2(width).is_integer() for width in widths)
+    assert all(width in {4, 8} or width * m <= 5e4 for width, m in zip(widths, fleets, strict=True))
+    assert widths[-1] == 4
+    assert batch.Machine(chunk=5).width(plan, 300) == 5
 
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])

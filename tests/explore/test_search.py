@@ -13,7 +13,7 @@ import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet import api
-from jaxnet.explore import worst
+from jaxnet.explore import search, worst
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Trials, searched
 from jaxnet.lanes.jobs import job
@@ -92,6 +92,23 @@ def test_choices_of_which_a_lane_fails_count_less():
     *_, last = searched(trials, 2000, 0)
     assert last.failed > 500
     assert last.best > 25
+
+
+def test_larger_budgets_have_more_populations(monkeypatch):
+    """So many that none has more generations than it is to have; a batch then has work for all cores."""
+    monkeypatch.setattr(search, "MOST_GENERATIONS", 20)
+    monkeypatch.setattr(Trials, "simulated", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+
+    def searching(budget):
+        trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
+        lanes = [each.lanes for each in searched(trials, budget, 0) if each.phase == "search"]
+        return len(lanes), lanes[1] - lanes[0], trials.best
+
+    (few, small, _), (many, large, best) = searching(2_000), searching(20_000)
+    assert few <= 21
+    assert many <= 21
+    assert large == pytest.approx(10 * small, rel=0.1)
+    assert best > -1e-4
 
 
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
