@@ -108,7 +108,7 @@ def test_larger_budgets_have_more_populations(monkeypatch):
     assert few <= 21
     assert many <= 21
     assert large == pytest.approx(10 * small, rel=0.1)
-    assert best > -1e-4
+    assert best == pytest.approx(-8 * 0.2**2, abs=1e-4)  # eight are not attacked, and stay at 0.5
 
 
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
