@@ -15,6 +15,7 @@ from jaxnet.model.retained import AnySubset
 
 Gains = Float[np.ndarray, " m"]
 ROUNDING = 1e-12  # relative; less is no improvement
+NOTHING = 1e-15  # of the greatest gain; less is not made better
 
 
 def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
@@ -45,7 +46,8 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
     `carried` are the links that carry what their source says. Holds for whatever neighbours are retained one
     after the other, within what is allowed. Source: Howard's policy iteration (Puterman, Markov Decision
     Processes, 1994, section 7.2): all policies left end at the navigator, so the values of all vehicles rise
-    together and the last are the greatest.
+    together and the last are the greatest. Gains that are NOTHING beside the greatest are not
+    waited for: they grow from vehicle to vehicle, one a round.
     """
     joined = ~severed(retained)
     given = *retained.graph, *retained[1:], attacked, carried
@@ -57,10 +59,12 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
         word, added = np.zeros(retained.graph.weights.shape), np.zeros(len(joined))
         word[within], added[within] = kept * carried, (kept * attacked).sum(axis=1)
         better = graph.solver(retained.graph._replace(weights=word))(added)[within]
-        if (better <= gains[within] * (1 + ROUNDING)).all():
+        nothing = NOTHING * better.max(initial=0.0)
+        settled = (better <= np.maximum(gains[within] * (1 + ROUNDING), nothing)).all()
+        gains[within] = np.maximum(better, gains[within])
+        if settled:
             gains[~joined] = np.inf
             return gains
-        gains[within] = better
 
 
 def worst_kept(

@@ -159,6 +159,17 @@ def test_the_ring_that_trims():
     np.testing.assert_allclose(gains, expected, rtol=1e-12)
 
 
+def test_far_from_every_attack_next_to_nothing_is_waited_for(monkeypatch):
+    """Of a large ring few rounds, and the gains around the attacked are those of one ten times smaller."""
+    rounds, solver = [], graph.solver
+    monkeypatch.setattr(graph, "solver", lambda network: rounds.append(network) or solver(network))
+    small, large = (of(matrix_of(Cyclic(navigator_weight=0.1), m), [100]).gains() for m in (200, 2_000))
+    np.testing.assert_allclose(large[:200], small, rtol=1e-9, atol=1e-9)
+    assert large.max() > 1
+    assert large[1_000:1_800].max() < 1e-12
+    assert len(rounds) < 1_000
+
+
 @pytest.mark.parametrize(
     ("weights", "greatest", "mean"),
     [(matrix_of(Star(), 12), 1, 1 / 3), (matrix_of(Path(), 12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
