@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
@@ -163,20 +164,25 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
     positions = lane["states"].values[:, :, :2]
     attacked = attacked_vehicles(cell, lane)
-    crowd = positions.shape[1] > MOST_APART
-    for vehicle in range(positions.shape[1]):
+    honest = np.setdiff1d(np.arange(positions.shape[1]), np.array(attacked, int) - 1)
+    apart = np.arange(positions.shape[1])
+    if len(apart) > MOST_APART:
+        apart = np.setdiff1d(apart, honest)
+        faint = max(FAINTEST, min(1.0, FAINTER / len(honest)) * CROWDED["alpha"])
+        paths = LineCollection(list(positions[:, honest].swapaxes(0, 1)), **{**CROWDED, "alpha": faint})
+        panel.add_collection(paths, autolim=False)
+    for vehicle in apart:
         lies = vehicle + 1 in attacked
-        look = ATTACKED if lies else CROWDED if crowd else HONEST
+        look = ATTACKED if lies else HONEST
         x, y = positions[:, vehicle].T
         panel.plot(x, y, **look, zorder=2 if lies else 1)
-        if crowd and not lies:
-            continue
         panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
 HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
-CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "alpha": 0.15, "rasterized": True}
+CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "alpha": 0.15, "rasterized": True, "zorder": 1}
+FAINTER, FAINTEST = 1_000, 0.03  # vehicles from which on paths are fainter, and how faint at most
 ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
@@ -238,7 +244,7 @@ def draw_errors(
             panel.tick_params(labelbottom=False)
             panel.set_title(title, pad=3)
             if key:
-                panel.legend(loc="upper right", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
+                panel.legend(loc="best", handlelength=2.2, labelspacing=0.2, borderpad=0.1)
         else:
             panel.set_xlabel("t [s]")
             panel.locator_params(axis="x", nbins=4)
