@@ -15,7 +15,8 @@ from jaxnet.model.retained import AnySubset
 
 Gains = Float[np.ndarray, " m"]
 ROUNDING = 1e-12  # relative; less is no improvement
-NOTHING = 1e-15  # of the greatest gain; less is not made better
+NOTHING = 1e-15  # of the greatest gain; less is not made better, as it is far from every attack
+LEAST_NORMAL = float(np.finfo(float).tiny)  # what is smaller has no relative precision
 
 
 def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
@@ -46,25 +47,25 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
     `carried` are the links that carry what their source says. Holds for whatever neighbours are retained one
     after the other, within what is allowed. Source: Howard's policy iteration (Puterman, Markov Decision
     Processes, 1994, section 7.2): all policies left end at the navigator, so the values of all vehicles rise
-    together and the last are the greatest. Gains that are NOTHING beside the greatest are not
-    waited for: they grow from vehicle to vehicle, one a round.
+    together and the last are the greatest. The first policy looks at what gains are where nobody is dropped,
+    for from gains of 0 they would grow by one vehicle a round.
     """
     joined = ~severed(retained)
     given = *retained.graph, *retained[1:], attacked, carried
     sources, weights, links, number, attacked, carried = (each[joined] for each in given)
-    gains, within = np.zeros(len(joined)), np.flatnonzero(joined)
-    while True:
-        reward = attacked + carried * np.append(0.0, gains)[sources]
-        kept = worst_kept(weights, reward, links, number)
+
+    def gains_of(kept: Float[np.ndarray, "some slots"]) -> Gains:
         word, added = np.zeros(retained.graph.weights.shape), np.zeros(len(joined))
-        word[within], added[within] = kept * carried, (kept * attacked).sum(axis=1)
-        better = graph.solver(retained.graph._replace(weights=word))(added)[within]
-        nothing = NOTHING * better.max(initial=0.0)
-        settled = (better <= np.maximum(gains[within] * (1 + ROUNDING), nothing)).all()
-        gains[within] = np.maximum(better, gains[within])
-        if settled:
-            gains[~joined] = np.inf
-            return gains
+        word[joined], added[joined] = kept * carried, (kept * attacked).sum(axis=1)
+        return graph.solver(retained.graph._replace(weights=word))(added)
+
+    gains, better = np.zeros(len(joined)), gains_of(weights)
+    while True:
+        reward = attacked + carried * np.append(0.0, better)[sources]
+        better = gains_of(worst_kept(weights, reward, links, number))
+        if (better <= np.maximum(gains * (1 + ROUNDING), NOTHING * better.max())).all():
+            return np.where(joined, better, np.inf)
+        gains = better
 
 
 def worst_kept(
@@ -85,6 +86,6 @@ def worst_kept(
         kept = np.where(dropped, 0.0, weights)
         kept = kept / kept.sum(axis=1, keepdims=True)
         better = (kept * reward).sum(axis=1)
-        if (better <= ratio * (1 + ROUNDING)).all():
+        if (better <= ratio * (1 + ROUNDING) + LEAST_NORMAL).all():
             return kept
         ratio = better

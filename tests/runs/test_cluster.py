@@ -260,7 +260,9 @@ def test_a_worker_killed_in_mid_shard(study, whole, tmp_path, monkeypatch, no_se
             os.kill(killed[0], signal.SIGKILL)
 
     with pytest.warns(UserWarning, match="was lost|old") as warned:
-        jaxnet.run(study, tmp_path / "out", progress=kill, workers=2)
+        results = jaxnet.run(study, tmp_path / "out", progress=kill, workers=2)
+    pd.testing.assert_frame_equal(results.lanes, whole.lanes, check_exact=True)
+    xr.testing.assert_equal(results.errors.load(), whole.errors.load())
     assert_same(jaxnet.run(study, tmp_path / "out"), whole)  # clear of what it may have been killed writing
     assert len(killed) == 2
     assert not multiprocessing.active_children()

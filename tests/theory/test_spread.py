@@ -14,7 +14,9 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph
+from jaxnet.statistics import limits
 from jaxnet.theory import spread
+from tests import systems
 from tests.matrices import matrix_of, slotwise, whole
 
 ATTACKED = [2, 5, 8, 11]
@@ -159,15 +161,19 @@ def test_the_ring_that_trims():
     np.testing.assert_allclose(gains, expected, rtol=1e-12)
 
 
-def test_far_from_every_attack_next_to_nothing_is_waited_for(monkeypatch):
-    """Of a large ring few rounds, and the gains around the attacked are those of one ten times smaller."""
+@pytest.mark.parametrize("topology", ["cyclic", "lattice"])
+def test_rounds_do_not_grow_with_the_fleet(topology, monkeypatch):
+    """Gains around the attacked are those of a fleet ten times smaller, and fall to less than any number."""
     rounds, solver = [], graph.solver
     monkeypatch.setattr(graph, "solver", lambda network: rounds.append(network) or solver(network))
-    small, large = (of(matrix_of(Cyclic(navigator_weight=0.1), m), [100]).gains() for m in (200, 2_000))
-    np.testing.assert_allclose(large[:200], small, rtol=1e-9, atol=1e-9)
-    assert large.max() > 1
-    assert large[1_000:1_800].max() < 1e-12
-    assert len(rounds) < 1_000
+    keys = {"topology": topology, "defence": "trusted_trim"}
+    small, large = (
+        limits.spread_of(systems.study(**keys, vehicles=m).cells[0].scenario).gains for m in (1_000, 10_000)
+    )
+    np.testing.assert_allclose(large[:50], small[:50], rtol=1e-9)
+    assert 2 < large.max() < 3
+    assert large.min() < 1e-307
+    assert len(rounds) < 20
 
 
 @pytest.mark.parametrize(
