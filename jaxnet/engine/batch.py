@@ -27,7 +27,7 @@ from jaxnet.model.lane import Network
 Tree = TypeVar("Tree")
 
 FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
-MOST_VEHICLES = 40_000  # of all lanes side by side, that they may stay in a core's cache
+CACHED = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
 LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
@@ -66,7 +66,7 @@ class Machine(NamedTuple):
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), MOST_VEHICLES / vehicles)
+        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), CACHED / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
 

@@ -39,8 +39,8 @@ from jaxnet.store import rows
 from jaxnet.store.folder import Folder, FolderError, digest
 from jaxnet.store.results import Results
 
-CHECKPOINT = 10.0  # [s], or longer where that would take more than
-WRITING = 0.05  # of the time
+CHECKPOINT = 10.0  # [s], or as much longer as keeps the share of WRITING
+WRITING = 0.05  # of the time, at most
 FRESH = 10_000  # starts from which the worst choice is tried again
 BOUNDED = {"tail_max": np.max, "tail_mean": np.mean}  # of what vehicles' bounds come to, metrics are at most
 

@@ -164,13 +164,12 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
     positions = lane["states"].values[:, :, :2]
     attacked = attacked_vehicles(cell, lane)
-    honest = np.setdiff1d(np.arange(positions.shape[1]), np.array(attacked, int) - 1)
-    apart = np.arange(positions.shape[1])
+    apart = list(range(positions.shape[1]))
     if len(apart) > MOST_APART:
-        apart = np.setdiff1d(apart, honest)
-        faint = max(FAINTEST, min(1.0, FAINTER / len(honest)) * CROWDED["alpha"])
-        paths = LineCollection(list(positions[:, honest].swapaxes(0, 1)), **{**CROWDED, "alpha": faint})
-        panel.add_collection(paths, autolim=False)
+        apart = [vehicle - 1 for vehicle in attacked]
+        crowd = np.delete(positions, apart, axis=1).swapaxes(0, 1)
+        alpha = np.clip(INK / len(crowd), *OPACITY)
+        panel.add_collection(LineCollection(list(crowd), alpha=alpha, **CROWDED), autolim=False)
     for vehicle in apart:
         lies = vehicle + 1 in attacked
         look = ATTACKED if lies else HONEST
@@ -181,8 +180,8 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
 
 
 HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
-CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "alpha": 0.15, "rasterized": True, "zorder": 1}
-FAINTER, FAINTEST = 1_000, 0.03  # vehicles from which on paths are fainter, and how faint at most
+CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
+INK, OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
 ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
