@@ -163,7 +163,7 @@ def holding(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     assert reach is not None
     gain = np.array(scenario.gain)
     found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
-    if scenario.attack.harmonic and scenario.attack.consistent():
+    if scenario.attack.harmonic() and scenario.attack.consistent():
         found["harmonic"] = bounds.harmonic(reach, gain), nothing
     if reach.fixed is not None and not np.isinf(reach.norms):
         word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))

@@ -42,7 +42,6 @@ class AnyAttack(Kind):
     strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
     derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
     bounded: ClassVar[bool] = True  # whether no derivative of its signal is greater than ā
-    harmonic: ClassVar[bool] = False  # whether each vehicle's signal has one frequency
 
     def targets(self) -> list[int]:
         """Vehicles that are attacked, from 1."""
@@ -102,6 +101,10 @@ class AnyAttack(Kind):
     def consistent(self) -> bool:
         """Whether what is received of an attacked source are a path and its derivatives."""
         return self.derived and self.falsified() == ORDERS
+
+    def harmonic(self) -> bool:
+        """Whether each vehicle's signal has one frequency, or none."""
+        return not self.strategic and isinstance(self.signal(), Harmonic)
 
     def signal(self) -> Any:
         """What gives the scalar functions: `basis(time)` → (4, B, lanes), for times (lanes,) [s]."""
@@ -186,10 +189,15 @@ class Attack(AnyAttack):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Numbers that every vehicle has make its vectors, and are asked for by strategic attacks alone."""
+        """Numbers that every vehicle has make its vectors, and are asked for by strategic attacks alone.
+
+        Who gives a `basis`, or is `told` one, has a signal of its own, whatever attack it is made from.
+        """
         fields = cls.model_fields.items()
         each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
         cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
+        if {"basis", "told"} & vars(cls).keys() and "signal" not in vars(cls):
+            cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
         """The vehicles named; none where they are drawn."""

@@ -1,6 +1,6 @@
 """The rotating attack."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +14,6 @@ class Rotating(Attack):
     """`[cos, sin](frequency · t + phase)`."""
 
     kind = "rotating"
-    harmonic: ClassVar[bool] = True
 
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the turning")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")

@@ -1,6 +1,6 @@
 """The sinusoidal attack."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +14,6 @@ class Sinusoid(Attack):
     """`sin(frequency · t + phase)` along each vehicle's direction."""
 
     kind = "sinusoid"
-    harmonic: ClassVar[bool] = True
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the oscillation")
