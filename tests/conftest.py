@@ -40,6 +40,17 @@ gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of obje
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def few_side_by_side():
+    """Tests have few lanes, and those that fill a chunk up would be simulated too."""
+    from jaxnet.kinds import registry
+
+    with pytest.MonkeyPatch.context() as patch:
+        for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
+            patch.setattr(registry.find("engine", engine), "chunk", lanes)
+        yield
+
+
 @pytest.fixture(scope="module")
 def browser():
     """A Chromium that is told to ask nobody for anything."""

@@ -77,13 +77,14 @@ def test_chunks_of_another_width_agree(engine):
         np.testing.assert_allclose(metric, other, rtol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["nonlinear", "exact", "stacked"])
-def test_larger_fleets_have_fewer_lanes_side_by_side(engine):
+@pytest.mark.parametrize("chunk", [16, 64, 256])
+def test_larger_fleets_have_fewer_lanes_side_by_side(chunk, monkeypatch):
     """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
-    plan = systems.lanes(systems.study(engine=engine, **SHORTEST), 1, ()).plan
+    plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan
+    monkeypatch.setattr(batch.method(plan), "chunk", chunk)
     fleets = [1, 12, 13, 50, 100, 300, 1_000, 3_000, 10_000, 100_000]
     widths = [batch.EVERYTHING.width(plan, vehicles) for vehicles in fleets]
-    assert widths[:2] == [batch.method(plan).chunk] * 2
+    assert widths[:2] == [chunk] * 2
     assert widths == sorted(widths, reverse=True)
     assert all(math.log2(width).is_integer() for width in widths)
     assert all(width == 4 or width * m < 2 * 40_000 for width, m in zip(widths, fleets, strict=True))
