@@ -1,5 +1,7 @@
 """The command line: thin, and quick to say what it can do. JAX is imported by the commands that simulate."""
 
+import gc
+
 import click
 
 import jaxnet
@@ -31,6 +33,7 @@ def main() -> None:
     A study is a YAML file; its first line is the command that runs it. Try `jaxnet check configs/quick.yaml`,
     then `jaxnet run configs/quick.yaml`.
     """
+    gc.set_threshold(300_000)  # imports and traces make millions of objects that stay
 
 
 for commands in SECTIONS.values():
