@@ -19,10 +19,11 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-COURSE = 2  # to be raised when searches begin to go another way, so that none kept before goes on
+COURSE = 3  # to be raised when searches begin to go another way, so that none kept before goes on
 POPULATIONS = 16  # side by side, or more where budgets are large
 SPREAD = 0.15  # of a population at first, of the box's edge
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
+MOST_STEPS = 300  # of polishing, or less of the budget is for it
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
 MOST_GENERATIONS = 3_000  # that it is to have, or there are more
@@ -129,7 +130,8 @@ def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
         return
     look = screened if len(sets) > 1 else scouted
     begun = yield from look(trials, sets, int(SCREEN * choices), random)
-    yield from evolved(trials, begun, int((1 - POLISH) * choices) * trials.starts, random)
+    last = min(POLISH * choices, MOST_STEPS * (2 * len(box.free(sets[0])) + len(SHORTER)))
+    yield from evolved(trials, begun, int(choices - last) * trials.starts, random)
     yield from polished(trials, budget)
 
 

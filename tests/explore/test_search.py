@@ -111,6 +111,16 @@ def test_larger_budgets_have_more_populations(monkeypatch):
     assert best == pytest.approx(-8 * 0.2**2, abs=1e-4)  # eight are not attacked, and stay at 0.5
 
 
+@pytest.mark.parametrize(("budget", "kept"), [(2_000, 200), (20_000, 320)])
+def test_polishing_is_kept_little_of_a_large_budget(budget, kept, monkeypatch):
+    """A tenth, or ten steps: a step tries two choices a number, of four, and 24 along the slope."""
+    monkeypatch.setattr(search, "MOST_STEPS", 10)
+    monkeypatch.setattr(Trials, "simulated", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
+    lanes = [each.lanes for each in searched(trials, budget, 0) if each.phase == "search"]
+    assert lanes[-1] <= budget - kept < 2 * lanes[-1] - lanes[-2]
+
+
 OVER = {"attack.phase": "each", "attack.frequency": [0.2, 2.0]}
 TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "trusted_trim", "tick": 0.1}
 
