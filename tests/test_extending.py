@@ -30,13 +30,15 @@ def blocks():
 
 
 @pytest.fixture
-def folder(tmp_path):
-    """A folder with the page's module and study, and nothing else."""
+def folder(tmp_path, monkeypatch):
+    """A folder with the page's module and study, and nothing else; its module is nobody else's."""
     module, study, script = blocks()
     (tmp_path / "my_kinds.py").write_text(module)
     (tmp_path / "study.yaml").write_text(study)
     (tmp_path / "script.py").write_text(script)
-    return tmp_path
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield tmp_path
+    sys.modules.pop("my_kinds", None)
 
 
 def environment():
