@@ -23,7 +23,7 @@ COURSE = 3  # to be raised when searches begin to go another way, so that none k
 POPULATIONS = 16  # side by side, or more where budgets are large
 SPREAD = 0.15  # of a population at first, of the box's edge
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
-MOST_STEPS = 300  # of polishing, or less of the budget is for it
+MOST_STEPS = 300  # of polishing, where its share of the budget would be more
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
 MOST_GENERATIONS = 3_000  # that it is to have, or there are more
@@ -130,9 +130,10 @@ def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
         return
     look = screened if len(sets) > 1 else scouted
     begun = yield from look(trials, sets, int(SCREEN * choices), random)
-    last = min(POLISH * choices, MOST_STEPS * (2 * len(box.free(sets[0])) + len(SHORTER)))
+    step = 2 * len(box.free(sets[0])) + len(SHORTER)
+    last = min(POLISH * choices, MOST_STEPS * step)
     yield from evolved(trials, begun, int(choices - last) * trials.starts, random)
-    yield from polished(trials, budget)
+    yield from polished(trials, budget - step * trials.starts)
 
 
 def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[int]]:
@@ -216,10 +217,10 @@ def evolved(
 
 
 def polished(trials: Trials, until: int) -> Iterator[Generation]:
-    """From the best up its slope, as long as it gets better and lanes are left."""
+    """From the best up its slope, as long as it gets better and a step begins before so many lanes."""
     box = trials.box
     free = box.free(box.attacked(trials.point))
-    while trials.lanes + (2 * len(free) + len(SHORTER)) * trials.starts <= until:
+    while trials.lanes <= until:
         before, point = trials.best, trials.point
         steps = np.zeros((len(free), len(point)))
         steps[np.arange(len(free)), free] = SMALL

@@ -191,12 +191,12 @@ class Attack(AnyAttack):
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
         """Numbers that every vehicle has make its vectors, and are asked for by strategic attacks alone.
 
-        Who gives a `basis`, or is `told` one, has a signal of its own, whatever attack it is made from.
+        Who gives a `basis` is a signal of its own, whatever attack it is made from.
         """
         fields = cls.model_fields.items()
         each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
         cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
-        if {"basis", "told"} & vars(cls).keys() and "signal" not in vars(cls):
+        if "basis" in vars(cls) and "signal" not in vars(cls):
             cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
