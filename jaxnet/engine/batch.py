@@ -28,6 +28,9 @@ Tree = TypeVar("Tree")
 
 FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
 CACHED = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
+CHOOSING = (
+    4_000  # the same where anybody chooses at ticks: more are no quicker, and few lanes share the cores
+)
 LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
@@ -66,7 +69,8 @@ class Machine(NamedTuple):
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), CACHED / vehicles)
+        cached = CHOOSING if plan.choosing else CACHED
+        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
 

@@ -87,7 +87,7 @@ def settle(fleet: Fleet, lane: Lane, network: Network, plan: Plan, first: bool) 
     switches, status = fleet.switches, fleet.status
     if not first:
         vehicles = ticks.changed(mind, fleet.mind, lane)[1]
-        switches = switches + jnp.where(status == Status.ok, vehicles, 0)
+        switches = switches + jnp.where(status == Status.ok, vehicles.sum(axis=0), 0)
     weights = ticks.weights_of(lane, mind, plan)
     if first or plan.decides:
         status = fail(status, Status.disconnected, ~network.hearing.all_reached(weights))

@@ -214,7 +214,7 @@ def settle(fleet: Fleet, inputs: Inputs, network: Network, clock: Clock, plan: P
     anew = here if lane.law.holds else here & (first | lanes)
     at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
     held, slope, step, status = for_each(anew, at_once, some, carry)
-    switches = fleet.switches + jnp.where(first, 0, vehicles)
+    switches = fleet.switches + jnp.where(first, 0, vehicles.sum(axis=0))
     return fleet._replace(mind=mind, held=held, slope=slope, step=step, status=status, switches=switches)
 
 

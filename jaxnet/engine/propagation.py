@@ -25,22 +25,19 @@ import numpy as np
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import metrics
+from jaxnet.engine import metrics, response
 from jaxnet.engine import tick as ticks
 from jaxnet.engine.methods.exact import Flow
 from jaxnet.engine.metrics import Observation
-from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
+from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import for_each, once, picked, put
+from jaxnet.engine.subset import once
 from jaxnet.engine.tick import Mind
-from jaxnet.model import control, elimination, plane, retained, signal
-from jaxnet.model.hearing import AxisWeights
+from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
-SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
-LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
 NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 
@@ -130,7 +127,8 @@ def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
         status=status,
     )
     if not plan.choosing:
-        return follow(fleet, status == Status.ok, lane, network, plan)
+        everybody = jnp.ones(lane.weights.shape[1:], bool)
+        return follow(fleet, status == Status.ok, everybody, lane, network, plan)
     return decide(fleet, lane, network, plan, time)
 
 
@@ -147,45 +145,29 @@ def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, p
     """
     lanes, vehicles = ticks.changed(fleet.mind, fleet.followed, lane)
     alive = fleet.status == Status.ok
-    counted = fleet._replace(switches=fleet.switches + jnp.where(alive & ~first, vehicles, 0))
-    return follow(counted, alive & (first | lanes), lane, network, plan)
+    switches = fleet.switches + jnp.where(alive & ~first, vehicles.sum(axis=0), 0)
+    changed = vehicles | first
+    return follow(fleet._replace(switches=switches), alive & (first | lanes), changed, lane, network, plan)
 
 
-def follow(fleet: Fleet, flagged: Bool[Array, "lanes"], lane: Lane, network: Network, plan: Plan) -> Fleet:
-    """The flagged lanes with what the attacks do to them for the weights decided; E does not jump."""
-    vectors = ticks.vectors_of(lane, fleet.mind)
+def follow(fleet: Fleet, flagged: Any, changed: Any, lane: Lane, network: Network, plan: Plan) -> Fleet:
+    """The flagged lanes with what the attacks do to them for the weights decided; E does not jump.
 
-    def some(few: Any, carry: Any) -> Any:
-        forced, status = carry
-        weights = picked(lane.weights, few)[None]
-        if plan.decides:
-            weights = retained.in_force(weights[0], picked(fleet.mind.decision, few))
-        response, residual = forced_response(picked(vectors, few), weights, network)
-        cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
-        return put(forced, few, response), put(status, few, cut_off)
-
-    at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+    `changed` are the vehicles (m, lanes) that decided otherwise.
+    """
 
     def every(carry: Any) -> Any:
         free, before, status = carry
-        forced, status = for_each(flagged, at_once, some, (before, status))
+        forced, left = before, flagged
+        if response.local(fleet.mind, network, plan):
+            forced, left = response.solved_near(before, flagged, changed, fleet.mind, lane, network)
+        forced, status = response.solved(forced, status, left, fleet.mind, lane, network, plan)
         return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
 
     carry = fleet.free, fleet.forced, fleet.status
     free, forced, status = once(flagged.any(), every, carry)
     followed = fleet.mind._replace(memory=(), plot=())
     return fleet._replace(free=free, forced=forced, status=status, followed=followed)
-
-
-def forced_response(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
-    """Vectors `L⁻¹ d` of what the attacks do to the fleet, and how far `L⁻¹ a0` is from 1."""
-    axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
-    added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
-    attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
-    right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
-    solution, residual = elimination.solve(network.order, network.hearing, weights, right)
-    response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
-    return response.transpose(1, 2, 0, 3), residual
 
 
 def propagate(numbers: Flow, jets: Jets) -> Jets:
@@ -218,9 +200,9 @@ def passed_on(
     are smooth within a tick.
     """
     total = jnp.einsum("klL,lbL->kbL", numbers.flow, effect)
-    for node, share, response in zip(NODES, SHARES, responses, strict=True):
+    for node, share, answer in zip(NODES, SHARES, responses, strict=True):
         disturbance = control.driven(lane.gain, lane.signal.basis(time + node * interval))
-        total = total + share * interval * response[:, None] * disturbance[None]
+        total = total + share * interval * answer[:, None] * disturbance[None]
     return total
 
 

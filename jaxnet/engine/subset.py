@@ -23,9 +23,7 @@ def for_each(
 
     def some(state: tuple[Bool[Array, "lanes"], Carry]) -> tuple[Bool[Array, "lanes"], Carry]:
         left, carry = state
-        if lanes <= width:
-            return jnp.zeros_like(left), work(left, carry)
-        numbers = jnp.nonzero(left, size=width, fill_value=lanes)[0]
+        numbers = jnp.nonzero(left, size=min(width, lanes), fill_value=lanes)[0]
         return left.at[numbers].set(False, mode="drop"), work(numbers, carry)
 
     return jax.lax.while_loop(lambda state: state[0].any(), some, (flagged, carry))[1]

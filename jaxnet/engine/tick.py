@@ -169,12 +169,12 @@ def weights_of(lane: Lane, mind: Mind, plan: Plan) -> AxisWeights:
     return retained.in_force(lane.weights, mind.decision) if plan.decides else lane.weights[None]
 
 
-def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], Int[Array, "lanes"]]:
-    """Lanes in which anything was decided otherwise, and how many vehicles retain others than before."""
-    lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.amplitude.shape, int)
+def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], Bool[Array, "m lanes"]]:
+    """Lanes in which anything was decided otherwise, and vehicles that retain others than before."""
+    lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if not isinstance(now.decision, tuple):
-        others = retained.changed(*map(retained.support, (now.decision, before.decision))).sum(axis=0)
-        lanes = others > 0
+        others = retained.changed(*map(retained.support, (now.decision, before.decision)))
+        lanes = others.any(axis=0)
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if not isinstance(now.vectors, tuple):

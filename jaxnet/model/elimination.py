@@ -103,7 +103,18 @@ def solve(
         solution, error = iteration.certified(hearing, *factors, right, jnp.zeros_like(right))
         return solution, jnp.maximum(residual, error.max(axis=(0, 1)))
     before, own, after, navigator = spread_out(order, hearing, weights)
-    whole, size = jnp.concatenate([in_blocks(order, right), navigator], axis=2), own.shape[1]
+    whole = jnp.concatenate([in_blocks(order, right), navigator], axis=2)
+    if len(own) == 1:
+        found = eliminated(jnp.concatenate([own[0], whole[0]], axis=1))[None]
+    else:
+        found = from_block_to_block(before, own, after, whole)
+    solution = by_vehicle(order, found)
+    return solution[:, :-1], off_one(solution[:, -1])
+
+
+def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Blocks) -> Blocks:
+    """The solution for some columns, there and back over the blocks."""
+    size = own.shape[1]
 
     def there(last: Any, block: Any) -> tuple[Any, Any]:
         before, own, beyond = block
@@ -116,14 +127,9 @@ def solve(
         found = block[:, size:] + multiplied(block[:, :size], following)
         return found, found
 
-    if len(own) == 1:
-        found = eliminated(jnp.concatenate([own[0], whole[0]], axis=1))[None]
-    else:
-        beyond = jnp.concatenate([after, whole], axis=2)
-        _, parts = jax.lax.scan(there, jnp.zeros_like(beyond[0]), (before, own, beyond))
-        _, found = jax.lax.scan(back, jnp.zeros_like(whole[0]), parts, reverse=True)
-    solution = by_vehicle(order, found)
-    return solution[:, :-1], off_one(solution[:, -1])
+    beyond = jnp.concatenate([after, right], axis=2)
+    _, parts = jax.lax.scan(there, jnp.zeros_like(beyond[0]), (before, own, beyond))
+    return jax.lax.scan(back, jnp.zeros_like(right[0]), parts, reverse=True)[1]
 
 
 def factorised(
@@ -209,18 +215,26 @@ def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Bl
     heard = jnp.moveaxis(weights, 0, 2).at[:, order.vehicles].get(mode="fill", fill_value=0.0)
     first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column
     columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None], -1)
-    width = size if blocks == 1 else 3 * size
-    numbers = jnp.arange(-1, width)[None, None, :, None, None]
-
-    def add(total: Any, slot: Any) -> tuple[Any, None]:
-        column, weight = slot
-        return total + jnp.where(column[:, :, None, None, None] == numbers, weight[:, :, None], 0.0), None
-
-    nothing = jnp.zeros((blocks, size, width + 1, *heard.shape[3:]))
-    table = jax.lax.scan(add, nothing, (columns, heard))[0]
+    table = by_column(columns[..., None], heard, range(-1, size if blocks == 1 else 3 * size))
     navigator, rest = table[:, :, :1], table[:, :, 1:]
     before, own, after = (rest[:, :, :0], rest, rest[:, :, :0]) if blocks == 1 else jnp.split(rest, 3, axis=2)
     return before, identity(own) - own, after, navigator
+
+
+def by_column(
+    columns: Int[Array, "slots blocks size _"],
+    weights: Float[Array, "slots blocks size axes lanes"],
+    numbers: range,
+) -> Blocks:
+    """Weights by the columns that slots belong to, of the columns with these numbers."""
+    table = jnp.asarray(numbers)[None, None, :, None, None]
+
+    def add(total: Any, slot: Any) -> tuple[Any, None]:
+        column, weight = slot
+        return total + jnp.where(column[:, :, None, None] == table, weight[:, :, None], 0.0), None
+
+    nothing = jnp.zeros((*weights.shape[1:3], len(numbers), *weights.shape[3:]))
+    return jax.lax.scan(add, nothing, (columns, weights))[0]
 
 
 def identity(blocks: Blocks) -> Blocks:

@@ -1,0 +1,105 @@
+"""What the attacks do to a fleet, the vectors `L⁻¹ d`, where weights or attacks have changed.
+
+They are solved for in the lanes concerned alone; in large fleets of which few vehicles have decided
+otherwise, near these alone.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from jaxnet.engine import tick as ticks
+from jaxnet.engine.plan import CONNECTED, Plan
+from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.subset import for_each, picked, put
+from jaxnet.engine.tick import Mind
+from jaxnet.model import elimination, near, retained
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.near import System
+from jaxnet.model.signal import Vectors
+
+SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
+LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
+ACCURACY = 1e-13  # of a response, relative to the attack's magnitude, where it is solved for near somebody
+
+Lanes = Bool[Array, "lanes"]
+
+
+def solved(
+    response: Vectors, status: Code, flagged: Lanes, mind: Mind, lane: Lane, network: Network, plan: Plan
+) -> tuple[Vectors, Code]:
+    """The response with that of flagged lanes for what was decided, and who is cut off."""
+    vectors = ticks.vectors_of(lane, mind)
+
+    def some(few: Any, carry: Any) -> Any:
+        response, status = carry
+        weights = picked(lane.weights, few)[None]
+        if plan.decides:
+            weights = retained.in_force(weights[0], picked(mind.decision, few))
+        new, residual = forced(picked(vectors, few), weights, network)
+        cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
+        return put(response, few, new), put(status, few, cut_off)
+
+    at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+    return for_each(flagged, at_once, some, (response, status))
+
+
+def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
+    """Vectors `L⁻¹ d` of what the attacks do to the fleet, and how far `L⁻¹ a0` is from 1."""
+    axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
+    added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
+    attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
+    right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
+    solution, residual = elimination.solve(network.order, network.hearing, weights, right)
+    response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
+    return response.transpose(1, 2, 0, 3), residual
+
+
+def local(mind: Mind, network: Network, plan: Plan) -> bool:
+    """Whether few rows can change at a tick, those of who retains others, in a fleet large enough."""
+    return (
+        plan.decides
+        and not plan.strategic
+        and mind.decision.dtype == bool
+        and near.windows(network.order) > 0
+    )
+
+
+def solved_near(
+    response: Vectors, flagged: Lanes, changed: Any, mind: Mind, lane: Lane, network: Network
+) -> tuple[Vectors, Lanes]:
+    """The response of flagged lanes, in which some vehicles (m, lanes) have changed, and lanes that are left.
+
+    Left are those in which too many have, or somebody does not hear the navigator, or what one has decided
+    reaches too far.
+    """
+    order, decision = network.order, mind.decision.reshape(-1, *lane.weights.shape)
+    system = System(network.hearing, lane.weights, decision, lane.vectors)
+    numbers, most = jnp.arange(len(order.vehicles))[:, None], near.windows(order)
+    allowed = ACCURACY * lane.amplitude * near.dominance(system)
+    blocks = changed.at[order.vehicles].get(mode="fill", fill_value=False).any(axis=1)
+    suited = flagged & (near.dominance(system) > 0) & (blocks.sum(axis=0) <= most)
+
+    def going(carry: Any) -> Lanes:
+        blocks, windows, _ = carry
+        return blocks.any(axis=0) & (windows < most)
+
+    def some(few: Any, carry: Any) -> Any:
+        blocks, windows, response = carry
+        theirs = picked(blocks, few)
+        starts = near.starts(order, theirs)
+        response, at_edges = near.corrected(order, system, response, few, starts)
+        apart, over = numbers - starts[None], at_edges > picked(allowed, few)[None]
+        theirs = theirs & ((apart < 0) | (apart >= near.WINDOW))
+        theirs = theirs | ((apart == -1) & over[:1]) | ((apart == near.WINDOW) & over[1:])
+        return put(blocks, few, theirs), put(windows, few, picked(windows, few) + 1), response
+
+    def each(carry: Any) -> Any:
+        return for_each(going(carry), SOLVED_OF_LARGE, some, carry)
+
+    carry = blocks & suited[None], jnp.zeros(flagged.shape, int), response
+    blocks, _, response = jax.lax.while_loop(lambda carry: going(carry).any(), each, carry)
+    return response, flagged & (~suited | blocks.any(axis=0))

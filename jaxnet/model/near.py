@@ -1,0 +1,93 @@
+"""`L x = b` solved anew near those whose rows have changed, and nowhere else.
+
+x was the solution before, so that `b - L x` is 0 outside their rows. Where all hear the navigator L is
+strictly diagonally dominant, and what a row does to x falls off geometrically with the distance from it. So x
+is corrected in a window of blocks around the row, as if beside it x stood still. Something of b is then left
+in the two blocks beside the window alone, no more than x was corrected by at the window's edges.
+
+`L 1 = a0`, so that x is off by no more than what is left of b over the least a0.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.model import elimination, retained
+from jaxnet.model.elimination import Order
+from jaxnet.model.hearing import Hearing, SlotWeights
+from jaxnet.model.signal import Vectors
+
+WINDOW = 65  # blocks
+
+Numbers = Int[Array, " few"]
+
+
+class System(NamedTuple):
+    """What L and b of lanes follow from."""
+
+    hearing: Hearing
+    weights: SlotWeights
+    decision: Bool[Array, "axes slots m lanes"]  # one axis where both are alike
+    vectors: Vectors  # of the attacks
+
+
+def windows(order: Any) -> int:
+    """How many windows a lane may have before all of it is solved as soon; 0 in fleets without room for 2."""
+    number = len(order.vehicles) // WINDOW if isinstance(order, Order) else 0
+    return number if number > 1 else 0
+
+
+def starts(order: Order, flagged: Bool[Array, "blocks few"]) -> Numbers:
+    """The blocks with which windows begin, each lane's first flagged block in the middle if it can be."""
+    return jnp.clip(jnp.argmax(flagged, axis=0) - WINDOW // 2, 0, len(order.vehicles) - WINDOW)
+
+
+def dominance(system: System) -> Float[Array, " lanes"]:
+    """What the least a0 is no less than: 0 where somebody does not hear the navigator or has dropped it."""
+    heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
+    return jnp.where(heard, system.weights[0], 0.0).min(axis=0)
+
+
+def corrected(
+    order: Order, system: System, x: Vectors, lanes: Numbers, starts: Numbers
+) -> tuple[Vectors, Float[Array, "2 few"]]:
+    """The solution, with some lanes corrected, each in the window that begins with one of the blocks.
+
+    And the greatest that was added in a window's first block, and in its last.
+    """
+    size, functions = order.vehicles.shape[1], x.shape[2]
+    vehicles, speakers, weights, left = jax.vmap(
+        lambda lane, start: left_in_window(order, system, x, lane, start), -1, -1
+    )(lanes, starts)
+    first = (starts[None] + jnp.arange(WINDOW)[:, None] - 1) * size  # place of the first column
+    place = jnp.asarray(order.place)[speakers - 1].reshape(len(speakers), WINDOW, size, -1)
+    columns = jnp.where(speakers.reshape(place.shape) > 0, place - first[None, :, None], -1)
+    heard = jnp.moveaxis(weights, 0, 2).reshape(*place.shape[:3], len(weights), -1)
+    table = elimination.by_column(columns, heard, range(3 * size))
+    before, own, after = jnp.split(table, 3, axis=2)
+    right = left.reshape(WINDOW * size, -1, len(weights), functions, len(lanes)).swapaxes(2, 3)
+    right = right.reshape(WINDOW, size, -1, len(weights), len(lanes))
+    found = elimination.from_block_to_block(before, elimination.identity(own) - own, after, right)
+    at_edges = jnp.abs(found.at[np.array([0, -1])].get()).max(axis=(1, 2, 3))
+    added = found.reshape(WINDOW * size, -1, functions, len(weights), len(lanes)).swapaxes(2, 3)
+    added = jnp.moveaxis(added.reshape(left.shape), -1, 1)
+    return x.at[:, vehicles, :, lanes[None]].add(added, mode="drop"), at_edges
+
+
+def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: Any) -> Any:
+    """Of one lane: its vehicles in the window, whom they hear, their weights, and `b - L x` in their rows."""
+    vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(order.vehicles), start, WINDOW).ravel()
+    _, speakers, attacked, signals = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
+    weights = system.weights.at[:, vehicles, lane].get(mode="clip")
+    weights = retained.in_force(weights, system.decision.at[:, :, vehicles, lane].get(mode="clip"))
+    weights = jnp.where(vehicles[None, None] < x.shape[1], weights, 0.0)
+    own, sent = (x.at[:, who, :, lane].get(mode="clip") for who in (vehicles, speakers - 1))
+    false = system.vectors.at[:, signals, :, lane].get(mode="clip")
+    told = jnp.where((speakers > 0)[..., None, None], sent, 0.0) + jnp.where(
+        attacked[..., None, None], false, 0.0
+    )
+    left = (jnp.moveaxis(weights, 0, 2)[..., None] * told).sum(axis=0) - own
+    return vehicles, speakers, weights, jnp.where((vehicles < x.shape[1])[:, None, None], left, 0.0)

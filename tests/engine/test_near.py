@@ -1,0 +1,97 @@
+"""Fleets solved for near those who decided otherwise, against NumPy's solution and as one block."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxnet.engine import batch, response
+from jaxnet.engine.methods.exact import Exact
+from jaxnet.engine.tick import Mind
+from jaxnet.model import near
+from tests import systems
+
+VEHICLES = 600
+TOPOLOGIES = {  # how many blocks a window has, and lanes in which it does not do
+    "ring": ({"kind": "cyclic", "navigator_weight": 0.5}, 41, []),
+    "lattice": ({"kind": "lattice", "neighbours": 4, "navigator_weight": 0.6}, 33, []),
+    "hardly heard": ({"kind": "cyclic", "navigator_weight": 0.01}, 33, [0, 1]),
+}
+
+
+def known(lane, network, decision):
+    """`L⁻¹ d` (2, m, B, lanes) by matrices, for who is retained (axes, slots, m, lanes)."""
+    weights = np.where(decision, np.asarray(lane.weights), 0.0)
+    weights = np.broadcast_to(weights / weights.sum(axis=1, keepdims=True), (2, *lane.weights.shape))
+    heard, vectors = jax.tree.map(np.asarray, (network.hearing, lane.vectors))
+    found = np.zeros((2, VEHICLES, lane.vectors.shape[2], weights.shape[-1]))
+    for axis, number in np.ndindex(2, weights.shape[-1]):
+        laplacian, right = np.eye(VEHICLES), np.zeros((VEHICLES, found.shape[2]))
+        for slot, vehicle in np.ndindex(*heard.sources.shape):
+            weight = weights[axis, slot, vehicle, number]
+            if heard.speakers[slot, vehicle] > 0:
+                laplacian[vehicle, heard.speakers[slot, vehicle] - 1] -= weight
+            if heard.attacked[slot, vehicle]:
+                right[vehicle] += weight * vectors[axis, heard.signals[slot, vehicle], :, number]
+        found[axis, ..., number] = np.linalg.solve(laplacian, right)
+    return found
+
+
+def begun(topology, lanes):
+    """Lanes of a fleet in which everybody is attacked at random, its network, and everybody retained."""
+    given = systems.study(vehicles=VEHICLES, topology=topology, engine="exact", attack="rotating")
+    one = systems.lanes(given, lanes, ())
+    lane = jax.tree.map(lambda leaf: jnp.asarray(np.moveaxis(np.asarray(leaf), 0, -1)), one.inputs.lane)
+    network = jax.tree.map(jnp.asarray, one.network)
+    vectors = np.asarray(lane.amplitude) * np.random.default_rng(0).uniform(-1, 1, lane.vectors.shape)
+    heard = network.hearing._replace(attacked=network.hearing.speakers > 0)
+    everybody = np.ones((2, *lane.weights.shape), bool)
+    return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch):
+    """To 1e-12 of the attack, also where a window ends beside others who did, and over several windows.
+
+    Left are lanes with too many of them, or where somebody dropped the navigator; ended ones are not touched.
+    """
+    keys, window, beyond = TOPOLOGIES[topology]
+    monkeypatch.setattr(near, "WINDOW", window)
+    lane, network, before = begun(keys, 5)
+    vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
+    middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
+    for number, those in enumerate([[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]):
+        after[-1, 2, those, number] = False
+    after[0, 0, middle, 2] = False
+    changed = (after != before[:axes]).any(axis=(0, 1))
+    mind = Mind(jnp.asarray(after if axes == 2 else after[0]), (), (), ())
+    start, flagged = known(lane, network, before), jnp.arange(5) < 4
+    found, left = jax.jit(response.solved_near)(
+        jnp.asarray(start), flagged, jnp.asarray(changed), mind, lane, network
+    )
+    np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
+    np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])
+    exact, within = known(lane, network, after), slice(len(beyond), 2)
+    assert (np.abs(exact - start)[..., :2].max(axis=(0, 1, 2)) > 0.01 * lane.amplitude[:2]).all()
+    np.testing.assert_allclose(
+        found[..., within], exact[..., within], rtol=0, atol=1e-12 * lane.amplitude.max()
+    )
+
+
+def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
+    """To 1e-9 m, through decisions; a lane is the same to the last bit without others."""
+    keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
+    given = systems.study(engine="exact", **keys)
+    small = systems.lanes(given, 3, ("state",))
+    monkeypatch.setattr(Exact, "one_block", 300)
+    dense = systems.lanes(given, 3, ("state",))
+    assert near.windows(small.network.order) == 2
+    assert near.windows(dense.network.order) == 0
+    ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
+    assert (ours.status == 0).all()
+    assert (ours.switches > 30).all()
+    np.testing.assert_array_equal(ours.switches, theirs.switches)
+    np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
+    alone = batch.simulate(small._replace(inputs=batch.part(small.inputs, 2, 3)), systems.FEW)
+    np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
