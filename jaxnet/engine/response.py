@@ -60,12 +60,8 @@ def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Ve
 
 def local(mind: Mind, network: Network, plan: Plan) -> bool:
     """Whether few rows can change at a tick, those of who retains others, in a fleet large enough."""
-    return (
-        plan.decides
-        and not plan.strategic
-        and mind.decision.dtype == bool
-        and near.windows(network.order) > 0
-    )
+    retaining = plan.decides and mind.decision.dtype == bool
+    return retaining and not plan.strategic and near.windows(network.order) > 0
 
 
 def solved_near(

@@ -78,16 +78,17 @@ def test_chunks_of_another_width_agree(engine):
 
 
 @pytest.mark.parametrize("chunk", [16, 64, 256])
-def test_larger_fleets_have_fewer_lanes_side_by_side(chunk, monkeypatch):
+@pytest.mark.parametrize(("decides", "cached"), [(False, 40_000), (True, 4_000)])
+def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):
     """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
-    plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan
+    plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(decides=decides)
     monkeypatch.setattr(batch.method(plan), "chunk", chunk)
     fleets = [1, 12, 13, 50, 100, 300, 1_000, 3_000, 10_000, 100_000]
     widths = [batch.EVERYTHING.width(plan, vehicles) for vehicles in fleets]
     assert widths[:2] == [chunk] * 2
     assert widths == sorted(widths, reverse=True)
     assert all(math.log2(width).is_integer() for width in widths)
-    assert all(width == 4 or width * m < 2 * 40_000 for width, m in zip(widths, fleets, strict=True))
+    assert all(width == 4 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True))
     assert widths[-1] == 4
     assert batch.Machine(chunk=5).width(plan, 300) == 5
 
