@@ -28,9 +28,7 @@ Tree = TypeVar("Tree")
 
 FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
 CACHED = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
-CHOOSING = (
-    4_000  # the same where anybody chooses at ticks: more are no quicker, and few lanes share the cores
-)
+CACHED_CHOOSING = 4_000  # the same where anybody chooses at ticks: more are no quicker, and share fewer cores
 LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
@@ -69,7 +67,7 @@ class Machine(NamedTuple):
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        cached = CHOOSING if plan.choosing else CACHED
+        cached = CACHED_CHOOSING if plan.choosing else CACHED
         few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 

@@ -150,10 +150,17 @@ def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, p
     return follow(fleet._replace(switches=switches), alive & (first | lanes), changed, lane, network, plan)
 
 
-def follow(fleet: Fleet, flagged: Any, changed: Any, lane: Lane, network: Network, plan: Plan) -> Fleet:
+def follow(
+    fleet: Fleet,
+    flagged: Bool[Array, "lanes"],
+    changed: Bool[Array, "m lanes"],
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+) -> Fleet:
     """The flagged lanes with what the attacks do to them for the weights decided; E does not jump.
 
-    `changed` are the vehicles (m, lanes) that decided otherwise.
+    `changed` are the vehicles that decided otherwise, if any decide.
     """
 
     def every(carry: Any) -> Any:

@@ -23,9 +23,10 @@ from jaxnet.model.signal import Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
 LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
-ACCURACY = 1e-13  # of a response, relative to the attack's magnitude, where it is solved for near somebody
+ACCURACY = 1e-13  # of a response near somebody, relative to the greatest of the attacks' vectors
 
 Lanes = Bool[Array, "lanes"]
+Changed = Bool[Array, "m lanes"]  # vehicles that decided otherwise
 
 
 def solved(
@@ -59,15 +60,18 @@ def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Ve
 
 
 def local(mind: Mind, network: Network, plan: Plan) -> bool:
-    """Whether few rows can change at a tick, those of who retains others, in a fleet large enough."""
+    """Whether at a tick only rows of vehicles change that retain others, in a fleet with room for windows.
+
+    Rules that weigh, and attackers that plan, change more rows at every tick.
+    """
     retaining = plan.decides and mind.decision.dtype == bool
     return retaining and not plan.strategic and near.windows(network.order) > 0
 
 
 def solved_near(
-    response: Vectors, flagged: Lanes, changed: Any, mind: Mind, lane: Lane, network: Network
+    response: Vectors, flagged: Lanes, changed: Changed, mind: Mind, lane: Lane, network: Network
 ) -> tuple[Vectors, Lanes]:
-    """The response of flagged lanes, in which some vehicles (m, lanes) have changed, and lanes that are left.
+    """The response of flagged lanes near who has changed, and which of them are left.
 
     Left are those in which too many have, or somebody does not hear the navigator, or what one has decided
     reaches too far.
@@ -75,27 +79,27 @@ def solved_near(
     order, decision = network.order, mind.decision.reshape(-1, *lane.weights.shape)
     system = System(network.hearing, lane.weights, decision, lane.vectors)
     numbers, most = jnp.arange(len(order.vehicles))[:, None], near.windows(order)
-    allowed = ACCURACY * lane.amplitude * near.dominance(system)
+    dominance = near.dominance(system)
+    allowed = ACCURACY * jnp.abs(lane.vectors).max(axis=(0, 1, 2)) * dominance
     blocks = changed.at[order.vehicles].get(mode="fill", fill_value=False).any(axis=1)
-    suited = flagged & (near.dominance(system) > 0) & (blocks.sum(axis=0) <= most)
+    suited = flagged & (dominance > 0) & (blocks.sum(axis=0) <= most)
 
     def going(carry: Any) -> Lanes:
         blocks, windows, _ = carry
         return blocks.any(axis=0) & (windows < most)
 
-    def some(few: Any, carry: Any) -> Any:
+    def some(carry: Any) -> Any:
         blocks, windows, response = carry
+        few = jnp.nonzero(going(carry), size=at_once, fill_value=flagged.size)[0]
         theirs = picked(blocks, few)
         starts = near.starts(order, theirs)
         response, at_edges = near.corrected(order, system, response, few, starts)
         apart, over = numbers - starts[None], at_edges > picked(allowed, few)[None]
-        theirs = theirs & ((apart < 0) | (apart >= near.WINDOW))
+        theirs = theirs & ((apart < 0) | (apart >= near.WINDOW))  # those within are done
         theirs = theirs | ((apart == -1) & over[:1]) | ((apart == near.WINDOW) & over[1:])
         return put(blocks, few, theirs), put(windows, few, picked(windows, few) + 1), response
 
-    def each(carry: Any) -> Any:
-        return for_each(going(carry), SOLVED_OF_LARGE, some, carry)
-
+    at_once = min(SOLVED_OF_LARGE, flagged.size)
     carry = blocks & suited[None], jnp.zeros(flagged.shape, int), response
-    blocks, _, response = jax.lax.while_loop(lambda carry: going(carry).any(), each, carry)
+    blocks, _, response = jax.lax.while_loop(lambda carry: going(carry).any(), some, carry)
     return response, flagged & (~suited | blocks.any(axis=0))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
 Carry = TypeVar("Carry")
-Few = Int[Array, "few"] | Bool[Array, "lanes"]  # numbers of lanes; or all lanes, and which of them are meant
+Few = Int[Array, " few"]  # numbers of lanes
 
 
 def for_each(
@@ -16,8 +16,7 @@ def for_each(
 ) -> Carry:
     """The carry after `work` on the flagged lanes, `width` of them at a time, told by their numbers.
 
-    A number past the last lane fills up: `picked` clips it, `put` drops it. Where there are no more than
-    `width` lanes, `work` is done on all of them, and told for which it counts.
+    A number past the last lane fills up: `picked` clips it, `put` drops it.
     """
     lanes = flagged.shape[0]
 
@@ -40,11 +39,9 @@ def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) ->
 
 def picked(array: jax.Array, few: Few) -> jax.Array:
     """These lanes of an array."""
-    return array if few.dtype == bool else array.at[..., few].get(mode="clip")
+    return array.at[..., few].get(mode="clip")
 
 
 def put(array: jax.Array, few: Few, lanes: jax.Array) -> jax.Array:
     """The array with these lanes replaced."""
-    if few.dtype == bool:
-        return jnp.where(few, lanes, array)
     return array.at[..., few].set(lanes, mode="drop")

@@ -174,7 +174,7 @@ def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], 
     lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if not isinstance(now.decision, tuple):
         others = retained.changed(*map(retained.support, (now.decision, before.decision)))
-        lanes = others.sum(axis=0) > 0  # not any(): they are counted, too
+        lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if not isinstance(now.vectors, tuple):

@@ -1,9 +1,9 @@
 """`L x = b` solved anew near those whose rows have changed, and nowhere else.
 
-x was the solution before, so that `b - L x` is 0 outside their rows. Where all hear the navigator L is
-strictly diagonally dominant, and what a row does to x falls off geometrically with the distance from it. So x
-is corrected in a window of blocks around the row, as if beside it x stood still. Something of b is then left
-in the two blocks beside the window alone, no more than x was corrected by at the window's edges.
+x was the solution before, so that `b - L x` is next to 0 outside their rows. Where all hear the navigator L
+is strictly diagonally dominant, and what a row does to x falls off geometrically with the distance. So
+x is corrected in a window of blocks around the row, as if beside it x stood still. Something of b is then
+left in the two blocks beside the window alone, no more than x was corrected by at the window's edges.
 
 `L 1 = a0`, so that x is off by no more than what is left of b over the least a0.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model import elimination, retained
-from jaxnet.model.elimination import Order
+from jaxnet.model.elimination import NoOrder, Order
 from jaxnet.model.hearing import Hearing, SlotWeights
 from jaxnet.model.signal import Vectors
 
@@ -34,8 +34,8 @@ class System(NamedTuple):
     vectors: Vectors  # of the attacks
 
 
-def windows(order: Any) -> int:
-    """How many windows a lane may have before all of it is solved as soon; 0 in fleets without room for 2."""
+def windows(order: Order | NoOrder) -> int:
+    """How many windows a lane may have: as many as cover its blocks once, none if that is one."""
     number = len(order.vehicles) // WINDOW if isinstance(order, Order) else 0
     return number if number > 1 else 0
 
@@ -46,7 +46,7 @@ def starts(order: Order, flagged: Bool[Array, "blocks few"]) -> Numbers:
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:
-    """What the least a0 is no less than: 0 where somebody does not hear the navigator or has dropped it."""
+    """A lower bound on the least a0: 0 where somebody does not hear the navigator or has dropped it."""
     heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
     return jnp.where(heard, system.weights[0], 0.0).min(axis=0)
 

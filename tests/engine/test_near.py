@@ -11,11 +11,12 @@ from jaxnet.engine.tick import Mind
 from jaxnet.model import near
 from tests import systems
 
-VEHICLES = 600
-TOPOLOGIES = {  # how many blocks a window has, and lanes in which it does not do
-    "ring": ({"kind": "cyclic", "navigator_weight": 0.5}, 41, []),
-    "lattice": ({"kind": "lattice", "neighbours": 4, "navigator_weight": 0.6}, 33, []),
-    "hardly heard": ({"kind": "cyclic", "navigator_weight": 0.01}, 33, [0, 1]),
+VEHICLES = 601
+ATTACK = {"kind": "rotating", "sybils": 2}
+TOPOLOGIES = {  # blocks of a window, share of links with the navigator's word, lanes left
+    "ring": ({"kind": "cyclic", "navigator_weight": 0.5}, 41, 0.3, []),
+    "lattice": ({"kind": "lattice", "neighbours": 4, "navigator_weight": 0.6}, 33, 0.3, []),
+    "hardly heard": ({"kind": "cyclic", "navigator_weight": 0.01}, 33, 0.0, [0, 1]),
 }
 
 
@@ -37,14 +38,19 @@ def known(lane, network, decision):
     return found
 
 
-def begun(topology, lanes):
-    """Lanes of a fleet in which everybody is attacked at random, its network, and everybody retained."""
-    given = systems.study(vehicles=VEHICLES, topology=topology, engine="exact", attack="rotating")
+def begun(topology, replaced, lanes):
+    """Lanes of a fleet in which all links are attacked at random, its network, and everybody retained.
+
+    A share of the links carry the navigator's word instead, and attacked vehicles have identities.
+    """
+    given = systems.study(vehicles=VEHICLES, topology=topology, engine="exact", attack=ATTACK)
     one = systems.lanes(given, lanes, ())
     lane = jax.tree.map(lambda leaf: jnp.asarray(np.moveaxis(np.asarray(leaf), 0, -1)), one.inputs.lane)
     network = jax.tree.map(jnp.asarray, one.network)
-    vectors = np.asarray(lane.amplitude) * np.random.default_rng(0).uniform(-1, 1, lane.vectors.shape)
-    heard = network.hearing._replace(attacked=network.hearing.speakers > 0)
+    rng, speakers = np.random.default_rng(0), np.asarray(network.hearing.speakers)
+    vectors = np.asarray(lane.amplitude) * rng.uniform(-1, 1, lane.vectors.shape)
+    spoken = np.where(rng.random(speakers.shape) < replaced, 0, speakers)
+    heard = network.hearing._replace(attacked=jnp.asarray(speakers > 0), speakers=jnp.asarray(spoken))
     everybody = np.ones((2, *lane.weights.shape), bool)
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
 
@@ -56,9 +62,9 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
 
     Left are lanes with too many of them, or where somebody dropped the navigator; ended ones are not touched.
     """
-    keys, window, beyond = TOPOLOGIES[topology]
+    keys, window, replaced, beyond = TOPOLOGIES[topology]
     monkeypatch.setattr(near, "WINDOW", window)
-    lane, network, before = begun(keys, 5)
+    lane, network, before = begun(keys, replaced, 5)
     vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
     for number, those in enumerate([[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]):

@@ -157,7 +157,7 @@ def decide(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock
     connected = jax.vmap(lambda each: reaches_everybody(network.hearing, each), -1, -1)(weights)
     return fleet._replace(
         mind=mind,
-        switches=fleet.switches + jnp.where(ok, switched, 0),
+        switches=fleet.switches + jnp.where(ok, switched.sum(axis=0), 0),
         status=fail(fleet.status, Status.disconnected, ~connected),
     )
 
