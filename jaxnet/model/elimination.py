@@ -213,28 +213,15 @@ def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Bl
     blocks, size = order.vehicles.shape
     speakers = hearing.speakers.at[:, order.vehicles].get(mode="fill", fill_value=0)
     heard = jnp.moveaxis(weights, 0, 2).at[:, order.vehicles].get(mode="fill", fill_value=0.0)
-    first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column
-    columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None], -1)
-    table = by_column(columns[..., None], heard, range(-1, size if blocks == 1 else 3 * size))
+    first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column but a0's
+    columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None] + 1, 0)
+    width = 1 + (size if blocks == 1 else 3 * size)
+    nothing = jnp.zeros((blocks, size, width, *heard.shape[3:]))
+    rows = np.arange(blocks)[None, :, None], np.arange(size)[None, None]
+    table = nothing.at[(*rows, columns)].add(heard, mode="promise_in_bounds")
     navigator, rest = table[:, :, :1], table[:, :, 1:]
     before, own, after = (rest[:, :, :0], rest, rest[:, :, :0]) if blocks == 1 else jnp.split(rest, 3, axis=2)
     return before, identity(own) - own, after, navigator
-
-
-def by_column(
-    columns: Int[Array, "slots blocks size _"],
-    weights: Float[Array, "slots blocks size axes lanes"],
-    numbers: range,
-) -> Blocks:
-    """Weights by the columns that slots belong to, of the columns with these numbers."""
-    table = jnp.asarray(numbers)[None, None, :, None, None]
-
-    def add(total: Any, slot: Any) -> tuple[Any, None]:
-        column, weight = slot
-        return total + jnp.where(column[:, :, None, None] == table, weight[:, :, None], 0.0), None
-
-    nothing = jnp.zeros((*weights.shape[1:3], len(numbers), *weights.shape[3:]))
-    return jax.lax.scan(add, nothing, (columns, weights))[0]
 
 
 def identity(blocks: Blocks) -> Blocks:

@@ -47,7 +47,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
     The farthest is taken ϑ times over. The scores enter that loop as numbers already computed: left to
     itself, a compiler may evaluate a score twice and round it differently.
     """
-    slots = jnp.arange(len(score))
+    slots = jnp.arange(len(score), dtype=jnp.int32)
     score = jnp.where(candidates, score, -jnp.inf)
 
     def farther(best: tuple[Any, Any], slot: tuple[Any, Any]) -> tuple[tuple[Any, Any], None]:
@@ -55,13 +55,13 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
         beats = score > best[1]
         return (jnp.where(beats, number, best[0]), jnp.where(beats, score, best[1])), None
 
-    def take(carry: tuple[Any, Any]) -> tuple[Any, Any]:
-        turn, score = carry
-        nobody = jnp.full(score.shape[1:], -1), jnp.full(score.shape[1:], -jnp.inf)
-        (number, _), _ = jax.lax.scan(farther, nobody, (slots, score), unroll=8)
-        taken = (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
-        return turn + 1, jnp.where(taken, -jnp.inf, score)
+    def take(carry: tuple[Any, Mask]) -> tuple[Any, Mask]:
+        turn, taken = carry
+        nobody = jnp.full(score.shape[1:], -1, jnp.int32), jnp.full(score.shape[1:], -jnp.inf)
+        left = jnp.where(taken, -jnp.inf, score)
+        (number, _), _ = jax.lax.scan(farther, nobody, (slots, left), unroll=8)
+        return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
 
     turns = jnp.max(theta)
-    left = jax.lax.while_loop(lambda carry: carry[0] < turns, take, (jnp.zeros_like(turns), score))[1]
-    return candidates & (left == -jnp.inf)
+    carry = jnp.zeros_like(turns), jnp.zeros_like(candidates)
+    return jax.lax.while_loop(lambda carry: carry[0] < turns, take, carry)[1]
