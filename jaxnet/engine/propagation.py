@@ -31,7 +31,7 @@ from jaxnet.engine.methods.exact import Flow
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import for_each, once, picked, put
+from jaxnet.engine.subset import once
 from jaxnet.engine.tick import Mind
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
@@ -45,11 +45,12 @@ Lanes = Float[Array, "lanes"]
 
 
 class Fleet(NamedTuple):
-    """Lanes under way, at a tick whose decision is taken and followed."""
+    """Lanes under way, at a tick whose decision is taken but not yet followed."""
 
     free: Jets  # e and its derivatives
     forced: Vectors  # of G
-    mind: Mind
+    followed: Mind  # for which `forced` holds
+    mind: Mind  # decided at this tick
     basis: Basis  # the attacks' functions now
     made: Any  # what an axis makes of them now; () where it is they themselves
     switches: Int[Array, "lanes"]
@@ -67,27 +68,28 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     def instant(number: Any) -> Lanes:
         return jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape)
 
-    def tick(number: Int[Array, ""], fleet: Fleet) -> Fleet:
-        time, first = instant(number), number == 0
-        fleet = fleet._replace(
-            free=propagate(jnp.where(first, nowhere, numbers.flow), fleet.free),
-            basis=barrier(lane.signal.basis(time)),
-            made=() if plan.consistent else barrier(effect_at(number, fleet.made)),
+    def tick(n: Int[Array, ""], fleet: Fleet) -> Fleet:
+        if plan.choosing:
+            fleet = settle(fleet, n == 0, lane, network, plan)
+        moved = fleet._replace(
+            free=propagate(numbers, fleet.free),
+            basis=barrier(lane.signal.basis(instant(n + 1))),
+            made=() if plan.consistent else barrier(effect_after(fleet.made, instant(n))),
         )
-        return settle(fleet, time, first, lane, network, plan) if plan.choosing else fleet
+        return decide(moved, lane, network, plan, instant(n + 1))
 
-    def effect_at(number: Any, before: Any) -> Any:
-        after = passed_on(before, responses, lane, numbers, instant(number - 1), clock.interval)
-        return jnp.where(number == 0, before, after)
+    def effect_after(effect: Any, time: Lanes) -> Any:
+        return passed_on(effect, responses, lane, numbers, time, clock.interval)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
         fleet, gathered, series = carry
+        gathered, series = measure(fleet, gathered, series, number)
         if plan.choosing or not plan.consistent:
-            last = number * clock.ticks
-            fleet = jax.lax.fori_loop(jnp.maximum(0, last - clock.ticks + 1), last + 1, tick, fleet)
+            now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
+            fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
         else:
             fleet = tick(number, fleet)
-        return fleet, *measure(fleet, gathered, series, number)
+        return fleet, gathered, series
 
     def measure(fleet: Fleet, gathered: Any, series: Any, number: Any) -> Any:
         navigator = barrier(lane.navigator.jets(instant(number * clock.ticks)))
@@ -99,7 +101,6 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         everywhere = jnp.ones_like(ok)
         return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
 
-    nowhere = jnp.eye(3)[:, :, None]  # the flow of no time, to the first tick
     responses: Any = () if plan.consistent else impulse_responses(lane.gain, clock.interval)
     fleet = start(lane, network, plan, instant(zero))
     series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, lane.navigator.jets(instant(zero))))
@@ -112,38 +113,41 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
 
 
 def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
-    """The lanes before their first tick, at t = 0; where nobody decides, with what the attacks do to them."""
+    """The lanes at t = 0 with their first decision taken, all of E still free."""
     navigator, mind = lane.navigator.jets(time), ticks.begin(lane, network, plan)
     status, basis = ticks.status_at_start(lane), lane.signal.basis(time)
     fleet = Fleet(
         free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
         forced=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
+        followed=mind._replace(memory=(), plot=()),
         mind=mind,
         basis=basis,
         made=() if plan.consistent else jnp.zeros_like(basis[:3]),
         switches=jnp.zeros_like(status),
         status=status,
     )
-    if plan.choosing:
-        return fleet
-    everybody = jnp.ones(lane.weights.shape[1:], bool)
-    return follow(fleet, status == Status.ok, everybody, lane, network, plan)
+    if not plan.choosing:
+        everybody = jnp.ones(lane.weights.shape[1:], bool)
+        return follow(fleet, status == Status.ok, everybody, lane, network, plan)
+    return decide(fleet, lane, network, plan, time)
 
 
-def settle(
-    fleet: Fleet, time: Lanes, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan
-) -> Fleet:
-    """Have vehicles receive and decide, follow the decision where it is another one, and count who changed.
+def decide(fleet: Fleet, lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
+    """Have vehicles receive and decide."""
+    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
+    return fleet._replace(mind=ticks.decide(lane, network, plan, fleet.mind, errors, fleet.basis, time))
+
+
+def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan) -> Fleet:
+    """Follow the decision in the lanes where it is another one, and count the vehicles that changed theirs.
 
     The first decision is no change, and followed in every lane.
     """
-    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
-    mind = ticks.decide(lane, network, plan, fleet.mind, errors, fleet.basis, time)
-    lanes, vehicles = ticks.changed(mind, fleet.mind, lane)
+    lanes, vehicles = ticks.changed(fleet.mind, fleet.followed, lane)
     alive = fleet.status == Status.ok
     switches = fleet.switches + jnp.where(alive & ~first, vehicles.sum(axis=0), 0)
-    fleet, changed = fleet._replace(mind=mind, switches=switches), vehicles | first
-    return follow(fleet, alive & (first | lanes), changed, lane, network, plan)
+    changed = vehicles | first
+    return follow(fleet._replace(switches=switches), alive & (first | lanes), changed, lane, network, plan)
 
 
 def follow(
@@ -160,36 +164,23 @@ def follow(
     """
 
     def every(carry: Any) -> Any:
-        (free, before, status), left = carry, flagged
+        free, before, status = carry
+        forced, left = before, flagged
         if response.local(fleet.mind, network, plan):
             forced, left = response.solved_near(before, flagged, changed, fleet.mind, lane, network)
-            carry = taken_up(free, before - forced, fleet.effect()), forced, status
-        return for_each(left, response.at_once(network), some, carry)
-
-    def some(few: Any, carry: Any) -> Any:
-        free, forced, status = carry
-        new, cut_off = response.solved(few, fleet.mind, lane, network, plan)
-        theirs, before = tuple(picked(jet, few) for jet in free), picked(forced, few)
-        lost = before - new
-        theirs = taken_up(theirs, lost, picked(fleet.effect(), few))
-        free = tuple(put(jet, few, each) for jet, each in zip(free, theirs, strict=True))
-        status = put(status, few, fail(picked(status, few), Status.disconnected, cut_off))
-        return free, put(forced, few, before - lost), status
+        forced, status = response.solved(forced, status, left, fleet.mind, lane, network, plan)
+        return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
 
     carry = fleet.free, fleet.forced, fleet.status
     free, forced, status = once(flagged.any(), every, carry)
-    return fleet._replace(free=free, forced=forced, status=status)
+    followed = fleet.mind._replace(memory=(), plot=())
+    return fleet._replace(free=free, forced=forced, status=status, followed=followed)
 
 
-def taken_up(free: Any, vectors: Vectors, effect: Any) -> Jets:
-    """The jets of e after it has taken up what G has lost, vectors times the functions of its effect."""
-    return plus(free, signal.jets(vectors, effect))
-
-
-def propagate(flow: Float[Array, "3 3 lanes"], jets: Jets) -> Jets:
+def propagate(numbers: Flow, jets: Jets) -> Jets:
     """`expm(A_c h)` times the jets, for each vehicle and axis."""
     y, velocity, acceleration = jets
-    rows = ((row[0][None, None], row[1][None, None], row[2][None, None]) for row in flow)
+    rows = ((row[0][None, None], row[1][None, None], row[2][None, None]) for row in numbers.flow)
     a, b, c = (k[0] * y + k[1] * velocity + k[2] * acceleration for k in rows)
     return a, b, c
 

@@ -12,7 +12,8 @@ from jaxtyping import Array, Bool
 
 from jaxnet.engine import tick as ticks
 from jaxnet.engine.plan import CONNECTED, Plan
-from jaxnet.engine.subset import Few, picked, put
+from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.subset import for_each, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.model import elimination, near, retained
 from jaxnet.model.hearing import AxisWeights
@@ -28,18 +29,23 @@ Lanes = Bool[Array, "lanes"]
 Changed = Bool[Array, "m lanes"]  # vehicles that decided otherwise
 
 
-def solved(few: Few, mind: Mind, lane: Lane, network: Network, plan: Plan) -> tuple[Vectors, Lanes]:
-    """The response of these lanes to what was decided, and who is cut off."""
-    weights = picked(lane.weights, few)[None]
-    if plan.decides:
-        weights = retained.in_force(weights[0], picked(mind.decision, few))
-    response, residual = forced(picked(ticks.vectors_of(lane, mind), few), weights, network)
-    return response, ~(residual < CONNECTED)
+def solved(
+    response: Vectors, status: Code, flagged: Lanes, mind: Mind, lane: Lane, network: Network, plan: Plan
+) -> tuple[Vectors, Code]:
+    """The response with that of flagged lanes for what was decided, and who is cut off."""
+    vectors = ticks.vectors_of(lane, mind)
 
+    def some(few: Any, carry: Any) -> Any:
+        response, status = carry
+        weights = picked(lane.weights, few)[None]
+        if plan.decides:
+            weights = retained.in_force(weights[0], picked(mind.decision, few))
+        new, residual = forced(picked(vectors, few), weights, network)
+        cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
+        return put(response, few, new), put(status, few, cut_off)
 
-def at_once(network: Network) -> int:
-    """Lanes that are solved for at once."""
-    return SOLVED if network.hearing.sources.shape[1] < LARGE else SOLVED_OF_LARGE
+    at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+    return for_each(flagged, at_once, some, (response, status))
 
 
 def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
