@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model import elimination, retained
-from jaxnet.model.elimination import Blocks, NoOrder, Order
+from jaxnet.model.elimination import NoOrder, Order
 from jaxnet.model.hearing import Hearing, SlotWeights
 from jaxnet.model.signal import Vectors
 
@@ -64,9 +64,12 @@ def corrected(
     )(lanes, starts)
     first = (starts[None] + jnp.arange(WINDOW)[:, None] - 1) * size  # place of the first column
     place = jnp.asarray(order.place)[speakers - 1].reshape(len(speakers), WINDOW, size, -1)
-    columns = jnp.where(speakers.reshape(place.shape) > 0, place - first[None, :, None], -1)
+    columns = jnp.where(speakers.reshape(place.shape) > 0, place - first[None, :, None], 3 * size)  # or none
     heard = jnp.moveaxis(weights, 0, 2).reshape(*place.shape[:3], len(weights), -1)
-    table = by_column(columns, heard, 3 * size)
+    nothing = jnp.zeros((WINDOW, size, 3 * size, *heard.shape[3:]))
+    rows = np.arange(WINDOW)[None, :, None, None], np.arange(size)[None, None, :, None]
+    each = jnp.arange(len(lanes))[None, None, None]
+    table = nothing.at[(*rows, columns, slice(None), each)].add(heard.swapaxes(3, 4), mode="drop")
     before, own, after = jnp.split(table, 3, axis=2)
     by_axis = left.reshape(WINDOW, size, -1, len(weights), functions, len(lanes)).swapaxes(3, 4)
     right = by_axis.reshape(WINDOW, size, -1, len(weights), len(lanes))
@@ -89,19 +92,3 @@ def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: A
     told = told + jnp.where(attacked[..., None, None], false, 0.0)
     left = (jnp.moveaxis(weights, 0, 2)[..., None] * told).sum(axis=0) - own
     return vehicles, speakers, weights, jnp.where((vehicles < x.shape[1])[:, None, None], left, 0.0)
-
-
-def by_column(
-    columns: Int[Array, "slots blocks size lanes"],
-    weights: Float[Array, "slots blocks size axes lanes"],
-    number: int,
-) -> Blocks:
-    """Weights by the columns that slots belong to, of so many columns."""
-    table = jnp.arange(number)[None, None, :, None, None]
-
-    def add(total: Any, slot: Any) -> tuple[Any, None]:
-        column, weight = slot
-        return total + jnp.where(column[:, :, None, None] == table, weight[:, :, None], 0.0), None
-
-    nothing = jnp.zeros((*weights.shape[1:3], number, *weights.shape[3:]))
-    return jax.lax.scan(add, nothing, (columns, weights))[0]
