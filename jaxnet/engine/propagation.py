@@ -2,19 +2,19 @@
 
 In `E_i = y_i - y_0` and its derivatives the loop is linear. While the retained neighbours are held,
 
-    E(t) = e(t) + G(t),      e(t + h) = expm(A_c h) e(t),      G = L⁻¹ d,
+    E(t + h) = expm(A_c h) E(t) + G(t + h) - expm(A_c h) G(t),      G = L⁻¹ d,
 
 where d is what the attacks add and G so what they do to the fleet. d is a sum of fixed vectors times scalar
 functions of time, as the vehicles' signals are, so G is one too, with vectors `L⁻¹ d` that change only when
-weights or attacks do: then they are solved for anew, for the lanes concerned alone, and e takes up the
-difference, since E does not jump.
+weights or attacks do: then they are solved for anew, for the lanes concerned alone, and E does not jump.
 
 Where what is falsified is not a path with its derivatives, G = L⁻¹ W g with what the axis makes of the
 disturbance ρ = R(β), `g‴ + P(g) = ρ`, which is summed up from tick to tick by Gauss and Legendre's rule.
 Where it is, g = β solves that.
 
 The lanes are the last axis of every array. An instant's functions are computed behind a barrier: else XLA
-would compute them where they are used, once for each vehicle that uses them.
+would compute them where they are used, once for each vehicle that uses them. A tick's decision is the carry
+of a loop for the same reason.
 """
 
 from typing import Any, NamedTuple
@@ -42,15 +42,16 @@ NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 
 Lanes = Float[Array, "lanes"]
+Transition = Float[Array, "3 3 lanes"]  # expm(A_c h)
+Effect = Float[Array, "3 functions lanes"]  # functions of G, with two derivatives
 
 
 class Fleet(NamedTuple):
-    """Lanes under way, at a tick whose decision is taken but not yet followed."""
+    """Lanes under way, at a tick whose decision is taken and followed."""
 
-    free: Jets  # e and its derivatives
+    errors: Jets  # E and its derivatives
     forced: Vectors  # of G
-    followed: Mind  # for which `forced` holds
-    mind: Mind  # decided at this tick
+    mind: Mind
     basis: Basis  # the attacks' functions now
     made: Any  # what an axis makes of them now; () where it is they themselves
     switches: Int[Array, "lanes"]
@@ -68,28 +69,29 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
     def instant(number: Any) -> Lanes:
         return jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape)
 
-    def tick(n: Int[Array, ""], fleet: Fleet) -> Fleet:
-        if plan.choosing:
-            fleet = settle(fleet, n == 0, lane, network, plan)
-        moved = fleet._replace(
-            free=propagate(numbers, fleet.free),
-            basis=barrier(lane.signal.basis(instant(n + 1))),
-            made=() if plan.consistent else barrier(effect_after(fleet.made, instant(n))),
+    def tick(number: Int[Array, ""], fleet: Fleet) -> Fleet:
+        time, first = instant(number), number == 0
+        flow, before = jnp.where(first, nowhere, numbers.flow), fleet.effect()
+        fleet = fleet._replace(
+            basis=barrier(lane.signal.basis(time)),
+            made=() if plan.consistent else barrier(effect_at(number, fleet.made)),
         )
-        return decide(moved, lane, network, plan, instant(n + 1))
+        forcing = barrier(fleet.effect()[:3] - jnp.stack(propagate(flow, before)))
+        fleet, decided = go_on(fleet, flow, forcing, time, lane, network, plan)
+        return settle(fleet, decided, first, lane, network, plan) if plan.choosing else fleet
 
-    def effect_after(effect: Any, time: Lanes) -> Any:
-        return passed_on(effect, responses, lane, numbers, time, clock.interval)
+    def effect_at(number: Any, before: Any) -> Any:
+        after = passed_on(before, responses, lane, numbers, instant(number - 1), clock.interval)
+        return jnp.where(number == 0, before, after)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
         fleet, gathered, series = carry
-        gathered, series = measure(fleet, gathered, series, number)
         if plan.choosing or not plan.consistent:
-            now, rest = number * clock.ticks, jnp.where(number < clock.outputs, clock.ticks, 1)
-            fleet = jax.lax.fori_loop(now, now + rest, tick, fleet)
+            last = number * clock.ticks
+            fleet = jax.lax.fori_loop(jnp.maximum(0, last - clock.ticks + 1), last + 1, tick, fleet)
         else:
             fleet = tick(number, fleet)
-        return fleet, gathered, series
+        return fleet, *measure(fleet, gathered, series, number)
 
     def measure(fleet: Fleet, gathered: Any, series: Any, number: Any) -> Any:
         navigator = barrier(lane.navigator.jets(instant(number * clock.ticks)))
@@ -101,6 +103,7 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         everywhere = jnp.ones_like(ok)
         return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
 
+    nowhere = jnp.eye(3)[:, :, None]  # the flow of no time, to the first tick
     responses: Any = () if plan.consistent else impulse_responses(lane.gain, clock.interval)
     fleet = start(lane, network, plan, instant(zero))
     series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, lane.navigator.jets(instant(zero))))
@@ -113,41 +116,53 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
 
 
 def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
-    """The lanes at t = 0 with their first decision taken, all of E still free."""
+    """The lanes before their first tick, at t = 0; where nobody decides, with what the attacks do to them."""
     navigator, mind = lane.navigator.jets(time), ticks.begin(lane, network, plan)
     status, basis = ticks.status_at_start(lane), lane.signal.basis(time)
     fleet = Fleet(
-        free=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
+        errors=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
         forced=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
-        followed=mind._replace(memory=(), plot=()),
         mind=mind,
         basis=basis,
         made=() if plan.consistent else jnp.zeros_like(basis[:3]),
         switches=jnp.zeros_like(status),
         status=status,
     )
-    if not plan.choosing:
-        everybody = jnp.ones(lane.weights.shape[1:], bool)
-        return follow(fleet, status == Status.ok, everybody, lane, network, plan)
-    return decide(fleet, lane, network, plan, time)
+    if plan.choosing:
+        return fleet
+    everybody = jnp.ones(lane.weights.shape[1:], bool)
+    return follow(fleet, status == Status.ok, everybody, lane, network, plan)
 
 
-def decide(fleet: Fleet, lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
-    """Have vehicles receive and decide."""
-    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
-    return fleet._replace(mind=ticks.decide(lane, network, plan, fleet.mind, errors, fleet.basis, time))
+def go_on(
+    fleet: Fleet, flow: Transition, forcing: Effect, time: Lanes, lane: Lane, network: Network, plan: Plan
+) -> tuple[Fleet, Mind]:
+    """The fleet moved to this tick, and what is received and decided there.
+
+    `forcing` are the functions of `G(t + h) - expm(A_c h) G(t)` and its derivatives.
+    """
+
+    def work(carry: tuple[Jets, Mind]) -> tuple[Jets, Mind]:
+        errors, mind = carry
+        errors = plus(propagate(flow, errors), signal.jets(fleet.forced, forcing))
+        return errors, ticks.decide(lane, network, plan, mind, errors, fleet.basis, time)
+
+    errors, decided = once((fleet.status == Status.ok).any(), work, (fleet.errors, fleet.mind))
+    return fleet._replace(errors=errors), decided
 
 
-def settle(fleet: Fleet, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan) -> Fleet:
+def settle(
+    fleet: Fleet, decided: Mind, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan
+) -> Fleet:
     """Follow the decision in the lanes where it is another one, and count the vehicles that changed theirs.
 
     The first decision is no change, and followed in every lane.
     """
-    lanes, vehicles = ticks.changed(fleet.mind, fleet.followed, lane)
+    lanes, vehicles = ticks.changed(decided, fleet.mind, lane)
     alive = fleet.status == Status.ok
     switches = fleet.switches + jnp.where(alive & ~first, vehicles.sum(axis=0), 0)
-    changed = vehicles | first
-    return follow(fleet._replace(switches=switches), alive & (first | lanes), changed, lane, network, plan)
+    fleet, changed = fleet._replace(mind=decided, switches=switches), vehicles | first
+    return follow(fleet, alive & (first | lanes), changed, lane, network, plan)
 
 
 def follow(
@@ -158,29 +173,26 @@ def follow(
     network: Network,
     plan: Plan,
 ) -> Fleet:
-    """The flagged lanes with what the attacks do to them for the weights decided; E does not jump.
+    """The flagged lanes with what the attacks do to them for the weights decided.
 
     `changed` are the vehicles that decided otherwise, if any decide.
     """
 
-    def every(carry: Any) -> Any:
-        free, before, status = carry
-        forced, left = before, flagged
+    def solve(carry: Any) -> Any:
+        (forced, status), left = carry, flagged
         if response.local(fleet.mind, network, plan):
-            forced, left = response.solved_near(before, flagged, changed, fleet.mind, lane, network)
-        forced, status = response.solved(forced, status, left, fleet.mind, lane, network, plan)
-        return plus(free, signal.jets(before - forced, fleet.effect())), forced, status
+            forced, left = response.solved_near(forced, flagged, changed, fleet.mind, lane, network)
+        return response.solved(forced, status, left, fleet.mind, lane, network, plan)
 
-    carry = fleet.free, fleet.forced, fleet.status
-    free, forced, status = once(flagged.any(), every, carry)
-    followed = fleet.mind._replace(memory=(), plot=())
-    return fleet._replace(free=free, forced=forced, status=status, followed=followed)
+    forced, status = once(flagged.any(), solve, (fleet.forced, fleet.status))
+    return fleet._replace(forced=forced, status=status)
 
 
-def propagate(numbers: Flow, jets: Jets) -> Jets:
-    """`expm(A_c h)` times the jets, for each vehicle and axis."""
-    y, velocity, acceleration = jets
-    rows = ((row[0][None, None], row[1][None, None], row[2][None, None]) for row in numbers.flow)
+def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
+    """`expm(A_c h)` times a signal and its derivatives, each (..., lanes)."""
+    y, velocity, acceleration, *_ = jets
+    alike = (None,) * (y.ndim - 1)
+    rows = ((row[0][alike], row[1][alike], row[2][alike]) for row in flow)
     a, b, c = (k[0] * y + k[1] * velocity + k[2] * acceleration for k in rows)
     return a, b, c
 
@@ -194,19 +206,19 @@ def impulse_responses(gain: control.Gain, interval: Any) -> Float[Array, "nodes 
 
 
 def passed_on(
-    effect: Float[Array, "3 functions lanes"],
+    effect: Effect,
     responses: Float[Array, "nodes 3 lanes"],
     lane: Lane,
     numbers: Flow,
     time: Lanes,
     interval: Any,
-) -> Float[Array, "3 functions lanes"]:
+) -> Effect:
     """What an axis makes of the attacks' functions one tick on: `g‴ + P(g) = R(β)`, from g now.
 
     `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, exact to rounding for functions that
     are smooth within a tick.
     """
-    total = jnp.einsum("klL,lbL->kbL", numbers.flow, effect)
+    total = jnp.stack(propagate(numbers.flow, effect))
     for node, share, answer in zip(NODES, SHARES, responses, strict=True):
         disturbance = control.driven(lane.gain, lane.signal.basis(time + node * interval))
         total = total + share * interval * answer[:, None] * disturbance[None]
@@ -220,10 +232,9 @@ def plus(jets: Any, others: Any) -> Jets:
 
 def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan, navigator: Any) -> Observation:
     """The fleets as they are measured now."""
-    errors = plus(fleet.free, signal.jets(fleet.forced, fleet.effect()))
-    jets = plus(errors, [jet[:, None] for jet in navigator])
+    jets = plus(fleet.errors, [jet[:, None] for jet in navigator])
     return Observation(
-        errors[0],
+        fleet.errors[0],
         *plane.pace(jets),
         lane.vehicle.state_of(jets),
         signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], fleet.basis[0]),
