@@ -109,6 +109,7 @@ def main() -> None:
         "--out", type=Path, default=FIGURES, help="folder of the figure (default docs/figures)"
     )
     given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
     rates: Rates = {}
     for _ in range(given.repeats):
         race(rates, given.seconds, given.budget)
