@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
-import xarray as xr
 from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
@@ -22,6 +21,7 @@ from jaxnet.store.results import Part, arrays_at, whole
 from jaxnet.view.text import progress as reports
 
 if TYPE_CHECKING:
+    import xarray
     from jax import Array
 
     from jaxnet.statistics.pairs import Comparison
@@ -53,7 +53,7 @@ class Replay(NamedTuple):
     """A lane simulated again: its row, its trajectory, and where that is stored."""
 
     row: pd.Series
-    trajectory: xr.Dataset
+    trajectory: "xarray.Dataset"
     path: UPath
 
 

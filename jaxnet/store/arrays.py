@@ -2,28 +2,28 @@
 
 A chunk belongs to one cell and one shard, so a write is whole and touches nobody else's. It ends with its
 checksum, which is kept elsewhere too: a chunk in another's place is told by it.
+
+xarray and zarr take their time to import: who stores no arrays does not wait for them.
 """
 
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import google_crc32c
 import numpy as np
-import xarray as xr
-import zarr
-import zarr.errors
 from upath import UPath
-from xarray.indexes import PandasMultiIndex
-from zarr.codecs import Crc32cCodec, ZstdCodec
-from zarr.storage import FsspecStore
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.kinds.vehicles import HEADING
 from jaxnet.store.layout import Variable, coordinates, shared
+
+if TYPE_CHECKING:
+    import xarray
+    import zarr
 
 IDENTITY = "identity"
 CHECKSUM = 4  # bytes at a chunk's end
@@ -32,8 +32,10 @@ NOBODY = -1  # is heard in a slot that a cell does not have
 
 def prepare(
     path: UPath, variables: Mapping[str, Variable], cells: Sequence[Cell], samples: int, chunk: int
-) -> zarr.Group:
+) -> "zarr.Group":
     """The store at this path, with room for that many samples; made if there is none that can be read."""
+    import zarr
+
     coords = coordinates(cells, samples)
     group = opened(path, (*variables, "sample"))
     if group is None or not all(
@@ -54,21 +56,25 @@ def prepare(
     return group
 
 
-def laid_out(array: zarr.Array, dims: tuple[str, ...], chunk: int) -> bool:
+def laid_out(array: "zarr.Array", dims: tuple[str, ...], chunk: int) -> bool:
     """Whether an array has these dimensions, and so many samples in a chunk."""
     known: Any = array.metadata.to_dict()
     return tuple(known.get("dimension_names") or ()) == dims and array.chunks[1] == chunk
 
 
-def consolidate(group: zarr.Group) -> None:
+def consolidate(group: "zarr.Group") -> None:
     """Have readers find all metadata in one place."""
+    import zarr.errors
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", zarr.errors.ZarrUserWarning)
         zarr.consolidate_metadata(group.store)
 
 
-def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> zarr.Group | None:
+def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> "zarr.Group | None":
     """The store at this path for writing, if it has these arrays and the mark of one made to its end."""
+    import zarr
+
     try:
         group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False)
         for name in names:
@@ -78,9 +84,12 @@ def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> zarr
     return group if mark in group.attrs else None
 
 
-def open_store(path: UPath) -> xr.Dataset:
+def open_store(path: UPath) -> "xarray.Dataset":
     """The store at this path; all its coordinates select, of chosen lanes several at a time."""
-    data = xr.open_zarr(store_at(path))
+    from xarray import open_zarr
+    from xarray.indexes import PandasMultiIndex
+
+    data = open_zarr(store_at(path))
     labels = [str(name) for name in data.coords if name not in data.xindexes]
     if "lane" in data.dims:
         return data.set_xindex(labels, PandasMultiIndex)
@@ -93,28 +102,31 @@ def store_at(path: UPath) -> Any:
     """What zarr and xarray take for a path."""
     if isinstance(path, Path):
         return str(path)
+    from zarr.storage import FsspecStore
+
     return FsspecStore.from_url(str(path), storage_options=dict(path.storage_options))
 
 
-def identity(group: zarr.Group) -> str:
+def identity(group: "zarr.Group") -> str:
     """A word that tells a store from every other, also from one that was at its path before."""
     return str(group.attrs[IDENTITY])
 
 
-def member(group: zarr.Group, name: str) -> zarr.Array:
+def member(group: "zarr.Group", name: str) -> "zarr.Array":
     """An array of a store."""
-    array = group[name]
-    assert isinstance(array, zarr.Array)
+    array: Any = group[name]
     return array
 
 
 def create(
-    group: zarr.Group,
+    group: "zarr.Group",
     variables: Mapping[str, Variable],
     coords: Mapping[str, Any],
     chunks: tuple[int, ...],
 ) -> None:
     """Empty arrays, parted along their first dimensions, and the coordinates of their dimensions."""
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
         add(group, dim, (dim,), coords[dim])
     member(group, "time").attrs["units"] = "s"
@@ -132,7 +144,7 @@ def create(
         array.attrs["long_name"] = meaning
 
 
-def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray) -> None:
+def add(group: "zarr.Group", name: str, dims: tuple[str, ...], values: np.ndarray) -> None:
     """A whole array, written at once."""
     dtype: Any = str if values.dtype == object else values.dtype
     array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)
@@ -140,7 +152,7 @@ def add(group: zarr.Group, name: str, dims: tuple[str, ...], values: np.ndarray)
 
 
 def add_shared(
-    group: zarr.Group, variables: Mapping[str, Variable], cells: Sequence[Cell], coords: Mapping[str, Any]
+    group: "zarr.Group", variables: Mapping[str, Variable], cells: Sequence[Cell], coords: Mapping[str, Any]
 ) -> None:
     """Arrays that all lanes of a cell share."""
     each = [of_cell(cell, variables, coords["time"]) for cell in cells]
@@ -165,7 +177,7 @@ def swept(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[Any]]:
     return {key: [cell.labels[key] for cell in along] for key in cells[0].labels}
 
 
-def add_labels(group: zarr.Group, dim: str, labels: Mapping[str, Sequence[Any]]) -> None:
+def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Any]]) -> None:
     """Coordinates along a dimension besides its own."""
     names = []
     for key, given in labels.items():
@@ -183,7 +195,7 @@ def stored(variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]) 
     return {name: each.astype(variables[name].dtype) for name, each in values.items()}
 
 
-def write(group: zarr.Group, place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
+def write(group: "zarr.Group", place: tuple[int | slice, ...], values: Mapping[str, np.ndarray]) -> None:
     """Store values at their place along the first dimensions, also what is not a number in every lane.
 
     Chunks are written whole, for what is there may be torn.

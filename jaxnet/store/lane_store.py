@@ -4,25 +4,28 @@
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zarr
 from upath import UPath
-from zarr.core.buffer import Buffer
-from zarr.storage import MemoryStore
 
 from jaxnet.config.cells import Cell
 from jaxnet.store import arrays
 from jaxnet.store.layout import Variable, along_lanes, coordinates, shared
+
+if TYPE_CHECKING:
+    import zarr
+    from zarr.core.buffer import Buffer
 
 CHECKSUMS = "checksums"  # of the chunks of each lane, by array
 
 
 def create_lanes(
     store: Any, variables: Mapping[str, Variable], cells: Sequence[Cell], lanes: Sequence[tuple[Cell, int]]
-) -> zarr.Group:
+) -> "zarr.Group":
     """A new store with room for these lanes of a study alone, each a cell and a sample."""
+    import zarr
+
     group = zarr.open_group(store, mode="w")
     coords = coordinates(cells, 0) | {"lane": np.arange(len(lanes))}
     arrays.create(group, along_lanes(variables), coords, (1,))
@@ -32,7 +35,7 @@ def create_lanes(
 
 
 def write_lanes(
-    group: zarr.Group,
+    group: "zarr.Group",
     first: int,
     cell: Cell,
     variables: Mapping[str, Variable],
@@ -46,7 +49,7 @@ def write_lanes(
     arrays.write(group, (slice(first, first + count),), values)
 
 
-def seal(group: zarr.Group, path: UPath, variables: Mapping[str, Variable], lanes: int) -> None:
+def seal(group: "zarr.Group", path: UPath, variables: Mapping[str, Variable], lanes: int) -> None:
     """Note the checksums of chosen lanes, all of which are written."""
     group.attrs[CHECKSUMS] = [
         arrays.checksums(path, along_lanes(variables), (lane,)) for lane in range(lanes)
@@ -70,6 +73,8 @@ def files_of(
     variables: Mapping[str, Variable], cell: Cell, sample: int, series: Mapping[str, np.ndarray]
 ) -> dict[str, bytes]:
     """The files of a store of one lane; the last makes it one."""
+    from zarr.storage import MemoryStore
+
     held: dict[str, Buffer] = {}
     group = create_lanes(MemoryStore(held), variables, [cell], [(cell, sample)])
     write_lanes(group, 0, cell, variables, series)

@@ -6,10 +6,9 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
-import xarray as xr
 from upath import UPath
 
 from jaxnet.config.study import Study, load
@@ -18,6 +17,9 @@ from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import changed_modules
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True, repr=False)
@@ -133,16 +135,16 @@ class Results:
         return shlex.join(words + (["--engine", engine] if engine else []))
 
     @property
-    def errors(self) -> xr.Dataset:
+    def errors(self) -> "xarray.Dataset":
         """`ẽ` and `ε̃` over time."""
         return self.arrays("errors.zarr", "save.errors=true")
 
     @property
-    def trajectories(self) -> xr.Dataset:
+    def trajectories(self) -> "xarray.Dataset":
         """States, navigator, attack signals and kept weights over time."""
         return self.arrays("trajectories.zarr", "save.trajectories=all")
 
-    def arrays(self, name: str, remedy: str) -> xr.Dataset:
+    def arrays(self, name: str, remedy: str) -> "xarray.Dataset":
         """One of the stores; raises FolderError if the study did not save it."""
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
@@ -166,7 +168,7 @@ def whole(name: str, number: SupportsInt) -> int:
     return found
 
 
-def arrays_at(path: UPath) -> xr.Dataset:
+def arrays_at(path: UPath) -> "xarray.Dataset":
     """A store, read when it is asked for; one in memory at once, for that is freed with its Results."""
     found = arrays.open_store(path)
     return found.load() if path.protocol == "memory" else found
