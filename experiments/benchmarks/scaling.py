@@ -78,7 +78,7 @@ class Point(NamedTuple):
             lanes = self.number
         elif self.axis == "vehicles":
             keys = {**keys, "vehicles": self.number}
-            lanes = max(LEAST, lanes * VEHICLES[0] // self.number)
+            lanes = max(LEAST, 2 ** math.ceil(math.log2(lanes * VEHICLES[0] / self.number)))  # whole chunks
         return {"what": "jaxnet", "keys": keys, "lanes": lanes, "seconds": seconds}
 
     def cores(self) -> list[int]:

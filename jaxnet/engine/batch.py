@@ -28,7 +28,7 @@ Tree = TypeVar("Tree")
 
 FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
 CACHED = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
-CACHED_CHOOSING = 4_000  # the same where anybody chooses at ticks: more are no quicker, and share fewer cores
+CACHED_CHOOSING = 16_000  # the same where anybody chooses at ticks: more gain little, and share fewer cores
 LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
