@@ -19,9 +19,12 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxnet.model import iteration
+from jaxnet.model.computed import computed
 from jaxnet.model.hearing import AxisWeights, Hearing
 
 AT_ONCE = 4  # rows that eliminate, or columns of a product, in one pass over the rest
+LEFT_OUT = 6  # times at most that columns which are done are left out
+SMALL = 2  # vehicles of a block for which it is quicker to compute a number twice than to keep it
 LEAST_BLOCKS = 8  # fewer are no quicker than one
 LARGEST_BLOCK = 96  # vehicles; iteration is quicker than larger ones
 
@@ -118,9 +121,13 @@ def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Block
 
     def there(last: Any, block: Any) -> tuple[Any, Any]:
         before, own, beyond = block
-        carried = multiplied(before, last)
-        rest = jnp.concatenate([own - carried[:, :size], beyond.at[:, size:].add(carried[:, size:])], axis=1)
-        found = eliminated(rest)
+
+        def rest() -> jax.Array:
+            carried = multiplied(before, last)
+            beside = beyond.at[:, size:].add(carried[:, size:])
+            return jnp.concatenate([own - carried[:, :size], beside], axis=1)
+
+        found = eliminated(rest() if size <= SMALL else computed(rest))
         return found, found
 
     def back(following: Any, block: Any) -> tuple[Any, Any]:
@@ -283,19 +290,47 @@ def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes 
     """`M⁻¹ B` for `[M | B]`, Gauss and Jordan's elimination, lane beside lane.
 
     Rows come first when their turn to eliminate has come, some at once, for most of the time goes into
-    passing over the others, and go last after it.
+    passing over the others, and go last after it. Columns that are done are left out: at every pass of small
+    matrices, after some of large ones, for each time a program is compiled for what is left.
     """
-    at_once = in_one_pass(len(whole))
+    passes, rest = divmod(len(whole), AT_ONCE)
+    at_a_time = max(1, -(-passes // LEFT_OUT))
 
-    def eliminate(rows: jax.Array, _: None) -> tuple[jax.Array, None]:
-        pivots, others = list(rows[:at_once]), rows[at_once:, at_once:]
-        for n in range(at_once):
-            pivots[n] = pivots[n] / pivots[n][n][None]
-            pivots = [row if k == n else row - row[n][None] * pivots[n] for k, row in enumerate(pivots)]
-        for n, pivot in enumerate(pivots):
-            others = others - rows[at_once:, n : n + 1] * pivot[None, at_once:]
-        done = jnp.concatenate([others, jnp.stack(pivots)[:, at_once:]])
-        return jnp.concatenate([done, rows[:, :at_once]], axis=1), None
+    def one(_: Any, rows: jax.Array) -> jax.Array:
+        return jnp.concatenate([eliminate(rows, AT_ONCE), rows[:, :AT_ONCE]], axis=1)
 
-    found = jax.lax.scan(eliminate, whole, None, length=len(whole) // at_once)[0]
-    return found[:, : whole.shape[1] - len(whole)]
+    for done in range(0, passes, at_a_time):
+        number = min(at_a_time, passes - done)
+        whole = eliminate(jax.lax.fori_loop(1, number, one, whole) if number > 1 else whole, AT_ONCE)
+        whole = whole[:, : whole.shape[1] - (number - 1) * AT_ONCE]
+    return eliminate(whole, rest) if rest else whole
+
+
+def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, "n r axes lanes"]:
+    """The rows after the first ones have eliminated; these go last, and their columns are left out."""
+    if len(rows) == first:
+        return reduced(rows)
+    pivots = computed(lambda: reduced(rows[:first]))
+    return jnp.concatenate([without(rows[first:], pivots), pivots])
+
+
+def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lanes"]:
+    """`P⁻¹ R` for `[P | R]`, of few rows."""
+    if len(rows) == 1:
+        return rows[:, 1:] / rows[:, :1]
+    if len(rows) == 2:
+        (a, b), (c, d) = rows[0, :2], rows[1, :2]
+        inverse = 1 / (a * d - b * c)
+        a, b, c, d = (each[None] * inverse[None] for each in (a, b, c, d))
+        return jnp.stack([d * rows[0, 2:] - b * rows[1, 2:], a * rows[1, 2:] - c * rows[0, 2:]])
+    first = reduced(rows[:2])
+    others = reduced(without(rows[2:], first))
+    return jnp.concatenate([without(first, others), others])
+
+
+def without(rows: Float[Array, "n c axes lanes"], pivots: Float[Array, "k r axes lanes"]) -> Any:
+    """Rows from which the pivots are taken, so that their first k columns are done and left out."""
+    left = rows[:, len(pivots) :]
+    for n, pivot in enumerate(pivots):
+        left = left - rows[:, n : n + 1] * pivot[None]
+    return left
