@@ -18,6 +18,7 @@ from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, retained, signal
+from jaxnet.model.computed import computed
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 
@@ -173,7 +174,8 @@ def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], 
     """Lanes in which anything was decided otherwise, and vehicles that retain others than before."""
     lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if not isinstance(now.decision, tuple):
-        others = retained.changed(*map(retained.support, (now.decision, before.decision)))
+        supports = [retained.support(one.decision) for one in (now, before)]
+        others = computed(lambda: retained.changed(*supports))
         lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)

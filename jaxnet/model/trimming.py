@@ -6,25 +6,34 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.model.computed import computed
 from jaxnet.model.plane import length
 
 Mask = Bool[Array, "slots m lanes"]
 Scores = Float[Array, "slots m lanes"]
 
 
+def trusted_shares(trusted: Mask, references: Int[Array, "most m"]) -> Float[Array, "most m lanes"]:
+    """Of each reference in the mean over those that a vehicle trusts; 0 where it is none of them."""
+    listeners = jnp.arange(trusted.shape[1])[None]
+    counts = trusted.at[references, listeners].get(mode="promise_in_bounds")
+    return counts.astype(float) / jnp.maximum(1, trusted.sum(axis=0)).astype(float)[None]
+
+
 def deviation(
-    received: Float[Array, "axes slots m lanes"], trusted: Mask, references: Int[Array, "most m"]
+    received: Float[Array, "axes slots m lanes"],
+    shares: Float[Array, "most m lanes"],
+    references: Int[Array, "most m"],
 ) -> Scores:
     """`Δ_ik`, mean distance from what i receives of k to what it receives of those it trusts; else 0.
 
     What is received has a first axis over components, those of a position [m] or of more.
     """
     listeners, distance = jnp.arange(received.shape[2]), jnp.zeros(received.shape[1:])
-    for slot in references:
+    for slot, share in zip(references, shares, strict=True):
         apart = received - received.at[:, slot, listeners].get(mode="promise_in_bounds")[:, None]
-        counts = trusted.at[slot, listeners].get(mode="promise_in_bounds")
-        distance = distance + jnp.where(counts[None], length(apart), 0.0)
-    return distance / jnp.maximum(1, trusted.sum(axis=0)).astype(float)[None]
+        distance = distance + share[None] * length(apart)
+    return distance
 
 
 def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) -> Scores:
@@ -59,7 +68,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
         turn, taken = carry
         nobody = jnp.full(score.shape[1:], -1, jnp.int32), jnp.full(score.shape[1:], -jnp.inf)
         left = jnp.where(taken, -jnp.inf, score)
-        (number, _), _ = jax.lax.scan(farther, nobody, (slots, left), unroll=8)
+        number = computed(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
         return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
 
     turns = jnp.max(theta)

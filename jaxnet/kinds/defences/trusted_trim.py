@@ -37,8 +37,13 @@ class Trimming(NamedTuple):
 
 
 class Recollection(NamedTuple):
-    """What a vehicle remembers from tick to tick; () for what its score does not need."""
+    """What a vehicle remembers from tick to tick; () for what its score does not need.
 
+    Who may be dropped, and who is trusted how much, is the same at all ticks.
+    """
+
+    candidates: Any  # (slots, m, lanes), who may be dropped
+    shares: Any  # (most, m, lanes), of trusted sources in a score
     score: Any  # (slots, m, lanes), low-pass filtered
     time: Any  # (lanes,) [s] of the last tick
     announced: Any  # (2, m, lanes), ρ, which it announces itself
@@ -92,12 +97,21 @@ class TrustedTrim(Sparing):
 
     def start(self, around: Neighbourhood) -> Any:
         """Nothing was scored yet, and nothing is announced but that nothing drives one."""
-        lanes = around.weights.shape[1:]
-        xp = around.weights.__array_namespace__()
-        score, time = (), ()
+        from jaxnet.model import trimming
+
+        xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
+        heard, theta = around.weights > 0, around.shared.theta
+        trusts = heard & around.trusted[:, :, None]
+        trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
+        shares, score, time, announced = (), (), (), ()
+        if self.score == "announced":
+            announced = xp.zeros((2, *lanes))
+        else:
+            shares = trimming.trusted_shares(trusts, around.shared.references)
         if self.filter is not None:
             score, time = xp.zeros(around.weights.shape), xp.full(lanes[1:], -xp.inf)
-        return Recollection(score, time, xp.zeros((2, *lanes)) if self.score == "announced" else ())
+        candidates = heard & ~self.spared(around) & trims[None]
+        return Recollection(candidates, shares, score, time, announced)
 
     def announcement(self, memory: Any) -> Any:
         """ρ of the last tick."""
@@ -113,19 +127,16 @@ class TrustedTrim(Sparing):
         """
         from jaxnet.model import retained, trimming
 
-        heard, theta = around.weights > 0, around.shared.theta
-        trusts = heard & around.trusted[:, :, None]
-        trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
         if self.score == "announced":
             score = length(around.announced)
         else:
             compared = self.compared(received, around.gain)
-            score = trimming.deviation(compared, trusts, around.shared.references)
+            score = trimming.deviation(compared, memory.shares, around.shared.references)
         if self.filter is not None:
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
             memory = memory._replace(score=score, time=around.time)
         score = trimming.stiffened(score, last, self.tolerance)
-        decision = ~trimming.farthest(score, heard & ~self.spared(around) & trims[None], theta)
+        decision = ~trimming.farthest(score, memory.candidates, around.shared.theta)
         if self.score == "announced":
             weights = retained.in_force(around.weights, decision)
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))

@@ -25,7 +25,7 @@ def dropped(rule, places, shared=()):
     seen = rule.observed((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
     around = Neighbourhood(None, weights, trusted, None, time, shared)
-    decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), (), around)
+    decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), rule.start(around), around)
     return 1 - np.asarray(decision).reshape(-1, len(places), LANES)[0].mean(axis=1)
 
 
