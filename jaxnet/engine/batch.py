@@ -32,7 +32,8 @@ CACHED_CHOOSING = 16_000  # the same where anybody chooses at ticks: more gain l
 LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
-COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512}}  # options by platform
+# Options by platform. Sums of few terms are quicker in loops than by the library that XLA has for sums.
+COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512, "xla_cpu_experimental_ynn_fusion_type": ""}}
 
 
 class Job(NamedTuple):
