@@ -18,14 +18,15 @@ def for_each(
 
     A number past the last lane fills up: `picked` clips it, `put` drops it.
     """
-    lanes = flagged.shape[0]
+    before = jnp.cumsum(flagged)  # flagged lanes up to each one
+    turn = jnp.arange(1, min(width, flagged.size) + 1)
 
-    def some(state: tuple[Bool[Array, "lanes"], Carry]) -> tuple[Bool[Array, "lanes"], Carry]:
-        left, carry = state
-        numbers = jnp.nonzero(left, size=min(width, lanes), fill_value=lanes)[0]
-        return left.at[numbers].set(False, mode="drop"), work(numbers, carry)
+    def some(state: tuple[Int[Array, ""], Carry]) -> tuple[Int[Array, ""], Carry]:
+        done, carry = state
+        numbers = (before[None] < done + turn[:, None]).sum(axis=1)
+        return done + turn.size, work(numbers, carry)
 
-    return jax.lax.while_loop(lambda state: state[0].any(), some, (flagged, carry))[1]
+    return jax.lax.while_loop(lambda state: state[0] < before[-1], some, (jnp.zeros((), int), carry))[1]
 
 
 def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
