@@ -18,7 +18,7 @@ from upath import UPath
 import jaxnet
 from jaxnet import ConfigError, FolderError
 from jaxnet.config.study import native
-from jaxnet.runs import watched
+from jaxnet.runs import cache, watched
 from jaxnet.statistics import fits
 from jaxnet.view.figures import SEARCH, SENSITIVITY, every
 
@@ -210,6 +210,16 @@ def test_python_keeps_compiled_programs_as_the_command_does(tmp_path):
         "from jaxnet.runs.cache import enable; enable(); print(jax.config.jax_compilation_cache_dir)"
     )
     assert in_process(code, XDG_CACHE_HOME=str(tmp_path)) == "/mine\n"
+
+
+def test_flags_of_xla_that_are_set_stand(monkeypatch):
+    """Else loops over few bytes become one function."""
+    monkeypatch.setenv("XLA_FLAGS", "--mine")
+    cache.enable()
+    assert os.environ["XLA_FLAGS"] == "--mine"
+    monkeypatch.delenv("XLA_FLAGS")
+    cache.enable()
+    assert "small_while_loop" in os.environ["XLA_FLAGS"]
 
 
 # --- results ---------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""XLA's persistent compilation cache, kept apart for every version and type of machine."""
+"""How XLA compiles, and its persistent cache of programs, kept apart by version and type of machine."""
 
 import hashlib
 import os
@@ -8,13 +8,17 @@ from importlib import metadata
 from pathlib import Path
 
 SHORTEST = 0.1  # [s], of compilations that are kept
+# Loops over few bytes, from block to block say, are compiled as one function, not step by step.
+FLAGS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
 
 
 def enable() -> None:
     """Turn the cache on, in this process and those it starts, unless JAX was told of another one before.
 
-    That is by JAX_COMPILATION_CACHE_DIR or by its config. JAX is not imported for it.
+    That is by JAX_COMPILATION_CACHE_DIR or by its config. JAX is not imported for it. XLA_FLAGS that are set
+    stand; where JAX has compiled before, they come too late, and its programs are slower.
     """
+    os.environ.setdefault("XLA_FLAGS", FLAGS)
     if "jax" in sys.modules and sys.modules["jax"].config.jax_compilation_cache_dir is not None:
         return
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -13,7 +13,6 @@ class Nonlinear(Engine):
 
     kind = "nonlinear"
     queue: ClassVar[int] = 8
-    one_block: ClassVar[int] = 48  # a law that is evaluated at every stage multiplies by the inverse
     in_field: ClassVar[bool] = True
     holds: ClassVar[bool] = True
 
