@@ -96,7 +96,7 @@ class TrustedTrim(Sparing):
         return Trimming(by_listener(self.theta, graph.vehicles), references)
 
     def start(self, around: Neighbourhood) -> Any:
-        """Nothing was scored yet, and nothing is announced but that nothing drives one."""
+        """Who may be dropped; nothing was scored yet, and it is announced that nothing drives one."""
         from jaxnet.model import trimming
 
         xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
