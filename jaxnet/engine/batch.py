@@ -22,6 +22,7 @@ from jaxnet.engine.cores import cores
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.kinds import registry
+from jaxnet.model import xla
 from jaxnet.model.lane import Network
 
 Tree = TypeVar("Tree")
@@ -142,7 +143,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
         COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
-        return method(plan).simulate(queue, count, network, clock, plan)
+        return xla.computed(lambda: method(plan).simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 

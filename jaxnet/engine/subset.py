@@ -1,11 +1,13 @@
 """Work on the few lanes that need it, some at a time, without touching the others."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
+
+from jaxnet.model import xla
 
 Carry = TypeVar("Carry")
 Few = Int[Array, " few"]  # numbers of lanes
@@ -45,4 +47,16 @@ def picked(array: jax.Array, few: Few) -> jax.Array:
 
 def put(array: jax.Array, few: Few, lanes: jax.Array) -> jax.Array:
     """The array with these lanes replaced."""
-    return array.at[..., few].set(lanes, mode="drop")
+
+    def one(number: Any, array: jax.Array) -> jax.Array:
+        place = few[number]
+        new, old = (
+            jax.lax.dynamic_index_in_dim(*each, axis=-1) for each in ((lanes, number), (array, place))
+        )
+        lane = jnp.where(place < array.shape[-1], new, old)  # a place past the last lane is taken for that
+        return jax.lax.dynamic_update_index_in_dim(array, lane, place, axis=-1)
+
+    return xla.on_cpus(
+        lambda: jax.lax.fori_loop(0, few.size, one, array),
+        lambda: array.at[..., few].set(lanes, mode="drop"),
+    )

@@ -17,8 +17,7 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import control, retained, signal
-from jaxnet.model.computed import computed
+from jaxnet.model import control, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 
@@ -175,7 +174,7 @@ def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], 
     lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if not isinstance(now.decision, tuple):
         supports = [retained.support(one.decision) for one in (now, before)]
-        others = computed(lambda: retained.changed(*supports))
+        others = xla.computed(lambda: retained.changed(*supports))
         lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)

@@ -18,8 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxnet.model import iteration
-from jaxnet.model.computed import computed
+from jaxnet.model import iteration, xla
 from jaxnet.model.hearing import AxisWeights, Hearing
 
 AT_ONCE = 4  # rows that eliminate, or columns of a product, in one pass over the rest
@@ -127,7 +126,7 @@ def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Block
             beside = beyond.at[:, size:].add(carried[:, size:])
             return jnp.concatenate([own - carried[:, :size], beside], axis=1)
 
-        found = eliminated(rest() if size <= SMALL else computed(rest))
+        found = eliminated(rest() if size <= SMALL else xla.computed(rest))
         return found, found
 
     def back(following: Any, block: Any) -> tuple[Any, Any]:
@@ -224,11 +223,28 @@ def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Bl
     columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None] + 1, 0)
     width = 1 + (size if blocks == 1 else 3 * size)
     nothing = jnp.zeros((blocks, size, width, *heard.shape[3:]))
-    rows = np.arange(blocks)[None, :, None], np.arange(size)[None, None]
-    table = nothing.at[(*rows, columns)].add(heard, mode="promise_in_bounds")
+    table = summed(nothing, columns, heard)
     navigator, rest = table[:, :, :1], table[:, :, 1:]
     before, own, after = (rest[:, :, :0], rest, rest[:, :, :0]) if blocks == 1 else jnp.split(rest, 3, axis=2)
     return before, identity(own) - own, after, navigator
+
+
+def summed(table: Blocks, columns: Int[Any, "slots blocks size"], heard: Any) -> Blocks:
+    """The table with what is heard in each slot (slots, blocks, size, axes, lanes) added in its column."""
+    blocks, size = table.shape[:2]
+
+    def one(number: Any, table: Blocks) -> Blocks:
+        slot, row = jnp.divmod(number, blocks * size)
+        block, row = jnp.divmod(row, size)
+        start = block, row, columns[slot, block, row], 0, 0
+        before = jax.lax.dynamic_slice(table, start, (1, 1, 1, *table.shape[3:]))
+        return jax.lax.dynamic_update_slice(table, before + heard[slot, block, row][None, None, None], start)
+
+    rows = np.arange(blocks)[None, :, None], np.arange(size)[None, None]
+    return xla.on_cpus(
+        lambda: jax.lax.fori_loop(0, columns.size, one, table),
+        lambda: table.at[(*rows, columns)].add(heard, mode="promise_in_bounds"),
+    )
 
 
 def identity(blocks: Blocks) -> Blocks:
@@ -310,7 +326,7 @@ def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, 
     """The rows after the first ones have eliminated; these go last, and their columns are left out."""
     if len(rows) == first:
         return reduced(rows)
-    pivots = computed(lambda: reduced(rows[:first]))
+    pivots = xla.computed(lambda: reduced(rows[:first]))
     return jnp.concatenate([without(rows[first:], pivots), pivots])
 
 

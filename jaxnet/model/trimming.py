@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.model.computed import computed
+from jaxnet.model import xla
 from jaxnet.model.plane import length
 
 Mask = Bool[Array, "slots m lanes"]
@@ -68,7 +68,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
         turn, taken = carry
         nobody = jnp.full(score.shape[1:], -1, jnp.int32), jnp.full(score.shape[1:], -jnp.inf)
         left = jnp.where(taken, -jnp.inf, score)
-        number = computed(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
+        number = xla.computed(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
         return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
 
     turns = jnp.max(theta)

@@ -8,8 +8,8 @@ from importlib import metadata
 from pathlib import Path
 
 SHORTEST = 0.1  # [s], of compilations that are kept
-# Loops over few bytes, from block to block say, are compiled as one function, not step by step.
-FLAGS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+# Loops that move no more bytes than that are compiled as one function, not operation by operation.
+FLAGS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000"
 
 
 def enable() -> None:

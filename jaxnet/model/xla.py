@@ -1,0 +1,35 @@
+"""What is said otherwise to XLA on CPUs.
+
+There it compiles a loop as one function, rather than operation by operation, if it is told to by a flag
+(`runs.cache`) and nothing in the loop scatters. And what several expressions use it computes anew in each of
+them, and for each of their elements that uses it; a barrier does not keep it from that. Accelerators scatter
+well, and there each pass of a loop costs something.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+
+Tree = TypeVar("Tree", bound=Any)
+
+
+def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
+    """What the work gives; on accelerators, what is the same said otherwise."""
+    device = jax.config.values["jax_default_device"] or jax.devices()[0]  # for which it is traced
+    return work() if device.platform == "cpu" else elsewhere()
+
+
+def computed(work: Callable[[], Tree]) -> Tree:
+    """What the work gives, computed once: on CPUs by a loop of one pass."""
+
+    def in_a_loop() -> Tree:
+        traced_once = jax.jit(work)
+        shapes = jax.eval_shape(traced_once)
+        nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+        more, done = jnp.ones((), bool), jnp.zeros((), bool)
+        carry = more, nothing
+        return jax.lax.while_loop(lambda carry: carry[0], lambda _: (done, traced_once()), carry)[1]
+
+    return on_cpus(in_a_loop, work)

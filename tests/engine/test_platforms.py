@@ -1,0 +1,28 @@
+"""What accelerators are told otherwise than CPUs comes to the same."""
+
+import jax
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.engine import batch
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
+from jaxnet.model import xla
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+@pytest.mark.parametrize("vehicles", [12, 24])
+def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, vehicles):
+    found = outcome(engine, vehicles)
+    assert (found.switches > 0).any()
+    monkeypatch.setattr(xla, "on_cpus", lambda work, elsewhere: elsewhere())
+    other = outcome(engine, vehicles)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9), found, other)
+
+
+def outcome(engine, vehicles):
+    """Outcome of a few lanes, by a program of their own."""
+    batch.program.cache_clear()
+    (cell,) = jaxnet.load({"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}).cells
+    return batch.simulate(job(cell.scenario, Keyed(0), range(4)))
