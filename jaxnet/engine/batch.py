@@ -34,7 +34,14 @@ LEAST_CHUNK = 4
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
 # Options by platform. Sums of few terms are quicker in loops than by the library that XLA has for sums.
-COMPILER = {"cpu": {"xla_cpu_prefer_vector_width": 512, "xla_cpu_experimental_ynn_fusion_type": ""}}
+# Long sums of whole numbers are quicker in one pass than in the several that XLA makes of them.
+COMPILER = {
+    "cpu": {
+        "xla_cpu_prefer_vector_width": 512,
+        "xla_cpu_experimental_ynn_fusion_type": "",
+        "xla_disable_hlo_passes": "tree_reduction_rewriter",
+    }
+}
 
 
 class Job(NamedTuple):

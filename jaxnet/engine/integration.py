@@ -244,10 +244,9 @@ def response(vectors: Vectors, held: Held, network: Network) -> Vectors:
     """`L⁻¹ d` for the attacks' vectors."""
 
     def of_one(vector: Any) -> Any:
-        right = network.hearing.mean(held.weights, silent, vector)
+        right = network.hearing.mean_added(held.weights, vector)
         return elimination.applied(network.order, network.hearing, held.factors, right, ())
 
-    silent = jnp.zeros((2, held.weights.shape[2] + 1, vectors.shape[-1]))
     return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
 
 

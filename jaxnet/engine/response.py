@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool
 from jaxnet.engine import tick as ticks
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.subset import for_each, picked, put
+from jaxnet.engine.subset import for_each, numbered, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.model import elimination, near, retained
 from jaxnet.model.hearing import AxisWeights
@@ -23,6 +23,7 @@ from jaxnet.model.signal import Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
 LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
+AT_ONCE = 16  # windows that are solved for at once
 ACCURACY = 1e-13  # of a response near somebody, relative to the greatest of the attacks' vectors
 
 Lanes = Bool[Array, "lanes"]
@@ -51,8 +52,8 @@ def solved(
 def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
     """Vectors `L⁻¹ d` of what the attacks do to the fleet, and how far `L⁻¹ a0` is from 1."""
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
-    added = [network.hearing.added(vectors[:, :, b]) for b in range(functions)]
-    attack = jnp.stack([jnp.sum(weights * each, axis=1) for each in added])  # (B, 2, m, few)
+    each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
+    attack = jnp.stack(each)  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
     solution, residual = elimination.solve(network.order, network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
@@ -73,12 +74,12 @@ def solved_near(
 ) -> tuple[Vectors, Lanes]:
     """The response of flagged lanes near who has changed, and which of them are left.
 
-    Left are those in which too many have, or somebody does not hear the navigator, or what one has decided
-    reaches too far.
+    A lane's windows do not depend on other lanes. Left are those in which too many have, or somebody does not
+    hear the navigator, or what one has decided reaches too far.
     """
     order, decision = network.order, mind.decision.reshape(-1, *lane.weights.shape)
     system = System(network.hearing, lane.weights, decision, lane.vectors)
-    numbers, most = jnp.arange(len(order.vehicles))[:, None], near.windows(order)
+    most = near.windows(order)
     dominance = near.dominance(system)
     allowed = ACCURACY * jnp.abs(lane.vectors).max(axis=(0, 1, 2)) * dominance
     blocks = changed.at[order.vehicles].get(mode="fill", fill_value=False).any(axis=1)
@@ -90,16 +91,16 @@ def solved_near(
 
     def some(carry: Any) -> Any:
         blocks, windows, response = carry
-        few = jnp.nonzero(going(carry), size=at_once, fill_value=flagged.size)[0]
-        theirs = picked(blocks, few)
-        starts = near.starts(order, theirs)
-        response, at_edges = near.corrected(order, system, response, few, starts)
-        apart, over = numbers - starts[None], at_edges > picked(allowed, few)[None]
-        theirs = theirs & ((apart < 0) | (apart >= near.WINDOW))  # those within are done
-        theirs = theirs | ((apart == -1) & over[:1]) | ((apart == near.WINDOW) & over[1:])
-        return put(blocks, few, theirs), put(windows, few, picked(windows, few) + 1), response
+        starts, needed = near.starts(order, blocks)
+        up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
+        taken = needed & (going(carry) & (up_to <= AT_ONCE))[None]  # all of a lane's or none
+        number = numbered(jnp.cumsum(taken), 0, AT_ONCE)
+        lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
+        theirs = picked(starts.ravel(), number)
+        response, at_edges = near.corrected(order, system, response, lanes, theirs)
+        blocks = near.done(blocks, lanes, theirs, at_edges > picked(allowed, lanes)[None])
+        return blocks, windows + taken.sum(axis=0), response
 
-    at_once = min(SOLVED_OF_LARGE, flagged.size)
     carry = blocks & suited[None], jnp.zeros(flagged.shape, int), response
     blocks, _, response = jax.lax.while_loop(lambda carry: going(carry).any(), some, carry)
     return response, flagged & (~suited | blocks.any(axis=0))

@@ -20,15 +20,21 @@ def for_each(
 
     A number past the last lane fills up: `picked` clips it, `put` drops it.
     """
-    before = jnp.cumsum(flagged)  # flagged lanes up to each one
-    turn = jnp.arange(1, min(width, flagged.size) + 1)
+    up_to, at_once = jnp.cumsum(flagged), min(width, flagged.size)
 
     def some(state: tuple[Int[Array, ""], Carry]) -> tuple[Int[Array, ""], Carry]:
         done, carry = state
-        numbers = (before[None] < done + turn[:, None]).sum(axis=1)
-        return done + turn.size, work(numbers, carry)
+        return done + at_once, work(numbered(up_to, done, at_once), carry)
 
-    return jax.lax.while_loop(lambda state: state[0] < before[-1], some, (jnp.zeros((), int), carry))[1]
+    return jax.lax.while_loop(lambda state: state[0] < up_to[-1], some, (jnp.zeros((), int), carry))[1]
+
+
+def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> Few:
+    """The numbers of so many flagged ones, but for the first `done`; of all, where there are no more.
+
+    From how many are flagged up to each.
+    """
+    return (up_to[None] <= done + jnp.arange(number)[:, None]).sum(axis=1)
 
 
 def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:

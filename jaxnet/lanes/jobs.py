@@ -120,7 +120,7 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     if scenario.attack.by_link():
         first = np.nonzero(attacked.T)[::-1]  # slots and listeners, in the order of the latter
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
-    heard = Hearing(*map(as_array, (sources, speakers, attacked, signals)))
+    heard = Hearing(*map(as_array, hearing.of_slots(sources, speakers, attacked, signals)))
     order = elimination.order_of(sources, scenario.engine.one_block)
     return Network(heard, as_array(hearing.by_slot(linked, trusted, sources)), as_array(shown), shared, order)
 

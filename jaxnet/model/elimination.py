@@ -236,9 +236,8 @@ def summed(table: Blocks, columns: Int[Any, "slots blocks size"], heard: Any) ->
     def one(number: Any, table: Blocks) -> Blocks:
         slot, row = jnp.divmod(number, blocks * size)
         block, row = jnp.divmod(row, size)
-        start = block, row, columns[slot, block, row], 0, 0
-        before = jax.lax.dynamic_slice(table, start, (1, 1, 1, *table.shape[3:]))
-        return jax.lax.dynamic_update_slice(table, before + heard[slot, block, row][None, None, None], start)
+        place = block, row, columns[slot, block, row]
+        return xla.increased(table, place, heard[slot, block, row][None, None, None])
 
     rows = np.arange(blocks)[None, :, None], np.arange(size)[None, None]
     return xla.on_cpus(

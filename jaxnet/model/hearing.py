@@ -15,6 +15,8 @@ from scipy import sparse
 
 from jaxnet.model.graph import Digraph, of_matrix, slotted
 
+LARGE = 512  # signals; from there on few links are attacked, and it is quicker to pass by the others
+
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis where both are alike
 
@@ -30,6 +32,7 @@ class Hearing(NamedTuple):
     speakers: Int[Any, "slots m"]
     attacked: Bool[Any, "slots m"]
     signals: Int[Any, "slots m"]  # the number of the signal that a link carries if it is attacked
+    listeners: Int[Any, "slots m"]  # in each slot, those of attacked links first
 
     def sent(self, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 slots m *lanes"]:
         """What each slot's source sends, of what the navigator and the vehicles send (n = m + 1)."""
@@ -46,7 +49,57 @@ class Hearing(NamedTuple):
         self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 slots m *lanes"]:
         """What is received in each slot, attacked or not."""
-        return sources.at[:, self.speakers].get(mode="promise_in_bounds") + self.added(signal)
+        from jaxnet.model import xla
+
+        heard = sources.at[:, self.speakers].get(mode="promise_in_bounds")
+
+        def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
+            return xla.increased(heard, (0, slot, listener), lie[:, None, None])
+
+        if signal.shape[1] < LARGE:
+            return heard + self.added(signal)
+        return xla.on_cpus(
+            lambda: self.on_attacked_links(falsified, heard, signal), lambda: heard + self.added(signal)
+        )
+
+    def mean_added(
+        self, weights: AxisWeights, signal: Float[Any, "2 signals *lanes"]
+    ) -> Float[Any, "2 m *lanes"]:
+        """`Σ_j w_ij a_ij`, the weighted mean of what the attack adds."""
+        import jax.numpy as jnp
+
+        from jaxnet.model import xla
+
+        def falsified(mean: Any, slot: Any, listener: Any, lie: Any) -> Any:
+            return xla.increased(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
+
+        nothing = jnp.zeros((2, *weights.shape[2:]))
+        return xla.on_cpus(
+            lambda: self.on_attacked_links(falsified, nothing, signal),
+            lambda: (weights * self.added(signal)).sum(axis=1),
+        )
+
+    def on_attacked_links(
+        self, falsified: Callable[[Any, Any, Any, Any], Any], heard: Any, signal: Any
+    ) -> Any:
+        """What is heard after `falsified(heard, slot, listener, lie)` on each, of lies (2, *lanes)."""
+        import jax
+        import jax.numpy as jnp
+
+        signals, listeners, numbers = (
+            jnp.asarray(self.signals),
+            jnp.asarray(self.listeners),
+            self.attacked.sum(axis=1),
+        )
+
+        def in_slot(slot: Any, heard: Any) -> Any:
+            def on_link(number: Any, heard: Any) -> Any:
+                listener = listeners[slot, number]
+                return falsified(heard, slot, listener, signal[:, signals[slot, listener]])
+
+            return jax.lax.fori_loop(0, numbers[slot], on_link, heard)
+
+        return jax.lax.fori_loop(0, len(signals), in_slot, heard)
 
     def mean(
         self,
@@ -108,6 +161,16 @@ class Hearing(NamedTuple):
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))
         return dense.at[listeners, sources].add(weights)
+
+
+def of_slots(
+    sources: Int[np.ndarray, "slots m"],
+    speakers: Int[np.ndarray, "slots m"],
+    attacked: Bool[np.ndarray, "slots m"],
+    signals: Int[np.ndarray, "slots m"],
+) -> Hearing:
+    """Who hears whom, of arrays by slot."""
+    return Hearing(sources, speakers, attacked, signals, np.argsort(~attacked, axis=1, kind="stable"))
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:

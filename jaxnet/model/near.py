@@ -20,7 +20,9 @@ from jaxnet.model.elimination import NoOrder, Order
 from jaxnet.model.hearing import Hearing, SlotWeights
 from jaxnet.model.signal import Vectors
 
-WINDOW = 65  # blocks; wider and narrower ones are no quicker
+SIDE_BY_SIDE = 4  # windows of a lane, corrected at once
+LEAST_WINDOWS = 16  # fewer are no quicker than to solve whole
+WINDOW = 33  # blocks
 
 Numbers = Int[Array, " few"]
 
@@ -35,14 +37,53 @@ class System(NamedTuple):
 
 
 def windows(order: Order | NoOrder) -> int:
-    """How many windows a lane may have: as many as cover its blocks once, none if that is one."""
+    """How many windows a lane may have: as many as cover its blocks once, or none in smaller ones."""
     number = len(order.vehicles) // WINDOW if isinstance(order, Order) else 0
-    return number if number > 1 else 0
+    return number if number >= LEAST_WINDOWS else 0
 
 
-def starts(order: Order, flagged: Bool[Array, "blocks few"]) -> Numbers:
-    """The blocks with which windows begin, each lane's first flagged block in the middle if it can be."""
-    return jnp.clip(jnp.argmax(flagged, axis=0) - WINDOW // 2, 0, len(order.vehicles) - WINDOW)
+def starts(
+    order: Order, flagged: Bool[Array, "blocks lanes"]
+) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
+    """The blocks with which each lane's windows begin, and which of the windows are needed.
+
+    Each has in the middle, if it can, the first flagged block that leaves a block between it and the last.
+    """
+    blocks, free = len(order.vehicles), jnp.zeros(flagged.shape[1:], int)
+    numbers, found, needed = jnp.arange(blocks)[:, None], [], []
+    for window in range(SIDE_BY_SIDE):
+        middle = numbers >= free[None] + (WINDOW // 2 if window else 0)
+        first = jnp.where(flagged & middle, numbers, blocks).min(axis=0)
+        start = jnp.clip(first - WINDOW // 2, 0, blocks - WINDOW)
+        found.append(start)
+        needed.append((first < blocks) & (start >= free))
+        free = start + WINDOW + 1
+    return jnp.stack(found), jnp.stack(needed)
+
+
+def done(
+    blocks: Bool[Array, "blocks lanes"], lanes: Numbers, starts: Numbers, over: Bool[Array, "2 few"]
+) -> Bool[Array, "blocks lanes"]:
+    """The flags after windows have been corrected: none within them, and beside them where too much is left.
+
+    Of windows past the last lane nothing is done.
+    """
+    there, edges = lanes < blocks.shape[1], jnp.stack([starts - 1, starts + WINDOW])
+    over = over & there[None] & (edges >= 0) & (edges < len(blocks))
+
+    def within(number: Any, blocks: Any) -> Any:
+        place = starts[number], lanes[number]
+        left = jax.lax.dynamic_slice(blocks, place, (WINDOW, 1)) & ~there[number]
+        return jax.lax.dynamic_update_slice(blocks, left, place)
+
+    def beside(number: Any, blocks: Any) -> Any:
+        for edge in range(2):
+            place = edges[edge, number], lanes[number]
+            left = jax.lax.dynamic_slice(blocks, place, (1, 1)) | over[edge, number]
+            blocks = jax.lax.dynamic_update_slice(blocks, left, place)
+        return blocks
+
+    return jax.lax.fori_loop(0, lanes.size, beside, jax.lax.fori_loop(0, lanes.size, within, blocks))
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:
@@ -82,7 +123,8 @@ def corrected(
 def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: Any) -> Any:
     """Of one lane: its vehicles in the window, whom they hear, their weights, and `b - L x` in their rows."""
     vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(order.vehicles), start, WINDOW).ravel()
-    _, speakers, attacked, signals = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
+    heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
+    _, speakers, attacked, signals, _ = heard
     weights = system.weights.at[:, vehicles, lane].get(mode="clip")
     weights = retained.in_force(weights, system.decision.at[:, :, vehicles, lane].get(mode="clip"))
     weights = jnp.where(vehicles[None, None] < x.shape[1], weights, 0.0)

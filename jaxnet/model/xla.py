@@ -33,3 +33,10 @@ def computed(work: Callable[[], Tree]) -> Tree:
         return jax.lax.while_loop(lambda carry: carry[0], lambda _: (done, traced_once()), carry)[1]
 
     return on_cpus(in_a_loop, work)
+
+
+def increased(array: jax.Array, place: tuple[Any, ...], by: jax.Array) -> jax.Array:
+    """The array with something of as many axes added from a place on, named on the first axes; no scatter."""
+    start = (*place, *[0] * (array.ndim - len(place)))
+    before = jax.lax.dynamic_slice(array, start, by.shape)
+    return jax.lax.dynamic_update_slice(array, before + by, start)

@@ -8,7 +8,7 @@ import pytest
 from jaxnet.engine import batch, response
 from jaxnet.engine.methods.exact import Exact
 from jaxnet.engine.tick import Mind
-from jaxnet.model import near
+from jaxnet.model import hearing, near
 from tests import systems
 
 VEHICLES = 601
@@ -50,7 +50,8 @@ def begun(topology, replaced, lanes):
     rng, speakers = np.random.default_rng(0), np.asarray(network.hearing.speakers)
     vectors = np.asarray(lane.amplitude) * rng.uniform(-1, 1, lane.vectors.shape)
     spoken = np.where(rng.random(speakers.shape) < replaced, 0, speakers)
-    heard = network.hearing._replace(attacked=jnp.asarray(speakers > 0), speakers=jnp.asarray(spoken))
+    sources, _, _, signals, _ = map(np.asarray, network.hearing)
+    heard = jax.tree.map(jnp.asarray, hearing.of_slots(sources, spoken, speakers > 0, signals))
     everybody = np.ones((2, *lane.weights.shape), bool)
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
 
@@ -64,6 +65,7 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     """
     keys, window, replaced, beyond = TOPOLOGIES[topology]
     monkeypatch.setattr(near, "WINDOW", window)
+    monkeypatch.setattr(near, "LEAST_WINDOWS", 2)
     lane, network, before = begun(keys, replaced, 5)
     vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
@@ -86,13 +88,15 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
 
 
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
-    """To 1e-9 m, through decisions; a lane is the same to the last bit without others."""
+    """To 1e-9 m, through decisions; a lane is the same to the last bit alone, too, where others need windows."""
+    monkeypatch.setattr(near, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(response, "AT_ONCE", near.SIDE_BY_SIDE)
     keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
     given = systems.study(engine="exact", **keys)
     small = systems.lanes(given, 3, ("state",))
     monkeypatch.setattr(Exact, "one_block", 300)
     dense = systems.lanes(given, 3, ("state",))
-    assert near.windows(small.network.order) == 2
+    assert near.windows(small.network.order) == 4
     assert near.windows(dense.network.order) == 0
     ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
     assert (ours.status == 0).all()

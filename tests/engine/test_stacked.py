@@ -14,7 +14,6 @@ from jaxnet.engine.methods.stacked import Controller
 from jaxnet.engine.status import Status
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import graph, hearing
-from jaxnet.model.hearing import Hearing
 from tests import matrices, systems
 
 SHORT = {"horizon": 2.0, "tail": 1.0}
@@ -30,7 +29,9 @@ FULL = np.ones((5, 6)) - np.eye(5, 6, k=1)  # everybody hears everybody, but for
 FULL[2, 5] = 0.0
 SOURCES = matrices.slots_of(FULL)
 NONE = np.zeros(SOURCES.shape, bool)
-HEARING = Hearing(*map(jnp.asarray, (SOURCES, SOURCES, NONE, hearing.of_transmitters(SOURCES))))
+HEARING = jax.tree.map(
+    jnp.asarray, hearing.of_slots(SOURCES, SOURCES, NONE, hearing.of_transmitters(SOURCES))
+)
 reaches_everybody = jax.jit(stacked.reaches_everybody)
 
 

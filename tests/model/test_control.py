@@ -21,9 +21,9 @@ fleets = st.sampled_from([12, 5])
 def network(weights, attacked):
     """Who hears whom slot by slot, and the weights of it, from matrices over links."""
     sources = slots_of(weights)
-    both = [jnp.asarray(by_slot(each, sources)) for each in (weights, attacked)]
-    signals = jnp.asarray(hearing.of_transmitters(sources))
-    return hearing.Hearing(jnp.asarray(sources), jnp.asarray(sources), both[1], signals), both[0]
+    both = [by_slot(each, sources) for each in (weights, attacked)]
+    heard = hearing.of_slots(sources, sources, both[1], hearing.of_transmitters(sources))
+    return jax.tree.map(jnp.asarray, (heard, both[0]))
 
 
 class Problem:

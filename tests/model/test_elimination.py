@@ -30,10 +30,8 @@ solve, factorised, applied = map(jax.jit, (elimination.solve, elimination.factor
 def listening(links):
     """Who hears whom, and the order of elimination."""
     sources = matrices.slots_of(links)
-    heard = hearing.Hearing(
-        *map(jnp.asarray, (sources, sources, sources < 0, hearing.of_transmitters(sources)))
-    )
-    return heard, elimination.order_of(sources, one_block=8)
+    heard = hearing.of_slots(sources, sources, sources < 0, hearing.of_transmitters(sources))
+    return jax.tree.map(jnp.asarray, heard), elimination.order_of(sources, one_block=8)
 
 
 def by_slot(heard, weights):

@@ -16,7 +16,15 @@ FLEET = 12
 added_by_slot = jax.jit(hearing.Hearing.added)
 received_by_slot = jax.jit(hearing.Hearing.received)
 mean = jax.jit(hearing.Hearing.mean)
+mean_added = jax.jit(hearing.Hearing.mean_added)
 matrix = jax.jit(hearing.Hearing.matrix)
+
+
+@jax.jit
+def received_in_large_fleets(network, sources, signal):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hearing, "LARGE", 0)
+        return network.received(sources, signal)
 
 
 @pytest.mark.parametrize("replaces", [False, True])
@@ -34,14 +42,14 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     slots = hearing.slots(graph, np.ones(graph.sources.shape, int))
     by_slot = [hearing.by_slot(graph, slotwise(graph, each), slots) for each in (weights, links)]
     speakers = np.where(by_slot[1] & replaces, 0, slots)
-    network = hearing.Hearing(
-        *map(jnp.asarray, (slots, speakers, by_slot[1], hearing.of_transmitters(slots)))
-    )
+    heard = hearing.of_slots(slots, speakers, by_slot[1], hearing.of_transmitters(slots))
+    network = jax.tree.map(jnp.asarray, heard)
     sent, signal = rng.normal(size=(2, FLEET + 1)), rng.normal(size=(2, FLEET))
     arrays = jnp.asarray(sent), jnp.asarray(signal)
     added = np.asarray(added_by_slot(network, arrays[1]))
     received = np.asarray(received_by_slot(network, *arrays))
-    expected, carried = np.zeros((2, FLEET)), np.zeros((FLEET, FLEET + 1))
+    np.testing.assert_array_equal(received_in_large_fleets(network, *arrays), received)
+    expected, carried, lies = np.zeros((2, FLEET)), np.zeros((FLEET, FLEET + 1)), np.zeros((2, FLEET))
     for i in range(1, FLEET + 1):
         slot_of = {j: slot for slot, j in enumerate(slots[:, i - 1])}
         for j in np.flatnonzero(weights[i - 1]):
@@ -51,8 +59,11 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
             np.testing.assert_array_equal(received[:, slot_of[j], i - 1], sent[:, speaker] + attack)
             expected[:, i - 1] += weights[i - 1, j] * (sent[:, speaker] + attack)
             carried[i - 1, speaker] += weights[i - 1, j]
+            lies[:, i - 1] += weights[i - 1, j] * attack
     in_slots = jnp.asarray(by_slot[0])
     np.testing.assert_allclose(mean(network, in_slots[None], *arrays), expected, rtol=0, atol=1e-14 * FLEET)
+    found = mean_added(network, in_slots[None], arrays[1])
+    np.testing.assert_allclose(found, lies, rtol=0, atol=1e-14 * FLEET)
     np.testing.assert_allclose(matrix(network, in_slots), carried, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(network.retained(in_slots[None]), weights)
 
@@ -75,7 +86,8 @@ def test_axes_may_have_weights_of_their_own():
     whole = rng.random((FLEET, FLEET + 1)) * (1 - np.eye(FLEET, FLEET + 1, 1))
     slots = of_matrix(whole).sources.T
     none = np.zeros(slots.shape, bool)
-    network = hearing.Hearing(*map(jnp.asarray, (slots, slots, none, hearing.of_transmitters(slots))))
+    heard = hearing.of_slots(slots, slots, none, hearing.of_transmitters(slots))
+    network = jax.tree.map(jnp.asarray, heard)
     sent, silence = jnp.asarray(rng.normal(size=(2, FLEET + 1))), jnp.zeros((2, FLEET))
     by_axis = jnp.asarray(rng.random((2, *slots.shape)))
     both = mean(network, by_axis, sent, silence)
