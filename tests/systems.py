@@ -112,7 +112,7 @@ def lane(one: Any, number: int) -> OneLane:
             break
         number -= each.size
     lane = jax.tree.map(lambda leaf: np.asarray(leaf[number]), each.inputs.lane)
-    sources, _, attacked, _ = each.network.hearing
+    sources, _, attacked, *_ = each.network.hearing
     m = sources.shape[1]
     weights, links = np.zeros((m, m + 1)), np.zeros((m, m + 1), bool)
     for slot, weight, added in zip(sources, lane.weights, attacked, strict=True):

@@ -59,16 +59,14 @@ def fleets(job: Job) -> list[Fleet]:
     """The lanes of an untrimmed job."""
     assert job.clock.ticks == 1, "the peers do not trim"
     lanes = (jax.tree.map(lambda leaf, n=n: np.asarray(leaf[n]), job.inputs.lane) for n in range(job.size))
-    return [fleet(lane, *map(np.asarray, job.network.hearing)) for lane in lanes]
+    return [fleet(lane, jax.tree.map(np.asarray, job.network.hearing)) for lane in lanes]
 
 
-def fleet(
-    lane: Any, sources: np.ndarray, speakers: np.ndarray, attacked: np.ndarray, signals: np.ndarray
-) -> Fleet:
+def fleet(lane: Any, heard: Any) -> Fleet:
     """A lane of these slots, and by how much each harmonic is received."""
     assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
-    assert (speakers == sources).all(), "the peers know attacks that add alone"
-    laplacian, from_navigator, added = links(lane.weights, sources, attacked, signals)
+    assert (heard.speakers == heard.sources).all(), "the peers know attacks that add alone"
+    laplacian, from_navigator, added = links(lane.weights, heard.sources, heard.attacked, heard.signals)
     # What is received is the real part of these vectors times exp(i frequency t).
     vectors: Any = np.zeros((3, *lane.initial[:2].shape), complex)
     path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)

@@ -23,7 +23,7 @@ from jaxnet.model.signal import Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
 LARGE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
-AT_ONCE = 16  # windows that are solved for at once
+WINDOWS = 16  # windows that are solved for at once
 ACCURACY = 1e-13  # of a response near somebody, relative to the greatest of the attacks' vectors
 
 Lanes = Bool[Array, "lanes"]
@@ -93,8 +93,8 @@ def solved_near(
         blocks, windows, response = carry
         starts, needed = near.starts(order, blocks)
         up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
-        taken = needed & (going(carry) & (up_to <= AT_ONCE))[None]  # all of a lane's or none
-        number = numbered(jnp.cumsum(taken), 0, AT_ONCE)
+        taken = needed & (going(carry) & (up_to <= WINDOWS))[None]  # all of a lane's or none
+        number = numbered(jnp.cumsum(taken), 0, WINDOWS)
         lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
         theirs = picked(starts.ravel(), number)
         response, at_edges = near.corrected(order, system, response, lanes, theirs)

@@ -15,7 +15,7 @@ from scipy import sparse
 
 from jaxnet.model.graph import Digraph, of_matrix, slotted
 
-LARGE = 512  # signals; from there on few links are attacked, and it is quicker to pass by the others
+MANY = 512  # signals; from there on few links are attacked, and it is quicker to pass by the others
 
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis where both are alike
@@ -56,7 +56,7 @@ class Hearing(NamedTuple):
         def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
             return xla.increased(heard, (0, slot, listener), lie[:, None, None])
 
-        if signal.shape[1] < LARGE:
+        if signal.shape[1] < MANY:
             return heard + self.added(signal)
         return xla.on_cpus(
             lambda: self.on_attacked_links(falsified, heard, signal), lambda: heard + self.added(signal)

@@ -90,7 +90,7 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     """To 1e-9 m, through decisions; a lane is the same to the last bit beside others and alone."""
     monkeypatch.setattr(near, "LEAST_WINDOWS", 2)
-    monkeypatch.setattr(response, "AT_ONCE", near.SIDE_BY_SIDE)
+    monkeypatch.setattr(response, "WINDOWS", near.SIDE_BY_SIDE)
     keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
     given = systems.study(engine="exact", **keys)
     small = systems.lanes(given, 3, ("state",))

@@ -23,7 +23,7 @@ matrix = jax.jit(hearing.Hearing.matrix)
 @jax.jit
 def received_in_large_fleets(network, sources, signal):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hearing, "LARGE", 0)
+        patch.setattr(hearing, "MANY", 0)
         return network.received(sources, signal)
 
 
