@@ -28,9 +28,8 @@ from jaxnet.model.lane import Network
 Tree = TypeVar("Tree")
 
 FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
-CACHED = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
-CACHED_CHOOSING = 16_000  # the same where anybody chooses at ticks: more gain little, and share fewer cores
-LEAST_CHUNK = 4
+CHOOSING = 16_000  # vehicles of all lanes side by side where anybody chooses at ticks: more gain little
+LEAST_CHUNK = 2
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
 COMPILING = set[int]()  # threads that are about it
 # Options by platform. Sums of few terms are quicker in loops than by the library that XLA has for sums.
@@ -76,7 +75,7 @@ class Machine(NamedTuple):
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        cached = CACHED_CHOOSING if plan.choosing else CACHED
+        cached = min(method(plan).cached, CHOOSING if plan.choosing else math.inf)
         few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 

@@ -10,6 +10,7 @@ class Engine(Kind):
     """A way to advance lanes. One of one's own gives `numbers` and `simulate`."""
 
     chunk: ClassVar[int] = 64  # lanes side by side, of fleets of twelve; fewer of larger ones
+    cached: ClassVar[int] = 40_000  # vehicles of all lanes side by side, that they may stay in a core's cache
     queue: ClassVar[int] = 1  # chunks in a load
     shard: ClassVar[int] = 512  # lanes whose rows make one file, about a second's work
     accuracy: ClassVar[float] = 1e-5  # [m], what it may be off at its default tolerances

@@ -12,6 +12,7 @@ class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively."""
 
     kind = "nonlinear"
+    cached: ClassVar[int] = 1_200  # with the slopes of all stages of a step
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
     holds: ClassVar[bool] = True
