@@ -76,21 +76,18 @@ class Hearing(NamedTuple):
         nothing = jnp.zeros((2, *weights.shape[2:]))
         return xla.on_cpus(
             lambda: self.on_attacked_links(falsified, nothing, signal),
-            lambda: (weights * self.added(signal)).sum(axis=1),
+            lambda: self.slot_by_slot(weights, lambda one: one.added(signal)),
         )
 
     def on_attacked_links(
         self, falsified: Callable[[Any, Any, Any, Any], Any], heard: Any, signal: Any
     ) -> Any:
-        """What is heard after `falsified(heard, slot, listener, lie)` on each, of lies (2, *lanes)."""
+        """What is heard after `falsified(heard, slot, listener, lie)` link by link, of lies (2, *lanes)."""
         import jax
         import jax.numpy as jnp
 
-        signals, listeners, numbers = (
-            jnp.asarray(self.signals),
-            jnp.asarray(self.listeners),
-            self.attacked.sum(axis=1),
-        )
+        signals, listeners = jnp.asarray(self.signals), jnp.asarray(self.listeners)
+        numbers = self.attacked.sum(axis=1)  # of attacked links
 
         def in_slot(slot: Any, heard: Any) -> Any:
             def on_link(number: Any, heard: Any) -> Any:

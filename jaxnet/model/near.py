@@ -47,7 +47,7 @@ def starts(
 ) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
     """The blocks with which each lane's windows begin, and which of the windows are needed.
 
-    Each has in the middle, if it can, the first flagged block that leaves a block between it and the last.
+    A window has its first flagged block in the middle, if it can, and a block or more to the one before.
     """
     blocks, free = len(order.vehicles), jnp.zeros(flagged.shape[1:], int)
     numbers, found, needed = jnp.arange(blocks)[:, None], [], []

@@ -88,9 +88,15 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
     assert widths[:2] == [chunk] * 2
     assert widths == sorted(widths, reverse=True)
     assert all(math.log2(width).is_integer() for width in widths)
-    assert all(width == 4 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True))
-    assert widths[-1] == 4
+    assert all(width == 2 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True))
+    assert widths[-1] == 2
     assert batch.Machine(chunk=5).width(plan, 300) == 5
+
+
+def test_an_engine_says_how_many_vehicles_stay_in_a_cache():
+    """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of lanes."""
+    plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
+    assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [8, 4, 2, 2]
 
 
 @pytest.mark.parametrize("engine", ["nonlinear", "exact"])
