@@ -93,9 +93,10 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
     assert batch.Machine(chunk=5).width(plan, 300) == 5
 
 
-def test_an_engine_says_how_many_vehicles_stay_in_a_cache():
+def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
     """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of lanes."""
     plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
+    monkeypatch.setattr(batch.method(plan), "chunk", 64)
     assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [8, 4, 2, 2]
 
 
