@@ -149,6 +149,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
         COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
+        # All of it is one loop, that XLA may compile it as one function, which other loads do not disturb.
         return xla.computed(lambda: method(plan).simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))

@@ -30,9 +30,9 @@ def for_each(
 
 
 def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> Few:
-    """The numbers of so many flagged ones, but for the first `done`; of all, where there are no more.
+    """Numbers of the flagged ones after the first `done`, so many, and one past the last where there are fewer.
 
-    From how many are flagged up to each.
+    `up_to` says how many are flagged up to each one.
     """
     return (up_to[None] <= done + jnp.arange(number)[:, None]).sum(axis=1)
 
