@@ -30,7 +30,7 @@ def for_each(
 
 
 def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> Few:
-    """Numbers of the flagged ones after the first `done`, so many, and one past the last where there are fewer.
+    """Numbers of so many flagged ones after the first `done`; one past the last where there are fewer.
 
     `up_to` says how many are flagged up to each one.
     """
