@@ -18,7 +18,8 @@ Tree = TypeVar("Tree", bound=Any)
 def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
     """What the work gives; on accelerators, what is the same said otherwise."""
     device = jax.config.values["jax_default_device"] or jax.devices()[0]  # for which it is traced
-    return work() if device.platform == "cpu" else elsewhere()
+    platform = getattr(device, "platform", device)  # it may be told by its platform's name
+    return work() if platform == "cpu" else elsewhere()
 
 
 def computed(work: Callable[[], Tree]) -> Tree:

@@ -16,8 +16,10 @@ from jaxnet.model import xla
 def test_lanes_end_as_they_do_where_xla_is_told_otherwise(monkeypatch, engine, vehicles):
     found = outcome(engine, vehicles)
     assert (found.switches > 0).any()
-    monkeypatch.setattr(xla, "on_cpus", lambda work, elsewhere: elsewhere())
+    told = []
+    monkeypatch.setattr(xla, "on_cpus", lambda work, elsewhere: told.append(elsewhere) or elsewhere())
     other = outcome(engine, vehicles)
+    assert told
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9), found, other)
 
 
@@ -26,3 +28,8 @@ def outcome(engine, vehicles):
     batch.program.cache_clear()
     (cell,) = jaxnet.load({"engine": engine, "vehicles": vehicles, "horizon": 3.0, "tail": 1.0}).cells
     return batch.simulate(job(cell.scenario, Keyed(0), range(4)))
+
+
+def test_a_default_device_may_be_told_by_its_platform():
+    with jax.default_device("cpu"):
+        assert xla.on_cpus(lambda: 1, lambda: 2) == 1
