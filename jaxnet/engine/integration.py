@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import metrics, stepper
+from jaxnet.engine import metrics, multirate, stepper
 from jaxnet.engine import tick as ticks
 from jaxnet.engine.metrics import Gathered, Observation
 from jaxnet.engine.plan import CONNECTED, Clock, Inputs, Outcome, Plan
@@ -145,8 +145,7 @@ def step(
     """One attempted step of the moving lanes."""
     (lane, tolerances), going, time = inputs, moving(fleet, clock), fleet.signals.time
     goal = clock.at(fleet.ticks + 1)
-    pieces = jnp.maximum(1.0, jnp.ceil((goal - time) / fleet.step))
-    end = jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
+    end = stepper.towards(goal, time, fleet.step)
     trial = stepper.attempt(
         lambda now, state: field(lane, network, fleet.held, fleet.mind, now, state, plan),
         lambda time: signals(lane, time),
@@ -157,6 +156,8 @@ def step(
         fleet.slope,
         tolerances,
     )
+    if len(lane.weights[0]) >= multirate.SMALLEST and not plan.in_field:
+        trial = multirate.refined(trial, going, time, end, fleet.state, lane, tolerances, rule)
     kept, steps = going & (trial.error < 1.0), fleet.steps + going.astype(int)
     proposed = stepper.next_step(end - time, trial.error, rule)
     state = jnp.where(kept[None, None], trial.state, fleet.state)

@@ -47,7 +47,9 @@ class Trial(NamedTuple):
     state: States
     slope: States  # of the last stage, at the end
     signals: Any  # there
-    error: Times  # local error over what is tolerated; infinite if anything is not finite
+    slopes: Float[Array, "s n m lanes"]  # of all stages
+    errors: Float[Array, "m lanes"]  # local error of each vehicle over what is tolerated
+    error: Times  # of the fleet; infinite if anything is not finite
     finite: Bool[Array, " lanes"]
 
 
@@ -92,22 +94,35 @@ def attempt(
     slopes = jax.lax.fori_loop(1, len(rule.nodes), stage, slopes)
     moved = state + length * jnp.tensordot(jnp.asarray(rule.solution), slopes, axes=1)
     error = length * jnp.tensordot(jnp.asarray(rule.error), slopes, axes=1)
-    size = norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
+    errors = norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
+    size = of_fleet(errors)
     finite = jnp.isfinite(moved).all(axis=(0, 1)) & jnp.isfinite(size)
     return Trial(
         moved,
         slopes[-1],
         jax.tree.map(lambda leaf: leaf[-1], at_stages),
+        slopes,
+        errors,
         jnp.where(finite, size, jnp.inf),
         finite,
     )
 
 
-def norm(change: States, size: States, tolerances: Tolerances) -> Times:
-    """A change of states of this size over what is tolerated, root mean square over the fleet."""
+def norm(change: States, size: States, tolerances: Tolerances) -> Float[Array, "m lanes"]:
+    """A change of states of this size over what is tolerated, root mean square over a vehicle's states."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
-    squares = ((change / scale) ** 2).reshape(-1, size.shape[-1])
-    return jnp.sqrt(jnp.full(len(squares), 1 / len(squares)) @ squares)
+    return jnp.sqrt(((change / scale) ** 2).mean(axis=0))
+
+
+def of_fleet(each: Float[Array, "m lanes"]) -> Times:
+    """Root mean square over the vehicles of a lane."""
+    return jnp.sqrt(jnp.full(len(each), 1 / len(each)) @ each**2)
+
+
+def towards(goal: Times, time: Times, step: Times) -> Times:
+    """When a step of about this length ends, the first of equal ones on the way to a goal."""
+    pieces = jnp.maximum(1.0, jnp.ceil((goal - time) / step))
+    return jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
 
 
 def next_step(step: Times, error: Times, rule: Method) -> Times:
@@ -120,4 +135,5 @@ def next_step(step: Times, error: Times, rule: Method) -> Times:
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
     """A step to begin with (Hairer, Nørsett, Wanner, Solving ODEs I, II.4, the first guess there)."""
     size = jnp.abs(state)
-    return FIRST_STEP * norm(state, size, tolerances) / norm(slope, size, tolerances)
+    whole, change = (of_fleet(norm(each, size, tolerances)) for each in (state, slope))
+    return FIRST_STEP * whole / change
