@@ -6,6 +6,7 @@ the law achieves is nowhere used. Whom to retain is decided at ticks and held be
 
 The lanes are the last axis of every array. Each has its own time and step: a pass of the loop is one
 attempted step of every lane, from wherever it is, and where lanes have ended the next take their places.
+A few vehicles of a lane that need shorter steps take them within it (`multirate`).
 """
 
 from typing import Any, NamedTuple

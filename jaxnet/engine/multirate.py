@@ -27,7 +27,7 @@ from jaxnet.model.lane import Lane
 
 SMALLEST = 24  # vehicles; in smaller fleets it takes as long as it saves
 SHARE = 4  # one vehicle in so many may need shorter steps
-AT_ONCE = 16  # vehicles, of any lanes
+TOGETHER = 16  # vehicles, of any lanes
 ATTEMPTS = 64  # of a vehicle within a step of its fleet
 DEGREE = 4  # of the polynomial; every method has six nodes or more, so that it can be seen to miss some
 WILD = 100.0  # a jerk at a stage over what is heard there, which is lost in the rounding of greater ones
@@ -76,25 +76,27 @@ def refined(
 
     def some(numbers: Any, carry: Any) -> Any:
         few = jax.tree.map(lambda leaf: picked(leaf, numbers % lanes), everybody)
-        before, slopes, errors = (picked(flat(each), numbers) for each in (state, trial.slopes, trial.errors))
-        found = alone(few, before, slopes, errors, numbers < m * lanes, rule)
+        before, slopes, errors = (
+            picked(of_all_lanes(each), numbers) for each in (state, trial.slopes, trial.errors)
+        )
+        found = by_themselves(few, before, slopes, errors, numbers < m * lanes, rule)
         return tuple(put(everywhere, numbers, new) for everywhere, new in zip(carry, found, strict=True))
 
-    flags = flat(rough & wanted[None])
-    carry = flat(trial.state), flat(trial.slope), jnp.zeros_like(flags)
-    carry = once(flags.any(), lambda carry: for_each(flags, AT_ONCE, some, carry), carry)
+    flags = of_all_lanes(rough & wanted[None])
+    carry = of_all_lanes(trial.state), of_all_lanes(trial.slope), jnp.zeros_like(flags)
+    carry = once(flags.any(), lambda carry: for_each(flags, TOGETHER, some, carry), carry)
     moved, slope, arrived = (each.reshape(*each.shape[:-1], m, lanes) for each in carry)
     rest = stepper.of_fleet(jnp.where(rough, 0.0, trial.errors))
     kept = wanted & (arrived | ~rough).all(axis=0)
     return trial._replace(state=moved, slope=slope, error=jnp.where(kept, rest, trial.error))
 
 
-def flat(array: Array) -> Array:
+def of_all_lanes(array: Array) -> Array:
     """The vehicles of all lanes as one last axis."""
     return array.reshape(*array.shape[:-2], -1)
 
 
-def alone(
+def by_themselves(
     few: Few,
     state: Float[Array, "n few"],
     slopes: Float[Array, "s n few"],

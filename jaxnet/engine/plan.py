@@ -49,7 +49,9 @@ class Clock(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """Local error `rtol·|state| + atol` (root mean square over the lane) and the steps allowed per lane."""
+    """Local error `rtol·|state| + atol` (root mean square over vehicles that step together) and the steps
+    allowed per lane.
+    """
 
     rtol: Float[Array, "*lanes"]
     atol: Float[Array, "*lanes"]

@@ -62,7 +62,7 @@ def step(solver, kind, jets, rate):
     trial = stepper.attempt(field, signals, rule, start, end, state, field(signals(start), state), tolerances)
     few, everybody = Few(kind, gain, start, end, tolerances), jnp.ones(FEW, bool)
     state, slopes = state[:, 0], trial.slopes[:, :, 0]
-    there, slope, arrived = multirate.alone(few, state, slopes, trial.error, everybody, rule)
+    there, slope, arrived = multirate.by_themselves(few, state, slopes, trial.error, everybody, rule)
     known = field(signals(end), there[:, None])[:, 0]
     return trial.error, kind.output_jets(there[:, None]), (slope, known), arrived
 
