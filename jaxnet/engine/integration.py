@@ -157,7 +157,7 @@ def step(
         fleet.slope,
         tolerances,
     )
-    if len(lane.weights[0]) >= multirate.SMALLEST and not plan.in_field:
+    if multirate.suits(lane, plan):
         trial = multirate.refined(trial, going, time, end, fleet.state, lane, tolerances, rule)
     kept, steps = going & (trial.error < 1.0), fleet.steps + going.astype(int)
     proposed = stepper.next_step(end - time, trial.error, rule)

@@ -19,13 +19,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import stepper
-from jaxnet.engine.plan import Tolerances
+from jaxnet.engine.plan import Plan, Tolerances
 from jaxnet.engine.stepper import Method, States, Times, Trial
 from jaxnet.engine.subset import for_each, once, picked, put
 from jaxnet.model.control import Gain, feedback
 from jaxnet.model.lane import Lane
 
-SMALLEST = 24  # vehicles; in smaller fleets it takes as long as it saves
+SMALLEST = 32  # vehicles; in smaller fleets it takes as long as it saves
 SHARE = 4  # one vehicle in so many may need shorter steps
 TOGETHER = 16  # vehicles, of any lanes
 ATTEMPTS = 64  # of a vehicle within a step of its fleet
@@ -52,6 +52,16 @@ class Walk(NamedTuple):
     step: Times  # [s] proposed for the next attempt
     going: Bool[Array, " few"]
     attempts: Any
+
+
+def suits(lane: Lane, plan: Plan) -> bool:
+    """Whether vehicles of such lanes may go alone.
+
+    They may not where all decide inside the vector field, for what they hear there jumps, nor where their
+    kind has numbers of every vehicle.
+    """
+    of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
+    return lane.initial.shape[1] >= SMALLEST and of_lanes and not plan.in_field
 
 
 def refined(
