@@ -1,7 +1,7 @@
 """The nonlinear vehicles under the law, integrated adaptively. It is the truth.
 
 It evaluates the law from what is received and solves with the weights in force; the exact cancellation that
-the law achieves is nowhere used. Whom to retain is decided at ticks and held between them, or, with
+the law achieves is not taken for granted. Whom to retain is decided at ticks and held between them, or, with
 `Plan.in_field`, inside the vector field, which is the literal reading of the paper.
 
 The lanes are the last axis of every array. Each has its own time and step: a pass of the loop is one

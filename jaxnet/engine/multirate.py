@@ -30,7 +30,7 @@ SHARE = 4  # one vehicle in so many may need shorter steps
 TOGETHER = 16  # vehicles, of any lanes
 ATTEMPTS = 64  # of a vehicle within a step of its fleet
 DEGREE = 4  # of the polynomial; every method has six nodes or more, so that it can be seen to miss some
-WILD = 100.0  # a jerk at a stage over what is heard there, which is lost in the rounding of greater ones
+WILD = 100.0  # greatest jerk over greatest z at the stages; in more z is a small difference of large numbers
 
 
 class Few(NamedTuple):
@@ -155,8 +155,8 @@ def heard(
 ) -> tuple[Float[Array, "coefficients 2 few"], Bool[Array, " few"]]:
     """What vehicles hear over a step, as polynomials in the share of it that is past, and who can go by it.
 
-    A vehicle can if its polynomial is so near what was heard at the stages that the rest moves its
-    acceleration by less than is tolerated of it, and none of its stages went wild.
+    A vehicle can if what its polynomial misses moves its acceleration by less than is tolerated of it, if no
+    stage went wild, and if it moved as it was asked: asked for the jerk that it had, it has that jerk.
     """
     length = few.end - few.start
     states = state[None] + length[None, None] * jnp.tensordot(jnp.asarray(rule.matrix), slopes, axes=1)
@@ -165,8 +165,24 @@ def heard(
     at_stages = jnp.moveaxis(jerk + feedback(few.gain, jets), 1, 0)  # s 2 few
     powers = np.vander(rule.nodes, DEGREE + 1)
     coefficients = jnp.tensordot(jnp.asarray(np.linalg.pinv(powers)), at_stages, axes=1)
-    off = jnp.abs(at_stages - jnp.tensordot(jnp.asarray(powers), coefficients, axes=1)).max(axis=(0, 1))
+    missed = jnp.abs(at_stages - jnp.tensordot(jnp.asarray(powers), coefficients, axes=1)).max(axis=(0, 1))
+    asked = few.vehicle.motion(states, few.vehicle.inputs_for(states, jerk))
+    unasked = jnp.abs(jax.jvp(few.vehicle.output_jets, (states,), (asked,))[1][2] - jerk).max(axis=(0, 1))
+    off = jnp.maximum(missed * hidden(rule), unasked)
     acceleration = jnp.abs(jets[2][:, 0]).max(axis=0)
     near = off * length <= few.tolerances.rtol * acceleration + few.tolerances.atol
     tame = jnp.abs(jerk).max(axis=(0, 1)) <= WILD * jnp.abs(at_stages).max(axis=(0, 1))
     return coefficients, near & tame
+
+
+def hidden(rule: Method) -> float:
+    """The integral of what a polynomial misses, over the most that it misses at a stage; 1 or more.
+
+    Of the next power, which is the most of what it misses of a smooth signal, over any part from the start of
+    a step whose length is 1.
+    """
+    fitted = np.linalg.pinv(np.vander(rule.nodes, DEGREE + 1)) @ rule.nodes ** (DEGREE + 1)
+    missed = np.poly1d([1.0, *-fitted])
+    return max(
+        1.0, np.abs(missed.integ()(np.linspace(0.0, 1.0, 101))).max() / np.abs(missed(rule.nodes)).max()
+    )

@@ -16,7 +16,7 @@ from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.vehicles import HEADING, Vehicle
 from jaxnet.kinds.vehicles.car import Car
-from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
+from jaxnet.kinds.vehicles.two_wheeled import FORCE, TwoWheeled
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.control import feedback
@@ -99,6 +99,37 @@ def test_who_hears_what_no_polynomial_tells_does_not_go():
     jets[1] += 10.0
     for rate, expected in ((1.3, True), (80.0, False)):
         assert (step("dopri5", KINDS["two_wheeled"], jnp.asarray(jets), rate)[-1] == expected).all()
+
+
+class Pushed(TwoWheeled):
+    """A robot with a jerk that the law is not told of."""
+
+    kind = "pushed"
+
+    def motion(self, state, inputs):
+        rates = super().motion(state, inputs)
+        return rates.at[FORCE].add(0.01)
+
+
+def test_who_does_not_move_as_asked_does_not_go():
+    """What it hears cannot be read off its motion."""
+    pushed = as_pytree(Pushed().drawn(Draw(Keyed(0), range(FEW), 1), "vehicle"))
+    jets = turning(np.random.default_rng(0), FEW)
+    jets[1] += 10.0
+    for kind, expected in ((KINDS["two_wheeled"], True), (pushed, False)):
+        assert (step("dopri5", kind, jnp.asarray(jets), 1.3)[-1] == expected).all()
+
+
+@pytest.mark.parametrize("solver", stepper.SOLVERS)
+def test_between_stages_a_polynomial_misses_no_more_than_is_told(solver):
+    """The integral of `x⁵` less its fit, from the step's start, on a grid of its own."""
+    rule = stepper.method(solver)
+    fit = np.polynomial.Polynomial.fit(rule.nodes, rule.nodes**5, 4)
+    past = np.linspace(0.0, 1.0, 20_001)
+    integral = np.cumsum(past**5 - fit(past)) / 20_000
+    told = multirate.hidden(rule) * np.abs(rule.nodes**5 - fit(rule.nodes)).max()
+    assert np.abs(integral).max() < 1.01 * told
+    assert (multirate.hidden(rule) > 4) == (solver == "tsit5")
 
 
 def stopping(given):
