@@ -142,7 +142,7 @@ def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, of
     drops = scenario.defence.may_drop(heard, scenario.defence.trusts(heard))
     joined = safety.stay_joined(drops, np.ones(VEHICLES, bool)).all()
     left = np.ones(VEHICLES, bool)
-    for why, vehicles in [
+    for why, vehicles, _ in [
         *safe_in(scenario, heard, scenario.attack.links(heard)),
         safety.Safe("not known", left),
     ]:

@@ -25,7 +25,7 @@ from jaxnet.explore.search import Trials, searched
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
-from jaxnet.statistics import limits
+from jaxnet.statistics.reach import spread_of
 from jaxnet.theory import bounds
 
 BASE: dict[str, Any] = {"engine": "exact", "output_step": 0.5, "horizon": 40, "tail": 5}
@@ -108,7 +108,7 @@ def best_set() -> float:
 
 def static_bound(keys: dict[str, Any]) -> float:
     """By the exact solution, of a study without a defence."""
-    reach = limits.spread_of(jaxnet.load(keys | {"defence": "none"}).cells[0].scenario)
+    reach = spread_of(jaxnet.load(keys | {"defence": "none"}).cells[0].scenario)
     assert reach is not None
     return bounds.static(reach).worst
 

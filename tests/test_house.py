@@ -17,6 +17,7 @@ import yaml
 import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
+from jaxnet.config.keys import KINDS
 from jaxnet.config.schema import schema_text
 from jaxnet.kinds import kind, registry
 from jaxnet.kinds.kind import Kind
@@ -297,7 +298,7 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
     """Defaults are stored by their short names too, so that two processes store the same study."""
     monkeypatch.setattr(kind, "REFERENCES", {})
     stored = plain(jaxnet.load({}).config)
-    given = {family: stored[family]["kind"] for family in FAMILIES if family != "metrics"}
+    given = {family: stored[family]["kind"] for family in KINDS}
     assert plain(jaxnet.load(given | {"name": "study"}).config) == stored
     assert not any(":" in name for name in given.values()), given
 

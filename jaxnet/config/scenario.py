@@ -36,13 +36,19 @@ def situation_of(scenario: Scenario) -> Situation:
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     """Vehicles that end on the navigator, by reason, on this graph if these of its links are attacked.
 
-    A sybil is one more attacked source, which itself hears the navigator alone.
+    A sybil is one more attacked source, which itself hears the navigator alone. A reason that rests on
+    consistent announcements does not hold against an attack whose links announce otherwise.
     """
     trusted, more = scenario.defence.trusts(graph), scenario.attack.identities() - 1
     if more:
         graph, attacked, trusted = with_sybils(graph, attacked, trusted, more)
+    believable = scenario.attack.announcement().consistent
     found = scenario.defence.safe(graph, attacked, trusted)
-    return [Safe(why, vehicles[: scenario.vehicles]) for why, vehicles in found]
+    return [
+        each._replace(vehicles=each.vehicles[: scenario.vehicles])
+        for each in found
+        if believable or not each.consistent
+    ]
 
 
 def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Any, Any]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from jaxnet.config.keys import KINDS, Config, Scenario
 from jaxnet.kinds import registry
+from jaxnet.kinds.attacks import Attack
 
 
 def schema_text() -> str:
@@ -17,8 +18,7 @@ def schema() -> dict[str, Any]:
     string.
     """
     whole = Config.model_json_schema()
-    for family in KINDS:
-        default = Scenario.model_fields[family].default.reference()
+    for family, default in DEFAULTS.items():
         kinds = {name: registry.find(family, name) for name in registry.names(family)}
         for name, kind in kinds.items():
             whole["$defs"] |= definitions(kind, name, default)
@@ -30,12 +30,17 @@ def schema() -> dict[str, Any]:
                 {"type": "object", "properties": {"kind": {"pattern": OUTSIDE}}, "required": ["kind"]},
             ],
         }
-        whole["properties"][family] |= {"family": family, "default": default}
+    for family in KINDS:
+        whole["properties"][family] |= {"family": family, "default": DEFAULTS[family]}
     whole["properties"]["metrics"]["items"] = {
         "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
+
+# Families by the kind that stands where none is named: those of a study's keys, and of an attack's.
+DEFAULTS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
+DEFAULTS["announcement"] = Attack.model_fields["announces"].default.reference()
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 

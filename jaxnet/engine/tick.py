@@ -95,12 +95,14 @@ def surroundings(
     lane: Lane, network: Network, time: Any, memory: Any = (), attack: Any = ()
 ) -> Neighbourhood:
     """What a defence is told besides the jets; `attack` are the signals' jets."""
+    heard, trusted = network.hearing, network.trusted
+    attacked = (heard.added(jnp.abs(lane.vectors).sum(axis=2)) != 0).any(axis=0)
     announced = lane.defence.announcement(memory)
     if not isinstance(announced, tuple):
         sent = jnp.concatenate([jnp.zeros_like(announced[:, :1]), announced], axis=1)
-        announced = network.hearing.received(sent, control.driven(lane.gain, attack))
-    heard, trusted = network.hearing, network.trusted
-    attacked = (heard.added(jnp.abs(lane.vectors).sum(axis=2)) != 0).any(axis=0)
+        carried = heard.received(sent, control.driven(lane.gain, attack))
+        announced = lane.announces.received(heard.sent(sent), carried, attacked, heard.signals, time)
+        announced = lane.defence.overheard(announced, heard.sources, time)
     rest = network.shared, announced, attacked
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 

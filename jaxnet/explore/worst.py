@@ -34,6 +34,7 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cluster import Cluster
 from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
+from jaxnet.statistics.reach import spread_of
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder, FolderError, digest
@@ -183,7 +184,7 @@ def spread_of_values(values: Float[np.ndarray, " lanes"]) -> tuple[float, float,
 
 def bound_of(scenario: Any, metric: str) -> float:
     """The sharpest bound on a metric that holds, per ā; not a number where none is known."""
-    if metric not in BOUNDED or limits.spread_of(scenario) is None:
+    if metric not in BOUNDED or spread_of(scenario) is None:
         return math.nan
     of_vehicles = BOUNDED[metric]
     return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.holding(scenario).values())

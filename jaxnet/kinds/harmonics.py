@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.fields import PositivePerVehicle, Table
+from jaxnet.kinds.fields import PositivePerVehicle, Table, bounds
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model.signal import ORDERS, Harmonic
 
@@ -48,6 +48,10 @@ class Harmonics(Attack):
                     f"must be {wanted[0]} lists, one for each of attack.vehicles, of {wanted[1]} numbers"
                 )
                 yield Fault((f"attack.{key}", "attack"), message)
+
+    def fastest(self) -> float:
+        """The highest harmonic's."""
+        return self.harmonics * bounds(self.frequency)[1]
 
     def basis(self, time: Any) -> Any:
         """Cosines, then sines."""

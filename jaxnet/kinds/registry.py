@@ -38,6 +38,7 @@ FAMILIES = {
     "navigator": Family("jaxnet.kinds.navigators", "Navigator", "jaxnet.navigators"),
     "vehicle": Family("jaxnet.kinds.vehicles", "Vehicle", "jaxnet.vehicles"),
     "attack": Family("jaxnet.kinds.attacks", "AnyAttack", "jaxnet.attacks"),
+    "announcement": Family("jaxnet.kinds.announcements", "Announcement", "jaxnet.announcements"),
     "defence": Family("jaxnet.kinds.defences", "AnyDefence", "jaxnet.defences"),
     "law": Family("jaxnet.kinds.laws", "Law", "jaxnet.laws"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),

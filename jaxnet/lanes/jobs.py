@@ -11,6 +11,7 @@ from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
+from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, scaled
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
@@ -50,6 +51,7 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
         amplitude=amplitude,
+        announces=tree(announcement_of(scenario, draw)),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -185,6 +187,15 @@ def attack_of(
         return each_alone(scenario, draw, chosen, start)
     signal, vectors, scale = as_one(scenario, draw, navigator, start)
     return signal, vectors * chosen[None, :, None], scale
+
+
+def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
+    """What attacked links announce, with numbers of every vehicle, or of every link (`hearing.of_links`)."""
+    attack = scenario.attack
+    theirs = Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
+    if attack.by_link():
+        theirs = EachLink(theirs, len(sources_of(scenario)))
+    return attack.announcement().drawn(theirs, "attack.announces")
 
 
 def each_alone(

@@ -37,8 +37,12 @@ def halves(number: Float[Array, ""]) -> Any:
     return jax.lax.bitcast_convert_type(number, jnp.uint32)
 
 
-def noisy(jets: Any, size: Float[Array, " lanes"], key: Float[Array, " lanes"], time: Any) -> tuple[Any, ...]:
+def noisy(
+    jets: Any, size: Float[Array, " lanes"], key: Float[Array, " lanes"], time: Any, first: int = 0
+) -> tuple[Any, ...]:
     """Jets with independent normal errors of this standard deviation; where all are 0, bit by bit the same.
+
+    `first` is the order of the first jet; errors of each order are drawn apart.
 
     They are computed before they are used: a compiler that computes them at each use may round them
     otherwise at each, and a source is then farther out than itself.
@@ -50,5 +54,5 @@ def noisy(jets: Any, size: Float[Array, " lanes"], key: Float[Array, " lanes"], 
 
     return tuple(
         jax.lax.cond(size.any(), functools.partial(wrong, order), lambda jet: jet, jet)
-        for order, jet in enumerate(jets)
+        for order, jet in enumerate(jets, first)
     )

@@ -10,8 +10,8 @@ from jaxnet.model.hearing import Hearing
 class Lane(NamedTuple):
     """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes.
 
-    Vehicle, navigator, law and defence are kinds with their numbers drawn; the attack's signal gives its
-    `basis`.
+    Vehicle, navigator, law, defence and announcements are kinds with their numbers drawn; the attack's signal
+    gives its `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -24,6 +24,7 @@ class Lane(NamedTuple):
     signal: Any
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attacks [m]; strategic ones' at first
     amplitude: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
+    announces: Any  # what attacked links announce, a kind with its numbers drawn
 
 
 class Network(NamedTuple):

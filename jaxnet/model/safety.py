@@ -23,10 +23,14 @@ SLOWEST = 1e-3  # shrinking that is told, at least
 
 
 class Safe(NamedTuple):
-    """Vehicles that end on the navigator whatever attackers say, and in a few words why."""
+    """Vehicles that end on the navigator, and in a few words why.
+
+    `consistent` reasons hold only if attacked links announce what they carry (assumption B1).
+    """
 
     why: str
     vehicles: Vehicles
+    consistent: bool = False
 
 
 def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nodes:
@@ -58,19 +62,17 @@ def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
     return percolate(drops.graph, votes, np.where(among, drops.number + 1, NEVER), navigator)[1:]
 
 
-def greatest(drops: AnySubset, attacked: Links, bears: Counts, closed: bool = False) -> Vehicles:
-    """The greatest set of vehicles that bear what is bad and stay joined to the navigator by each other.
+def greatest(drops: AnySubset, attacked: Links, bears: Counts) -> Vehicles:
+    """Greatest set of vehicles that hears nobody outside, bears its attacked links and stays joined.
 
-    Bad is a link that is attacked or comes from outside the set. Each vehicle bears so many of those that it
-    may drop, and none of the others; if the set is `closed`, it hears nobody outside.
+    Each vehicle of the set bears so many attacked links that it may drop, and no other attacked link. The
+    vehicles of the set join each other to the navigator, whoever is dropped.
     """
     falsified, fatal = drops.graph.heard & attacked, np.broadcast_to(bears[:, None] + 1, attacked.shape)
-    cost = np.where(drops.links, 1, fatal)
-    left = bears + 1 - (cost * falsified).sum(axis=1)
-    doubt = fatal if closed else np.where(falsified, 0, cost)
+    left = bears + 1 - (np.where(drops.links, 1, fatal) * falsified).sum(axis=1)
     out = np.zeros(len(bears) + 1, bool)
     while True:
-        out = percolate(drops.graph, doubt, left, out)
+        out = percolate(drops.graph, fatal, left, out)
         inside = stay_joined(drops, ~out[1:])
         if (inside | out[1:]).all():
             return inside

@@ -17,16 +17,17 @@ from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import differs_by_lane, outputs_of, situation_of, sources_of
+from jaxnet.config.scenario import outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics.groups import attacked_groups, shared
+from jaxnet.statistics.reach import spread_of
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
-from jaxnet.theory.bounds import Bound, Spread
+from jaxnet.theory.bounds import Bound
 
 ROUNDING = 1e-9  # relative
 NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
@@ -61,22 +62,6 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Bounds of a scenario by name, blank where nothing is known of whom is retained, or lanes differ."""
     reach = spread_of(scenario)
     return bounds.blank(scenario.vehicles) if reach is None else bounds.bounds(reach, np.array(scenario.gain))
-
-
-def spread_of(scenario: Scenario) -> Spread | None:
-    """How far the attack of a scenario spreads; None where that is not known, or differs from lane to
-    lane, or ā does not bound the attack, or a jerk is held. Where attacked vehicles are drawn, as if all were
-    attacked.
-    """
-    known = situation_of(scenario)
-    if known.retained is None or differs_by_lane(scenario):
-        return None
-    carried = ~(known.attacked & scenario.attack.replaces())
-    attack = scenario.attack
-    if not attack.bounded or attack.identities() > 1 or scenario.law.holds:
-        return None
-    smooth = attack.consistent() and not attack.strategic and not attack.splits()
-    return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
 
 
 def unchecked(cells: Sequence[Cell]) -> list[int]:

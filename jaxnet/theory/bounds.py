@@ -128,6 +128,17 @@ def harmonic(reach: Spread, gain: Gain) -> Bound:
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
+def between_ticks(reach: Spread, gain: Gain, fastest: float, tick: float, one_frequency: bool) -> Bound:
+    """`‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), Λ the greatest rate of R(a) within a tick, per ā.
+
+    `fastest` is the highest angular frequency Ω of the signal [rad/s], `tick` h [s]. R(a) is a trigonometric
+    polynomial, so `Λ ≤ Ω max ‖R(a)‖` (Bernstein's inequality), with η or β for the maximum.
+    """
+    most = response.harmonic_norm(gain) if one_frequency else reach.disturbance(gain)
+    slopes = response.impulse_norm(gain) * reach.gains * fastest * most * tick
+    return Bound(slopes, float(np.linalg.norm(slopes)))
+
+
 def lyapunov_printed(reach: Spread, gain: Gain) -> Bound:
     """`c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q), Q = I, as in the paper.
 

@@ -132,7 +132,7 @@ def test_what_announces_nothing_at_ticks_is_believed():
     """E is bounded up to what an attack does within a tick, and that ā does not bound: ā / 2 becomes ā."""
     study = systems.study(
         attack=Ripple(magnitude=16.0),
-        defence={"kind": "trusted_trim", "score": "announced"},
+        defence={"kind": "trusted_trim", "score": "announced", "first_announcement": 0.0},
         engine="exact",
         horizon=90.0,
         output_step=0.5,
@@ -155,7 +155,13 @@ def test_whom_nobody_attacks_may_still_be_cut_off():
     edges = [[1, 0, 1], [2, 1, 1], [2, 3, 1], [3, 1, 1], [3, 2, 1], [4, 0, 1]]
     study = systems.study(
         **PAIR | {"topology": {"kind": "edges", "edges": edges}},
-        defence={**TRUST, "score": "announced", "theta": {2: 1, 3: 1}, "trusted": {}},
+        defence={
+            **TRUST,
+            "score": "announced",
+            "theta": {2: 1, 3: 1},
+            "trusted": {},
+            "first_announcement": 0.0,
+        },
     )
     assert safe(study).tolist() == [True, False, False, True]
     assert (systems.simulate(systems.lanes(study, 4, ())).status == Status.disconnected).all()

@@ -96,8 +96,8 @@ def test_the_law_by_exchanges():
     )
     assert "4 rounds are the least that is stable, and every number from 6 on" in text[long:]
     assert "that is while everybody is retained" in text[long:]
-    assert text.count("safe not known: what is proved is of the law solved at every instant") == 2
-    assert "law rounds what is proved" in text
+    assert text.count("safe nothing is proved; the theorems are of the law solved at every instant") == 2
+    assert "law rounds nothing is proved" in text
     untrimmed = check.text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
     assert "stable, deviations times 0.9667" in untrimmed
     assert "retained" not in untrimmed

@@ -12,6 +12,9 @@ import numpy as np
 from annotated_types import Len
 from pydantic import Discriminator, Field
 
+from jaxnet.kinds.announcements import Announcement
+from jaxnet.kinds.announcements.consistent import Consistent
+from jaxnet.kinds.family import Of
 from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
@@ -98,6 +101,14 @@ class AnyAttack(Kind):
         """Orders of the received derivatives that carry the signal, of 0 to 3; the others are true."""
         return ORDERS
 
+    def announcement(self) -> Announcement:
+        """How attacked links announce to a defence whose vehicles announce what drives them."""
+        return Consistent()
+
+    def fastest(self) -> float:
+        """Highest angular frequency of the signal between ticks [rad/s]; infinite where none is known."""
+        return 0.0
+
     def consistent(self) -> bool:
         """Whether what is received of an attacked source are a path and its derivatives."""
         return self.derived and self.falsified() == ORDERS
@@ -152,7 +163,7 @@ class Attack(AnyAttack):
 
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label", "magnitude", "vehicles", "channel", "threat", "orders", "listeners", "sybils"}
+        {"label", "magnitude", "vehicles", "channel", "threat", "orders", "listeners", "sybils", "announces"}
     )
 
     magnitude: NotNegative = Field(
@@ -185,6 +196,10 @@ class Attack(AnyAttack):
     )
     sybils: int = Field(
         default=0, ge=0, le=100, description="further sources as which each attacked one appears"
+    )
+    announces: Annotated[Announcement, Of("announcement")] = Field(
+        default=Consistent(),
+        description="what attacked links announce, where the defence has vehicles announce what drives them",
     )
 
     @classmethod
@@ -248,6 +263,14 @@ class Attack(AnyAttack):
     def falsified(self) -> tuple[int, ...]:
         """As `orders` says."""
         return tuple(sorted(set(self.orders)))
+
+    def announcement(self) -> Announcement:
+        """As `announces` says."""
+        return self.announces
+
+    def fastest(self) -> float:
+        """Vectors of strategic attacks are constant between ticks; of other signals nothing is known."""
+        return 0.0 if self.strategic else np.inf
 
     def signal(self) -> Any:
         """The attack itself, for `basis` is its own."""

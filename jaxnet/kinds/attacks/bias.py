@@ -17,6 +17,10 @@ class Bias(Attack):
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
+    def fastest(self) -> float:
+        """A constant's."""
+        return 0.0
+
     def signal(self) -> Any:
         """A harmonic of no frequency."""
         return Harmonic(0.0)

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, bounds
 from jaxnet.model.signal import Harmonic
 
 
@@ -17,6 +17,10 @@ class Rotating(Attack):
 
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the turning")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
+
+    def fastest(self) -> float:
+        """Its frequency, the greatest that may be drawn."""
+        return max(map(abs, bounds(self.frequency)))
 
     def signal(self) -> Any:
         """Its harmonic."""

@@ -22,6 +22,10 @@ class Spoof(Attack):
 
     direction: Angle = Field(default=0.0, description="[rad], of the offset")
 
+    def fastest(self) -> float:
+        """A constant's."""
+        return 0.0
+
     def basis(self, time: Any) -> Any:
         """One function, 1 in every order."""
         xp = time.__array_namespace__()

@@ -69,6 +69,10 @@ class AnyDefence(Kind):
         """
         return ()
 
+    def announcing(self) -> bool:
+        """Whether vehicles announce what drives them, and are judged by it."""
+        return False
+
     def draws(self) -> bool:
         """Whether it draws random numbers at ticks."""
         return False
@@ -76,6 +80,13 @@ class AnyDefence(Kind):
     def observed(self, received: Any, time: Any) -> Any:
         """What vehicles take the jets received for when they decide; the law uses them as they are."""
         return received
+
+    def overheard(self, announced: Any, sources: Any, time: Any) -> Any:
+        """Announcements (2, slots, m, lanes) [m/s³] as vehicles take them, when they decide and announce.
+
+        `sources` (slots, m) are the numbers of the sources, 0 the navigator.
+        """
+        return announced
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
@@ -177,8 +188,8 @@ class Defence(AnyDefence):
     noise: NotNegative = Field(
         default=0.0,
         description="[m], standard deviation of the error in what is judged, on each axis, of each source and"
-        " tick its own; as many m/s and m/s² of velocities and accelerations; the law uses what is received"
-        " without it",
+        " tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of what vehicles"
+        " announce; the law uses what is received without it",
     )
 
     def draws(self) -> bool:
@@ -208,6 +219,15 @@ class Defence(AnyDefence):
         from jaxnet.model import chance
 
         return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
+
+    def overheard(self, announced: Any, sources: Any, time: Any) -> Any:
+        """With noise; the navigator's announcement is 0 by agreement, so it has none."""
+        from jaxnet.model import chance
+
+        if self.noise is None:
+            return announced
+        (noisy,) = chance.noisy((announced,), self.noise, vars(self)["key"], time, first=3)
+        return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
     def trusts(self, graph: Digraph) -> Links:
         """The navigator wherever it is heard and those listed, or as another rule says."""

@@ -19,8 +19,9 @@ from jaxnet.model.graph import Digraph, Links, dense
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
+from jaxnet.statistics.reach import spread_of
 from jaxnet.store import layout
-from jaxnet.theory import certificate, robustness, rounds
+from jaxnet.theory import bounds, certificate, robustness, rounds
 from jaxnet.view.text.width import WIDTH, clipped
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -30,7 +31,8 @@ MOST_NETWORKS = 20
 SOME = 12  # values or cells that are named one by one
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 COPIES = 3  # of a shard's arrays, from the compiled program to the disk
-SOLVED_ALONE = "what is proved is of the law solved at every instant"
+SOLVED_ALONE = "nothing is proved; the theorems are of the law solved at every instant"
+ASSUMED = "as long as no vehicle stands still and nobody is cut off, outside the set either"
 
 
 def text(study: Study) -> str:
@@ -174,13 +176,38 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
     """Who is safe, and what breaks it."""
-    lines = {"safe": safe_line(safe_in(scenario, known.graph, known.attacked))}
+    reasons = safe_in(scenario, known.graph, known.attacked)
+    lines = {"safe": safe_line(reasons), **announcement_lines(scenario, reasons)}
     return lines | (margin_lines(scenario, known.graph) if closely and scenario.attack.present else {})
+
+
+def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str, str]:
+    """What safety by announcements rests on, and what theorem 3 allows of the motion."""
+    if not scenario.defence.announcing() or not scenario.attack.present:
+        return {}
+    announcement = scenario.attack.announcement()
+    if not announcement.consistent:
+        told = f"attacked links announce {announcement.kind}, not what they carry; nobody is safe by majority"
+        return {"B1": f"broken: {told}"}
+    lines = {"B1": "assumed: attacked links announce what they carry (announces: consistent)"}
+    majority = np.any([each.vehicles for each in reasons if each.consistent] or [[False]], axis=0)
+    majority &= ~np.any([each.vehicles for each in reasons if not each.consistent], axis=0)
+    return lines | ({"theorem 3": theorem_line(scenario, majority)} if majority.any() else {})
+
+
+def theorem_line(scenario: Scenario, majority: Vehicles) -> str:
+    """The ultimate error that theorem 3 allows vehicles that are safe by majority."""
+    reach, fastest = spread_of(scenario), scenario.attack.fastest()
+    if reach is None or not np.isfinite(fastest):
+        return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ASSUMED}"
+    gain = np.array([median(each) for each in scenario.gain])
+    slopes = bounds.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
+    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes.vehicles[majority].max():.3g} ā; {ASSUMED}"
 
 
 def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
     """Whether the loop is stable where the law has a jerk held, and that nobody is known to be safe."""
-    return {"law": stability_line(scenario, known), "safe": f"not known: {SOLVED_ALONE}"}
+    return {"law": stability_line(scenario, known), "safe": SOLVED_ALONE}
 
 
 def stability_line(scenario: Scenario, known: Situation) -> str:
@@ -284,7 +311,7 @@ def cut_off_line(drops: AnySubset) -> dict[str, str]:
 def safe_line(reasons: Sequence[Safe]) -> str:
     """Who ends on the navigator whatever attackers say, each by the strongest reason."""
     words, left = [], np.ones(len(reasons[0].vehicles), bool)
-    for why, vehicles in reasons:
+    for why, vehicles, _ in reasons:
         words += [f"{vehicles_named(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
     return "; ".join(words + [f"not known of {ranges(numbered(left))}"] * bool(left.any()))

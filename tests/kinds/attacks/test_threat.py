@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from jaxnet.statistics import limits
+from jaxnet.statistics.reach import spread_of
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
@@ -76,7 +77,7 @@ def test_no_trimmed_lane_is_over_the_peak_gain():
     assert (outcome.status == 0).all()
     assert limits.unchecked(study.cells) == []
     assert limits.violations(systems.results_of(study, rows_of(study, outcome, 4))).empty
-    reach = limits.spread_of(study.cells[0].scenario)
+    reach = spread_of(study.cells[0].scenario)
     retains_an_attacked_one = 0.45 / (0.1 + 0.45)
     assert reach.gains.max() == pytest.approx(retains_an_attacked_one)
 

@@ -1,0 +1,139 @@
+"""What a liar announces, where the defence judges by announcements (SCIENCE O11, assumption B1)."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.config.scenario import safe_in, situation_of
+from jaxnet.view.text import check
+from tests import systems
+
+CYCLE = Path(__file__).with_name("cycle_outside.yaml")
+ANNOUNCED = {"kind": "trusted_trim", "score": "announced"}
+SIGNALS = {"constant": {"kind": "bias"}, "rotating": {"kind": "rotating", "frequency": 0.7}}
+
+
+def ring(announces, signal="constant", **defence):
+    """The paper's ring, four attacked vehicles, ā = 8 m."""
+    return systems.study(
+        engine="exact",
+        horizon=60.0,
+        output_step=0.5,
+        attack={**SIGNALS[signal], "magnitude": 8.0, "announces": announces},
+        defence=ANNOUNCED | defence,
+    )
+
+
+def ends(study, samples=50):
+    """Greatest tail error of a vehicle per ā, of each lane."""
+    outcome = systems.simulated(systems.lanes(study, samples, ()))
+    assert (outcome.status == 0).all()
+    return outcome.metrics["tail_max"] / study.config.attack.magnitude
+
+
+def certificate(study):
+    """Vehicles that are safe, by reason."""
+    scenario = study.cells[0].scenario
+    known = situation_of(scenario)
+    reasons = safe_in(scenario, known.graph, known.attacked)
+    return {each.why.partition(",")[0]: (np.flatnonzero(each.vehicles) + 1).tolist() for each in reasons}
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_a_liar_that_announces_nothing_is_believed_in_every_lane(signal):
+    """Each listener drops its honest neighbour: γ = w (1 + w γ) with w = 0.45/0.55, γ = 2.475."""
+    assert np.allclose(ends(ring("zero", signal)), 2.475, atol=1e-9)
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_a_liar_that_announces_honestly_is_believed(signal):
+    """All announce 0 at first: ties go to the lower number, 2.475 ā in every lane. From noise, in most."""
+    assert np.allclose(ends(ring("honest", signal, first_announcement=0.0)), 2.475, atol=1e-9)
+    assert np.median(ends(ring("honest", signal))) == pytest.approx(2.475, abs=1e-9)
+
+
+def test_consistent_announcements_expose_the_liar_from_any_first_announcement():
+    """Theorem 3 with Λ = 0: nothing is left of a constant attack."""
+    for first in (0.0, 1.0, 100.0):
+        assert ends(ring("consistent", first_announcement=first)).max() < 1e-9
+
+
+def test_a_free_announcement_is_believed_while_it_is_the_least():
+    """Size 0 is `zero`; a size over all honest announcements exposes the liar."""
+    assert np.allclose(ends(ring({"kind": "free", "size": 0.0})), 2.475, atol=1e-9)
+    assert ends(ring({"kind": "free", "size": 5.0})).max() < 1e-9
+
+
+def test_free_announcements_are_those_asked_for():
+    """`s [cos, sin](ω t + φ)` on attacked links, what the source announces on the others."""
+    free = {"kind": "free", "size": [1.0, 2.0], "frequency": 3.0, "phase": {"each": 0.5}}
+    study = systems.study(
+        engine="exact", attack={"kind": "bias", "vehicles": [2, 5], "announces": free}, defence=ANNOUNCED
+    )
+    job = systems.lanes(study, 1, ())
+    announces, (sources, _, attacked, signals, _) = job.inputs.lane.announces, job.network.hearing
+    drawn = type(announces).filled({key: vars(announces)[key].T for key in ("size", "frequency", "phase")})
+    honest = np.random.default_rng(0).normal(size=(2, *sources.shape, 1))
+    told = drawn.received(honest, np.nan, attacked[..., None], signals, np.array([0.25]))
+    angle = 3.0 * 0.25 + 0.5
+    for source, size in ((2, 1.0), (5, 2.0)):
+        here = told[:, attacked & (sources == source), 0]
+        assert here.size == 4
+        assert np.allclose(here.T, size * np.array([np.cos(angle), np.sin(angle)]))
+    assert (told[:, ~attacked] == honest[:, ~attacked]).all()
+
+
+def test_certificates_that_rest_on_what_a_liar_announces_say_so():
+    """Who is safe by majority is so if attacked links announce what they carry, and no longer."""
+    assert certificate(ring("consistent"))["by majority"] == [*range(1, 13)]
+    text = check.text(ring("consistent"))
+    assert "assumed: attacked links announce what they carry" in text
+    assert "as long as no vehicle stands" in text
+    for announces in ("zero", "honest", "free"):
+        study = ring(announces)
+        assert "by majority" not in certificate(study)
+        assert f"broken: attacked links announce {announces}" in check.text(study)
+
+
+def test_check_tells_what_theorem_3_allows():
+    """`‖h‖₁ γ Λ h` with Λ = ω η ā: 2.475 · 0.7 · 2√2 · 0.05 = 0.245 ā; 0 against a constant."""
+    assert "= 0.245 ā" in check.text(ring("consistent", "rotating"))
+    assert "= 0 ā" in check.text(ring("consistent"))
+
+
+def test_who_hears_outsiders_is_not_safe():
+    """Vehicle 12 hears two sources outside every set that is safe; it ends 0.525 ā off in every lane.
+
+    A vehicle outside runs through a cycle of six ticks. Relays average what it announces over one period,
+    so announcements vanish where the motion's R(E) has another mean.
+    """
+    for first in (0.0, 1.0):
+        study = jaxnet.load(CYCLE, {"defence.first_announcement": first})
+        assert not any(12 in vehicles for vehicles in certificate(study).values())
+        states = systems.simulate(systems.lanes(study, 4)).series["state"]
+        path = study.cells[0].scenario.navigator.jets(np.arange(55.0, 60.5, 0.5))[0].T
+        off = np.linalg.norm(states[:, -11:, 11, :2] - path[None], axis=-1) / 8.0
+        assert (np.abs(off - 0.525) < 2e-4).all()
+
+
+def test_noise_far_below_the_lie_changes_nothing_and_noise_above_it_does():
+    """R(a) is 8 m/s³: with errors of 0.1 m/s³ the liar stands out, with errors of 100 m/s³ it does not."""
+    assert ends(ring("consistent", noise=0.1)).max() < 1e-9
+    assert ends(ring("consistent", noise=100.0)).min() > 0.1
+
+
+def test_announcements_are_overheard_with_noise_but_the_navigators():
+    """Standard deviation as asked on each axis, independent of the noise on positions; 0 stays 0."""
+    study = ring("consistent", noise=2.0)
+    defence = systems.lanes(study, 1, ()).inputs.lane.defence
+    drawn = type(defence).filled({**vars(defence), "noise": jnp.array([2.0]), "key": jnp.array([0.3])})
+    sources = np.tile(np.array([0, 1, 2]), (4000, 1)).T
+    told = jnp.zeros((2, *sources.shape, 1))
+    overheard = np.asarray(drawn.overheard(told, sources, jnp.array([0.5])))
+    assert (overheard[:, 0] == 0).all()
+    assert overheard[:, 1:].std() == pytest.approx(2.0, rel=0.03)
+    seen = np.asarray(drawn.observed((told,), jnp.array([0.5]))[0])
+    assert abs(np.corrcoef(seen[:, 1:].ravel(), overheard[:, 1:].ravel())[0, 1]) < 0.05
