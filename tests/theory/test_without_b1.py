@@ -1,0 +1,127 @@
+"""Theorems 6 and 7 of docs/guarantees.md: what holds if a liar announces what it likes."""
+
+import numpy as np
+import pytest
+
+from jaxnet.engine.status import Status
+from tests import systems
+from tests.engine.test_defended import PAIR
+
+MAGNITUDE = 5.0
+RULES = [
+    {"kind": "trusted_trim", "theta": {1: 1, 2: 1}, "trusted": {1: [2], 2: [1]}},
+    {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "noise": 0.1},
+    {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "filter": 1.0},
+    {"kind": "clipping"},
+    {"kind": "geometric_median"},
+    {"kind": "coordinate_median"},
+    {"kind": "centerpoint"},
+    {"kind": "ms_norm"},
+    {"kind": "w_msr"},
+    {"kind": "trust"},
+]
+
+
+def world(defence, liar, sign, shift):
+    """Errors of the vehicles over time where 3 or 4 lies by ±ā; vehicles 1 and 2 start this far along x.
+
+    Returns the lanes' statuses and E (lanes, times, 4, 2).
+    """
+    attack = {"kind": "bias", "magnitude": MAGNITUDE, "vehicles": [liar], "announces": "honest"}
+    attack["direction"] = 0.0 if sign > 0 else np.pi
+    study = systems.study(**PAIR | {"attack": attack, "horizon": 30.0, "tail": 1.0}, defence=defence)
+    job = systems.lanes(study, 8)
+    initial = job.inputs.lane.initial.copy()
+    initial[:, 0, :2] += shift
+    lane = job.inputs.lane._replace(initial=initial)
+    outcome = systems.simulate(job._replace(inputs=job.inputs._replace(lane=lane)))
+    path = study.cells[0].scenario.navigator.jets(np.arange(301) * 0.1)[0].T
+    return outcome.status, outcome.series["state"][..., :2] - path[None, :, None]
+
+
+@pytest.mark.parametrize("defence", RULES, ids=lambda rule: f"{rule['kind']} {rule.get('score', '')}")
+def test_no_rule_tells_two_worlds_apart(defence):
+    """Theorem 6: 4 adds ā, or 3 takes ā away and the navigator is ā elsewhere; 1 and 2 hear the same.
+
+    So their errors differ by ā at all times, and in one of the worlds they are off by ā/2 at least.
+    """
+    status, errors = world(defence, liar=4, sign=1, shift=0.0)
+    again, others = world(defence, liar=3, sign=-1, shift=-MAGNITUDE)
+    ok = status == Status.ok
+    assert ok.any()
+    assert (status == again).all()
+    listeners, apart = slice(0, 2), np.array([MAGNITUDE, 0.0])
+    assert np.allclose(errors[ok][:, :, listeners] - others[ok][:, :, listeners], apart, atol=1e-6)
+    off = np.maximum(*(np.linalg.norm(each[ok][:, -1, listeners], axis=-1) for each in (errors, others)))
+    assert (off >= MAGNITUDE / 2 - 1e-6).all()
+
+
+def led(rng, bad_links):
+    """A network in the order of theorem 7: believed sources of each vehicle, and which of them lie.
+
+    The first three vehicles hear the navigator, 0; each other one hears 2ϑ + 1 of those before it, as many of
+    them over attacked links as `bad_links(ϑ)` says.
+    """
+    network = [(1, np.array([0]), np.array([False]))] * 3
+    for i in range(4, 13):
+        theta = int(rng.integers(1, (i - 2) // 2 + 1))
+        sources = rng.choice(np.arange(1, i), 2 * theta + 1, replace=False)
+        network.append((theta, sources, rng.permutation(2 * theta + 1) < bad_links(theta)))
+    return network
+
+
+def vote(words, theta):
+    """Which ϑ + 1 words are nearest to their median by coordinate."""
+    distance = np.linalg.norm(words - np.median(words, axis=0), axis=1)
+    return np.argsort(distance, kind="stable")[: theta + 1]
+
+
+def drives(network, rng, drift, ticks=50):
+    """R(E) of each vehicle at two instants of every tick: (2 · ticks, 13, 2). Row 0 is the navigator's.
+
+    What an attacked link adds is anything, often such that its word is nearly that of honest sources, and
+    changes by `drift` between the two instants.
+    """
+    found = []
+    for _ in range(ticks):
+        believed, early, late = {}, np.zeros((13, 2)), np.zeros((13, 2))
+        for i, (theta, sources, lies) in enumerate(network, 1):
+            size = rng.choice([0.0, 0.5 * drift, drift, 3 * drift, 10.0])
+            added = lies[:, None] * size * rng.normal(size=(len(sources), 2))
+            moved = rng.normal(size=(len(sources), 2))
+            moved *= lies[:, None] * drift / np.linalg.norm(moved, axis=1, keepdims=True)
+            words = early[sources] + added
+            believed[i] = kept = vote(words, theta) if len(sources) > 1 else np.array([0])
+            early[i] = words[kept].mean(axis=0)
+            late[i] = (late[sources] + added + moved)[kept].mean(axis=0)
+        found += [early, late]
+    return np.array(found)
+
+
+def depths(network):
+    """How many links each vehicle is from the navigator, at most."""
+    far = np.zeros(13, int)
+    for i, (_, sources, _) in enumerate(network, 1):
+        far[i] = 1 + far[sources].max()
+    return far
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_vote_on_what_drives_needs_no_announcement(seed):
+    """Theorem 7: `‖R(E_i)‖ ≤ κ_d Λ h` with κ_1 = 0 and κ_{d+1} = (3 + 2√2) κ_d + 1; 0 if Λ = 0."""
+    rng = np.random.default_rng(seed)
+    network = led(rng, lambda theta: theta)
+    assert (drives(network, rng, 0.0) == 0.0).all()
+    off = np.linalg.norm(drives(network, rng, 0.1), axis=-1).max(axis=0)
+    allowed = [0.0, 0.0]
+    while len(allowed) <= depths(network).max():
+        allowed.append((3 + 2 * np.sqrt(2)) * allowed[-1] + 1)
+    assert (off <= 0.1 * np.array(allowed)[depths(network)] + 1e-12).all()
+    assert off.max() > 0.01
+
+
+def test_the_vote_fails_where_one_liar_more_is_heard():
+    """ϑ + 1 of 2ϑ + 1 lie: then the drive is not 0."""
+    rng = np.random.default_rng(0)
+    network = led(rng, lambda theta: theta + 1)
+    assert np.abs(drives(network, rng, 0.0)).max() > 1.0
