@@ -15,9 +15,8 @@ import numpy as np
 
 import jaxnet
 from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.defences import Neighbourhood
-from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.fields import FULL_TURN, Angle
+from jaxnet.kinds.registry import find
 from jaxnet.model.signal import Harmonic
 from jaxnet.runs.cache import enable
 
@@ -60,24 +59,6 @@ class Harmonics(Attack):
         return np.sum(each, axis=0)
 
 
-class Hushed(TrustedTrim):
-    """Trimming by what is announced, where the liar announces 0, whatever it transmits."""
-
-    def decide(self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood) -> Any:
-        """With 0 for what it announces."""
-        announced = jnp.where((around.sources == LIAR)[None, :, :, None], 0.0, around.announced)
-        return super().decide(own, received, last, memory, around._replace(announced=announced))
-
-
-class Waking(TrustedTrim):
-    """Trimming by what is announced, where all begin by announcing 1 m/s³: the theorem is for any start."""
-
-    def start(self, around: Neighbourhood) -> Any:
-        """Something was announced."""
-        memory = super().start(around)
-        return memory._replace(announced=memory.announced + 1.0)
-
-
 def operator(frequency: float) -> complex:
     """R(iω) at gain (1, 3, 3)."""
     return (1 + 1j * frequency) ** 3
@@ -93,7 +74,6 @@ def between_ticks(tick: float, size: float = MAGNITUDE) -> Harmonics:
 
 PAIRS = [[1, 2], [1, 3], [1, 4], [2, 1], [2, 3], [2, 4], [3, 0], [4, 0]]
 ANNOUNCED: dict[str, Any] = {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}}
-WAKING = Waking(score="announced", theta={1: 1, 2: 1})
 BIAS: dict[str, Any] = {
     "kind": "bias",
     "magnitude": MAGNITUDE,
@@ -117,8 +97,9 @@ ASSUMPTIONS: list[tuple[str, dict[str, Any]]] = [
     ("A1: ϑ = 3, so that nobody trims", {"defence": {**ANNOUNCED, "theta": {1: 3, 2: 3}}}),
     ("A3: 1 and 2 trust each other, ϑ = 2", {"defence": TRUSTING}),
     ("A3: 2 and 3 may both drop 1", UNJOINED),
-    ("B1: a liar announces 0", {"defence": Hushed(score="announced", theta={1: 1, 2: 1})}),
-    ("B2: R(a) is 0 at every tick", {"attack": between_ticks(TICK), "defence": WAKING}),
+    ("B1: the liar announces 0", {"attack": {**BIAS, "announces": "zero"}}),
+    ("B1: the liar announces honestly", {"attack": {**BIAS, "announces": "honest"}}),
+    ("B2: R(a) is 0 at every tick", {"attack": between_ticks(TICK)}),
 ]
 
 
@@ -141,6 +122,8 @@ SCORES: list[tuple[str, dict[str, Any]]] = [
     ("feedback", {"score": "feedback"}),
     ("feedback, low-pass of 1 s", {"score": "feedback", "filter": 1.0}),
     ("announced", {"score": "announced"}),
+    ("announced; the liar announces 0", {"score": "announced", "announces": "zero"}),
+    ("announced; honestly", {"score": "announced", "announces": "honest"}),
 ]
 SIGNALS: list[tuple[str, Any]] = [
     ("rotating, 16 rad/s", {**SINUSOID, "kind": "rotating"}),
@@ -160,7 +143,13 @@ def pair(**keys: Any) -> jaxnet.Study:
 
 
 def ring(attack: Any, score: dict[str, Any], tick: float) -> jaxnet.Study:
-    """The paper's ring of twelve with this score."""
+    """The paper's ring of twelve with this score; `announces` is a key of the attack."""
+    score = {**score}
+    announces = score.pop("announces", "consistent")
+    if isinstance(attack, dict):
+        attack = {**attack, "announces": announces}
+    else:
+        attack = attack.model_copy(update={"announces": find("announcement", announces)()})
     return lanes_of(
         horizon=90.0,
         tail=5.0,
@@ -184,7 +173,7 @@ def outcome(study: jaxnet.Study, samples: int) -> tuple[float, float, float]:
 
 
 @click.command()
-@click.option("--samples", default=200, show_default=True, help="Lanes of each line.")
+@click.option("--samples", default=400, show_default=True, help="Lanes of each line.")
 def main(samples: int) -> None:
     """Three tables."""
     enable()
@@ -192,16 +181,16 @@ def main(samples: int) -> None:
     for name, keys in ASSUMPTIONS:
         cut, off, worst = outcome(pair(**keys), samples)
         print(f"{name:54} {cut:12.1%} {off:7.1%} {worst:17.3g}", flush=True)
-    print(f"\n{'attack on the ring':36} {'score':26} {'tick':>6}     off   worst error / ā")
+    print(f"\n{'attack on the ring':36} {'score':32} {'tick':>6}     off   worst error / ā")
     for name, attack in SIGNALS:
         for label, score in SCORES:
             for tick in (0.05, 0.0125):
                 _, off, worst = outcome(ring(attack, score, tick), samples)
-                print(f"{name:36} {label:26} {tick:6} {off:7.1%} {worst:17.3g}", flush=True)
+                print(f"{name:36} {label:32} {tick:6} {off:7.1%} {worst:17.3g}", flush=True)
     print("\nR(a) = 0 at every tick, Λ held\ntick [s]   Λ h / ā   worst error / ā")
     for tick in TICKS:
         size = MAGNITUDE * tick / TICKS[0]
-        study = pair(attack=between_ticks(tick, size), tick=tick, defence=WAKING)
+        study = pair(attack=between_ticks(tick, size), tick=tick)
         print(f"{tick:8} {2 * np.pi * size / MAGNITUDE:9.4g} {outcome(study, 20)[2]:17.4g}", flush=True)
 
 
