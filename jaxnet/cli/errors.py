@@ -1,4 +1,4 @@
-"""How a command ends: a user's mistakes with status 2 and a plain message, Ctrl-C with 130."""
+"""How a command ends: status 2 and a plain message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM."""
 
 import contextlib
 import errno
@@ -10,22 +10,29 @@ from collections.abc import Iterator
 
 import click
 
+STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 INTERRUPTED = 130
+KEPT = "what is finished is kept, the same command goes on"
 AGAIN = 0.5  # [s]
 NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
 
 
 @contextlib.contextmanager
-def interrupts() -> Iterator[None]:
-    """Have Ctrl-C raise KeyboardInterrupt, and again where that is ignored, as in a callback of gc."""
+def interrupts() -> Iterator[list[int]]:
+    """Have Ctrl-C and SIGTERM raise KeyboardInterrupt, and say which of them came.
 
-    def interrupt(*_: object) -> None:
+    It is raised again where it is ignored, as in a callback of gc.
+    """
+    came: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        came.append(number)
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
+    before = {number: signal.signal(number, interrupt) for number in (*STOPPED, signal.SIGALRM)}
     try:
-        yield
+        yield came
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
@@ -34,14 +41,15 @@ def interrupts() -> Iterator[None]:
 
 @contextlib.contextmanager
 def user_errors() -> Iterator[None]:
-    """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C."""
+    """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C, 143 on SIGTERM."""
     from jaxnet.config.document import ConfigError
     from jaxnet.kinds.registry import KindError, blaming
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError
 
+    came: list[int] = []
     try:
-        with interrupts(), warnings.catch_warnings(), blaming():
+        with interrupts() as came, warnings.catch_warnings(), blaming():
             warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
     except (ConfigError, FolderError, ClusterError, KindError) as error:
@@ -52,9 +60,24 @@ def user_errors() -> Iterator[None]:
     except OSError as error:
         if error.errno not in NOT_OURS and not isinstance(error, PermissionError):
             raise
-        click.echo(f"{error}; what is finished is kept, the same command goes on", err=True)
+        click.echo(f"{unwritten(error)}; {KEPT}{elsewhere()}", err=True)
         sys.exit(2)
     except KeyboardInterrupt:
-        click.echo("interrupted; what is finished is kept, the same command goes on", err=True)
+        number = came[0] if came else signal.SIGINT
+        click.echo(f"{STOPPED[number]}; {KEPT}", err=True)
         sys.stdout.flush()
-        os._exit(INTERRUPTED)  # not to wait for programs under way, whose lanes nobody will take
+        os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
+
+
+def unwritten(error: OSError) -> str:
+    """Which file cannot be written, and why; the error's own words where it does not say."""
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    return f"cannot write {error.filename}: {error.strerror}"
+
+
+def elsewhere() -> str:
+    """By which option the command writes to another place, if it has one."""
+    names = {option.name for option in click.get_current_context().command.params}
+    options = {"out": "--out", "mat": "--mat"}
+    return next((f"; {option} gives another place" for name, option in options.items() if name in names), "")
