@@ -45,22 +45,22 @@ def user_errors() -> Iterator[None]:
     from jaxnet.config.document import ConfigError
     from jaxnet.kinds.registry import KindError, blaming
     from jaxnet.runs.cluster import ClusterError
-    from jaxnet.store.folder import FolderError
+    from jaxnet.store.folder import FolderError, UnwrittenError
 
     came: list[int] = []
     try:
         with interrupts() as came, warnings.catch_warnings(), blaming():
             warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
+    except OSError as error:
+        if error.errno not in NOT_OURS and not isinstance(error, UnwrittenError | PermissionError):
+            raise
+        click.echo("; ".join(filter(None, (str(error), remedy()))), err=True)
+        sys.exit(2)
     except (ConfigError, FolderError, ClusterError, KindError) as error:
         click.echo(str(error), err=True)
         if isinstance(error, ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)
-        sys.exit(2)
-    except OSError as error:
-        if error.errno not in NOT_OURS and not isinstance(error, PermissionError):
-            raise
-        click.echo(f"{unwritten(error)}; {KEPT}{elsewhere()}", err=True)
         sys.exit(2)
     except KeyboardInterrupt:
         number = came[0] if came else signal.SIGINT
@@ -69,15 +69,9 @@ def user_errors() -> Iterator[None]:
         os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
 
 
-def unwritten(error: OSError) -> str:
-    """Which file cannot be written, and why; the error's own words where it does not say."""
-    if error.filename is None or error.strerror is None:
-        return str(error)
-    return f"cannot write {error.filename}: {error.strerror}"
-
-
-def elsewhere() -> str:
-    """By which option the command writes to another place, if it has one."""
+def remedy() -> str:
+    """What to do where a command cannot write: the same again if it resumes, or another place."""
     names = {option.name for option in click.get_current_context().command.params}
     options = {"out": "--out", "mat": "--mat"}
-    return next((f"; {option} gives another place" for name, option in options.items() if name in names), "")
+    elsewhere = [f"give another place with {options[name]}" for name in options if name in names]
+    return " or ".join([KEPT] * ("config" in names) + elsewhere)

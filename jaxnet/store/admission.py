@@ -53,7 +53,7 @@ def claim(folder: Folder, config: Config) -> None:
 def admit_made(folder: Folder, manifest: dict[str, Any]) -> None:
     """Have a folder say of which rows it holds what was made; a manifest tells of the rows.
 
-    Raises FolderError if it holds what was made of other rows, and OSError where it cannot be written.
+    Raises FolderError if it holds what was made of other rows, or cannot be written to.
     """
     rows_of = {entry: manifest[entry] for entry in ("hash", "samples")} | {
         "jaxnet": manifest["versions"]["jaxnet"]

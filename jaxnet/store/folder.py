@@ -55,6 +55,14 @@ class FolderError(ValueError):
     """A results folder that cannot be used for what was asked."""
 
 
+class UnwrittenError(OSError, FolderError):
+    """A file that cannot be written, with the system's error number and a message that names the file."""
+
+    def __str__(self) -> str:
+        """The message alone."""
+        return str(self.strerror)
+
+
 class TakenError(FolderError):
     """A folder that this process held, and may not write to any more."""
 
@@ -174,8 +182,7 @@ class Folder:
     def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
         """Have `write` make a file that has its name once it is whole and on the disk; its path.
 
-        Raises TakenError if another process holds the folder by then, and OSError, which names the file,
-        where it cannot be written.
+        Raises TakenError if another process holds the folder by then, and UnwrittenError.
         """
         final = self.path / name
         self.look()
@@ -189,8 +196,8 @@ class Folder:
                 final.fs.pipe_file(final.path, content.getvalue())
         except OSError as error:
             self.look()
-            error.filename, error.filename2 = str(final), None
-            raise
+            reason = f"cannot write {final}: {error.strerror or error}"
+            raise UnwrittenError(error.errno, reason) from error
         return final
 
     @contextlib.contextmanager

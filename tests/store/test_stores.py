@@ -282,7 +282,7 @@ def once(shards: int, url: str, action: Callable[[], Any]) -> Callable[..., None
     indirect=["url"],
 )
 def test_a_run_whose_folder_is_taken_over_writes_no_more(url, study, local, shards):
-    """After so many of its shards: no rows, arrays, tables or manifest; it says what there is, and goes on."""
+    """After so many of its shards: no rows, arrays, tables or manifest. The same command goes on."""
     before = []
 
     def take() -> None:
@@ -291,7 +291,7 @@ def test_a_run_whose_folder_is_taken_over_writes_no_more(url, study, local, shar
 
     with pytest.raises(TakenError, match="taken over by process 1 on Mars") as error:
         jaxnet.run(study, url, progress=once(shards, url, take))
-    assert shards == 2 or str(error.value).endswith(f"what it has written stays: {2 * shards} of 4 lanes")
+    assert shards != 1 or str(error.value).endswith("what it has written stays: 2 of 4 lanes")
     assert before == [files(url)]
     place(f"{url}/.lock").unlink()
     assert progress(study, url) == (2 * shards, 4)
