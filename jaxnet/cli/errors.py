@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import click
 
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-INTERRUPTED = 130
 KEPT = "what is finished is kept, the same command goes on"
 AGAIN = 0.5  # [s]
 NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours

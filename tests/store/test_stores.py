@@ -233,6 +233,19 @@ def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
         pass
 
 
+def test_a_folder_inside_is_lost_with_the_one_around_it(objects):
+    """Who writes there holds both."""
+    around = Folder(objects)
+    with around.writing():
+        inside = around.inside("worst/0")
+        with inside.writing():
+            inside.put("one", lambda file: file.write(b"mine"))
+            place(f"{objects}/.lock").write_bytes(OTHER)
+            with pytest.raises(TakenError, match=f"{objects} was taken over by process 1 on Mars"):
+                inside.put("one", lambda file: file.write(b"late"))
+    assert files(objects) == {"/.lock": OTHER, "/worst/0/one": b"mine"}
+
+
 def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
     """By the next, after a while without a sign of life."""
     monkeypatch.setattr(lock, "SILENCE", 0.3)
