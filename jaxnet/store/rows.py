@@ -147,9 +147,9 @@ def scan(
 
 
 def batch_of(study: str | None, found: Any) -> pa.RecordBatch:
-    """Rows of a scan, if their file's stamp is of this study; raises FolderError."""
-    stamp = (found.fragment.metadata.metadata or {}).get(STAMP, b"{}")
-    if study is not None and json.loads(stamp).get("study") != study:
+    """Rows of a scan; raises FolderError if their file's stamp is of another study."""
+    stamp = (found.fragment.metadata.metadata or {}).get(STAMP)
+    if study is not None and stamp is not None and json.loads(stamp)["study"] != study:
         raise FolderError(f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them")
     return found.record_batch
 
