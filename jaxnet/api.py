@@ -125,9 +125,14 @@ class Results(stored.Results):
         return tables.html(self)
 
 
-def open(path: Place) -> Results:
-    """Results of a folder that a run has made; raises FolderError."""
-    return Results(stored.open(path).path)
+def open(path: Place, out: Place | None = None) -> Results:
+    """Results of a folder that a run has made.
+
+    What is made of the rows (fits, figures, the report, replays) is written into the folder itself, or into
+    `out`. Raises FolderError if it is no such folder, or if `out` holds what was made of other rows.
+    """
+    found = stored.open(path, out)
+    return Results(found.path, found.out)
 
 
 def run(
@@ -214,11 +219,15 @@ def simulate(
     Raises ConfigError.
     """
     study = load(study, {} if samples is None else {"samples": samples})
-    root, name = "memory://jaxnet", uuid.uuid4().hex
-    results = Results(Folder(f"{root}/{name}").path)
-    weakref.finalize(results, Folder(root).remove, name)
+    results = Results(in_memory().path)
+    weakref.finalize(results, Folder(results.path.parent).remove, results.path.name)
     run(study, results.path, progress=progress, devices=devices)
     return results
+
+
+def in_memory() -> Folder:
+    """A new folder in this process's memory."""
+    return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
 
 
 def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tuple[VectorField, "Array"]:
@@ -271,7 +280,7 @@ def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps
     with folder.writing():
         claim(folder, study.config)
         yield analyse(study, folder, samples, told=told)
-        yield from figures.draw(stored.Results(folder.path), SENSITIVITY, told)
+        yield from figures.draw(stored.Results(folder.path, folder), SENSITIVITY, told)
 
 
 def rare(study: Source, points: SupportsInt = 1000, out: Place | None = None) -> pd.DataFrame:
@@ -321,9 +330,14 @@ def write_film(
     from jaxnet.view.page.trajectories import headings
 
     kind = film.file_kind(None if out is None else str(out))
-    place = UPath(out) if out else results.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
-    with Folder(results.path).writing():
+    place = UPath(out) if out else results.folder.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
+    if out:  # then nothing is written into the folder
+        results = stored.Results(results.path, in_memory())
+    with results.folder.writing():
         lane, graph = trajectory_of(results, cell, sample)
+        if out:
+            lane = lane.load()
+            results.folder.clear(["replays"])
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, graph, headings(lane["states"]))
     return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
@@ -336,7 +350,7 @@ def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]
     from jaxnet.view.figures import ULTIMATE
     from jaxnet.view.figures import every as figures
 
-    with Folder(results.path).writing():
+    with results.folder.writing():
         yield from ultimate.analyse(results, told)
         yield from figures.draw(results, ULTIMATE, told)
 
@@ -351,7 +365,7 @@ def write_figure(
     enable()
     from jaxnet.view.figures import every as figures
 
-    with Folder(results.path).writing():
+    with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         drawn = getattr(figures.Plots(results), name)(where, column)
         yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
@@ -365,9 +379,9 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
     from jaxnet.view import page
     from jaxnet.view.figures import every as figures
 
-    with Folder(results.path).writing():
+    with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
-        if ultimate.asked(results) and not (results.path / "fit.csv").exists():
+        if ultimate.asked(results) and not results.file("fit.csv").exists():
             yield from ultimate.analyse(results, told)
         yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
@@ -422,7 +436,7 @@ def write_search(
     from jaxnet.runs.cluster import crew
 
     with (
-        Folder(results.path).writing(),
+        results.folder.writing(),
         crew(results.path, workers, cluster, devices or cores(), chunk) as others,
     ):
         from jaxnet.engine.batch import Machine

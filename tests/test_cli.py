@@ -211,16 +211,17 @@ def test_mistakes_of_the_user_end_with_status_2(config, finished, tmp_path):
     assert jaxnet_does("run", config, "--outt", "x").exit_code == 2
 
 
-def test_an_interrupt_that_is_ignored_comes_again(monkeypatch):
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_that_is_ignored_comes_again(monkeypatch, number, status):
     """As one is that falls into a callback of the garbage collector; the handlers are put back."""
-    statuses, before = [], signal.getsignal(signal.SIGINT)
+    statuses, before = [], signal.getsignal(number)
     monkeypatch.setattr(os, "_exit", statuses.append)
     with errors.user_errors():
         with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
         time.sleep(20 * errors.AGAIN)
-    assert statuses == [errors.INTERRUPTED]
-    assert signal.getsignal(signal.SIGINT) is before
+    assert statuses == [status]
+    assert signal.getsignal(number) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 

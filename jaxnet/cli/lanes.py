@@ -4,8 +4,8 @@ import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
+from jaxnet.cli.results import out_option, results_argument
 
-results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
 cell_option = click.option(
     "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
 )
@@ -19,10 +19,11 @@ sample_option = click.option(
 @cell_option
 @sample_option
 @click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
-def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
+@out_option
+def replay(results: str, cell: int, sample: int, engine: str | None, out: str | None) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, out)
         from jaxnet.view.text import tables
 
         again = opened.replay(cell, sample, engine)

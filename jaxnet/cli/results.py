@@ -12,6 +12,9 @@ from jaxnet.view.figures import COLUMNS, NAMES
 FORMATS = ("text", "csv", "markdown", "latex")
 
 results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
+out_option = click.option(
+    "--out", metavar="DIR", type=click.Path(), help="Where to write, if not into RESULTS."
+)
 format_option = click.option(
     "--format",
     "form",
@@ -60,13 +63,14 @@ def list_results(folder: str) -> None:
 
 @click.command()
 @results_argument
-def fit(results: str) -> None:
+@out_option
+def fit(results: str, out: str | None) -> None:
     """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, out)
         from jaxnet.api import write_fits
         from jaxnet.view.text import progress, slopes
 
@@ -78,15 +82,16 @@ def fit(results: str) -> None:
 
 @click.command()
 @results_argument
+@out_option
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
-def report(results: str, shown: bool) -> None:
+def report(results: str, out: str | None, shown: bool) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
     dozen cells at most, and the worst of the study if it has `recovery`.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, out)
         from jaxnet.api import write_report
         from jaxnet.view.text import progress
 
@@ -94,7 +99,7 @@ def report(results: str, shown: bool) -> None:
             for path in write_report(opened, told):
                 click.echo(f"wrote {path}", err=True)
         if shown:
-            show_page(opened.path / "report.html")
+            show_page(opened.folder.path / "report.html")
 
 
 def show_page(page: Any) -> None:
@@ -121,13 +126,14 @@ def show_page(page: Any) -> None:
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
 )
-def figure(results: str, name: str, where: tuple[str, ...], column: str) -> None:
+@out_option
+def figure(results: str, name: str, where: tuple[str, ...], column: str, out: str | None) -> None:
     """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS.
 
     A choice of cells, and a narrow figure, are told by the files' names.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, out)
         from jaxnet.api import write_figure
 
         for path in write_figure(opened, name, wanted(where), column):

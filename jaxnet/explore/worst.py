@@ -203,7 +203,7 @@ def search_each(
 
     A crew searches cells side by side, each to its end, before anything is written of all.
     """
-    folder, study = Folder(results.path), results.study
+    folder, study = results.folder, results.study
     config = study.config
     assert config.search is not None
     if crew is not None:
@@ -219,7 +219,7 @@ def search_each(
         told(f"{cell}: again from other starts", config.search.budget, config.search.budget)
         choice = hunt.alone()
         found.append(hunt.worst(choice, results))
-        yield alone.simulated(choice, Folder(results.path / "worst" / str(cell.number)), machine)
+        yield alone.simulated(choice, folder.inside(f"worst/{cell.number}"), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
         tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
@@ -231,16 +231,16 @@ def search_each(
 def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
     """Cells searched by a crew, as they end; their numbers."""
     config = results.study.config
-    task = functools.partial(search_cell, results.path.absolute(), machine.chunk)
+    task = functools.partial(search_cell, results.folder.absolute(), machine.chunk)
     cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
     yield from crew.deal(task, registry.provenance(plain(config)), cells)
 
 
-def search_cell(path: UPath, chunk: int | None, number: int) -> int:
+def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
     """On a worker: search in one cell to its end, and keep what came of it; its number."""
-    results, machine = Results(path), Machine(1, chunk)
+    results, machine = Results(folder.path), Machine(1, chunk)
     cell = results.study.cells[number]
-    hunt = Hunt(results.study.config, cell, Folder(path), machine)
+    hunt = Hunt(results.study.config, cell, folder, machine)
     for _ in hunt.generations():
         pass
     hunt.worst(hunt.alone(), results)

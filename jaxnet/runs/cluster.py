@@ -275,6 +275,7 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
     def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
         nonlocal ended
         ended += lanes
+        work.folder.look()
         if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
             raise FolderError(
                 f"worker {get_worker().address} does not see this study in {work.folder.path}:"

@@ -17,7 +17,7 @@ from jaxnet.model.graph import Digraph
 from jaxnet.statistics import recovery
 from jaxnet.store import lane_store, layout, rows
 from jaxnet.store.arrays import open_store
-from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.folder import FolderError
 from jaxnet.store.layout import Shard
 from jaxnet.store.results import Results
 
@@ -36,13 +36,12 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     source = source_of(study.config, study.cells[cell].scenario)
     lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
     outcome = batch.simulate(lane, machine)
-    path, folder = path_of(results, cell, sample, engine), Folder(results.path)
+    store = store_of(results, cell, sample, engine)
     for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
-        file = str((path / name).relative_to(results.path))
-        folder.put(file, lambda file, content=content: file.write(content))
+        results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
     row = rows.table_of(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
-    return path, row.to_pandas().iloc[0]
+    return results.folder.path / store, row.to_pandas().iloc[0]
 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
@@ -70,7 +69,7 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:
     """One lane's trajectory by the study's own engine, if it was replayed or is stored with the others."""
-    path = path_of(results, cell, sample)
+    path = results.file(store_of(results, cell, sample))
     if (path / "zarr.json").exists():
         return open_store(path).isel(lane=0)
     if not (results.path / "trajectories.zarr").exists():
@@ -82,11 +81,11 @@ def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | 
     return data.isel(lane=int(np.flatnonzero(mine)[0])) if mine.any() else None
 
 
-def path_of(results: Results, cell: int, sample: int, engine: str | None = None) -> UPath:
-    """Where a replayed lane is stored, by the study's own engine or another."""
+def store_of(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
+    """The store of a replayed lane, by the study's own engine or another."""
     own = results.study.cells[cell].scenario.engine.reference()
     other = "" if engine in (None, own) else f"-{engine}"
-    return results.path / "replays" / f"cell-{cell}-sample-{sample}{other}.zarr"
+    return f"replays/cell-{cell}-sample-{sample}{other}.zarr"
 
 
 def worst_of(results: Results) -> list[tuple[int, int]]:

@@ -26,7 +26,7 @@ from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
-from jaxnet.store.folder import DERIVED, Folder, FolderError, digest, versions
+from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError, digest, versions
 from jaxnet.store.layout import Shard
 
 Report = Callable[[Tally], None]
@@ -95,38 +95,40 @@ class Run:
         simulated = self.simulate(mine, self.work(None), tally)
         return len(mine), simulated, tally.failed
 
+    def about(self, samples: int) -> dict[str, Any]:
+        """Entries of the manifest that say what the folder holds once the run is through."""
+        return {
+            "hash": digest(self.study),
+            "seed": self.study.seed,
+            "versions": versions(),
+            "modules": {name: made_of._asdict() for name, made_of in self.modules.items()},
+            "device": jax.devices()[0].device_kind,
+            "chunk": self.machine.chunk,
+            "cells": len(self.cells),
+            "samples": samples,
+            "shard_size": self.size,
+            "save": plain(self.study.save),
+        }
+
     def begin(self, samples: int) -> None:
         """Say in the manifest what is going to be in the folder."""
-        save = plain(self.study.save)
-        same = self.folder.manifest.get("save") == save and self.folder.manifest.get("samples") == samples
-        self.folder.write_manifest(
-            hash=digest(self.study),
-            seed=self.study.seed,
-            versions=versions(),
-            modules={name: made_of._asdict() for name, made_of in self.modules.items()},
-            device=jax.devices()[0].device_kind,
-            chunk=self.machine.chunk,
-            cells=len(self.cells),
-            samples=samples,
-            shard_size=self.size,
-            save=save,
-            finished=same and self.folder.manifest["finished"],
-        )
+        about, before = self.about(samples), self.folder.manifest
+        same = all(before.get(entry) == about[entry] for entry in ("save", "samples"))
+        self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
         """Make room for so many samples in the stores that are filled shard by shard; their identities."""
-        stores = layout.filled_stores(self.cells, self.study.save)
-        return {
-            name: arrays.identity(
-                arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
-            )
-            for name, variables in stores.items()
-        }
+        identities = {}
+        for name, variables in layout.filled_stores(self.cells, self.study.save).items():
+            self.folder.look()
+            store = arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
+            identities[name] = arrays.identity(store)
+        return identities
 
     def work(self, filled: dict[str, str] | None) -> Assignment:
         """What every shard takes."""
         return Assignment(
-            Folder(self.folder.path.absolute()),
+            self.folder.absolute(),
             digest(self.study),
             self.study,
             self.size,
@@ -161,8 +163,12 @@ class Run:
             tally.under_way += lanes
             self.progress(tally)
 
-        for done in self.crew(work, todo, load_done):
-            self.tell(tally, [done])
+        try:
+            for done in self.crew(work, todo, load_done):
+                self.tell(tally, [done])
+        except TakenError as error:
+            there = sum(each.lanes for each in tally.shards.values())
+            raise TakenError(f"{error}: {there:,} of {tally.total:,} lanes") from error
         return len(todo)
 
     def tell(self, tally: Tally, found: Sequence[Done]) -> None:
@@ -194,8 +200,9 @@ class Run:
         self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
-            taken.unlink()
-        self.folder.write_manifest(
+            self.folder.remove(f"lanes/{taken.name}")
+        self.folder.write_manifest(  # all of it once more: an earlier holder's may have arrived late
+            **self.about(samples),
             lanes={"total": total, "ok": total - failed, "failed": failed},
             wall_seconds=round(self.before.get("wall_seconds", 0.0) + time.monotonic() - self.began, 3),
             finished=True,
@@ -222,8 +229,10 @@ class Run:
             source = source_of(self.study, cell.scenario)
             one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
+            self.folder.look()
             lane_store.write_lanes(store, first, cell, variables, series)
             first += len(samples)
+        self.folder.look()
         lane_store.seal(store, path, variables, len(lanes))
 
 

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import pyarrow as pa
-from upath import UPath
 
 import jaxnet
 from jaxnet.config.keys import Config
@@ -147,6 +146,7 @@ def fill(
     """Write a shard's arrays into the stores; the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
+        work.folder.look()
         arrays.write(stores[name], (shard.cell.number, samples), {key: values[key] for key in variables})
         checksums |= arrays.checksums(work.folder.path / name, variables, chunk_of(work, shard))
     return checksums
@@ -157,9 +157,9 @@ def chunk_of(work: Assignment, shard: Shard) -> tuple[int, int]:
     return shard.cell.number, shard.samples.start // work.size
 
 
-def path_beside(work: Assignment, number: int) -> UPath:
+def name_beside(number: int) -> str:
     """The file beside a shard's rows that holds its arrays until they are taken into the stores."""
-    return (work.folder.path / rows.name_of(number)).with_suffix(".npz")
+    return rows.name_of(number).replace(".parquet", ".npz")
 
 
 def put_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
@@ -168,8 +168,7 @@ def put_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) ->
         return {}
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **values)
-    name = str(path_beside(work, shard.number).relative_to(work.folder.path))
-    work.folder.put(name, lambda file: file.write(content.getbuffer()))
+    work.folder.put(name_beside(shard.number), lambda file: file.write(content.getbuffer()))
     return {BESIDE: zlib.crc32(content.getbuffer())}
 
 
@@ -191,8 +190,8 @@ def there(work: Assignment, shard: Shard) -> Done | None:
     except FileNotFoundError:
         return None
     except TornError as error:
-        path.unlink(missing_ok=True)
-        path_beside(work, shard.number).unlink(missing_ok=True)
+        work.folder.remove(rows.name_of(shard.number))
+        work.folder.remove(name_beside(shard.number))
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
     return work.done(shard, table)
@@ -230,13 +229,13 @@ def take_in(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bo
         stores = {name: arrays.opened(work.folder.path / name) for name in work.stores}
         checksums = fill(work, shard, values, stores)
     rows.write_rows(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
-    path_beside(work, shard.number).unlink()
+    work.folder.remove(name_beside(shard.number))
     return True
 
 
 def beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
     """The arrays beside a shard's rows, none if there is no file of them; raises TornError."""
-    path = path_beside(work, shard.number)
+    path = work.folder.path / name_beside(shard.number)
     if BESIDE not in stamp.checksums or not path.exists():
         return {}
     content = path.read_bytes()

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from upath import UPath
 
-from jaxnet.runs.replay import path_of, replay, worst_of
+from jaxnet.runs.replay import replay, store_of, worst_of
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import layout, rows
 from jaxnet.store.arrays import open_store
@@ -71,9 +71,9 @@ def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
     for done, ((cell, sample), engine) in enumerate(wanted.items()):
         told("lanes simulated again", done, len(wanted))
-        path = path_of(results, cell, sample, engine)
+        path = results.file(store_of(results, cell, sample, engine))
         if not (path / "zarr.json").exists():
-            replay(results, cell, sample, engine)
+            path, _ = replay(results, cell, sample, engine)
         yield path
 
 
@@ -94,7 +94,12 @@ def watched(results: Results) -> list[Watched]:
 
 def replayed(results: Results) -> Iterator[Watched]:
     """Those in `replays/` that the study has."""
-    for path in sorted(file.parent for file in results.path.glob("replays/cell-*.zarr/zarr.json")):
+    places = (
+        folder.glob("replays/cell-*.zarr/zarr.json")
+        for folder in dict.fromkeys((results.folder.path, results.path))
+    )
+    stores = {file.parent.name: file.parent for found in places for file in found}
+    for path in (stores[name] for name in sorted(stores)):
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
         if named is None or int(named[1]) >= len(results.study.cells):
             continue

@@ -132,7 +132,7 @@ TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"),
 
 def stored_table(results: Results, name: str) -> pd.DataFrame:
     """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
-    file = results.path / f"{name}.csv"
+    file = results.file(f"{name}.csv")
     if not file.exists():
         empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
         return empty.astype({key: TYPES[key] for key in COLUMNS[name]})

@@ -9,7 +9,6 @@ from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.statistics.steps import Steps, untold
-from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
 
 
@@ -25,10 +24,9 @@ def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
         "violations.csv": lambda: bounds.violations(results),
         "fit.csv": lambda: fit.table(results, told),
     }
-    folder = Folder(results.path)
     for name, table in tables.items():
         made = table()
-        yield folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
+        yield results.folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
 
 
 def asked(results: Results) -> bool:

@@ -1,5 +1,6 @@
 """Which folders a study may go into: an empty one, or one that holds the same study, by the same version."""
 
+import json
 import re
 from textwrap import shorten
 from typing import Any
@@ -10,10 +11,11 @@ from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.store import rows
-from jaxnet.store.folder import Folder, FolderError, digest, unhashed, versions
+from jaxnet.store.folder import OURS, Folder, FolderError, digest, unhashed, versions
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 REMEDY = "give another folder with --out, or replace its results with --fresh"
+MADE_OF = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
 LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 
@@ -46,6 +48,30 @@ def claim(folder: Folder, config: Config) -> None:
             samples=0,
             finished=False,
         )
+
+
+def admit_made(folder: Folder, manifest: dict[str, Any]) -> None:
+    """Have a folder say of which rows it holds what was made; a manifest tells of the rows.
+
+    Raises FolderError if it holds what was made of other rows, or cannot be written to.
+    """
+    rows_of = {entry: manifest[entry] for entry in ("hash", "samples")} | {
+        "jaxnet": manifest["versions"]["jaxnet"]
+    }
+    file = folder.path / MADE_OF
+    if file.exists():
+        try:
+            same = json.loads(file.read_text()) == rows_of
+        except ValueError:
+            same = False
+        if not same:
+            raise FolderError(
+                f"{folder.path} holds what was made of other rows: give another folder with --out"
+            )
+        return
+    if taken := [name for name in OURS if (folder.path / name).exists()]:
+        raise FolderError(f"{folder.path} holds {taken[0]} of something else: give another folder with --out")
+    folder.put(MADE_OF, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
 
 
 def held(folder: Folder) -> tuple[str | None, str | None]:

@@ -2,7 +2,7 @@
 
 It is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`, `gs://…`).
 A file is written under a temporary name and then renamed, an object is put whole, so a reader sees it whole
-or not at all.
+or not at all. Who holds the folder is read before each write (`lock`).
 """
 
 import contextlib
@@ -53,6 +53,18 @@ PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 class FolderError(ValueError):
     """A results folder that cannot be used for what was asked."""
+
+
+class UnwrittenError(OSError, FolderError):
+    """A file that cannot be written, with the system's error number and a message that names the file."""
+
+    def __str__(self) -> str:
+        """The message alone."""
+        return str(self.strerror)
+
+
+class TakenError(FolderError):
+    """A folder that this process held, and may not write to any more."""
 
 
 def unhashed(config: Config) -> tuple[str, ...]:
@@ -113,8 +125,8 @@ def reach(path: UPath) -> None:
         raise FolderError(f"{path}: {error}") from error
 
 
-def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Have a file written under a temporary name, and rename it."""
+def put_file(final: Path, write: Callable[[BinaryIO], Any], look: Callable[[], None]) -> None:
+    """Have a file written under a temporary name, and rename it after a look."""
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -122,16 +134,34 @@ def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
             write(file)
             file.flush()
             os.fsync(file.fileno())
+        look()
         temporary.rename(final)
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # where nothing can be written, nothing can be removed
+            temporary.unlink(missing_ok=True)
 
 
 class Folder:
-    """One results folder."""
+    """One results folder, and the locks under which this process, or who sent it here, writes to it."""
 
-    def __init__(self, path: str | Path | UPath):
-        self.path = place(path)
+    def __init__(self, path: str | Path | UPath, holds: tuple[lock.Hold, ...] = ()):
+        self.path, self.holds = place(path), holds
+
+    def absolute(self) -> "Folder":
+        """The same folder, under the same locks, for a process that runs elsewhere."""
+        return Folder(self.path.absolute(), self.holds)
+
+    def inside(self, name: str) -> "Folder":
+        """A folder in this one, under the same locks."""
+        return Folder(self.path / name, self.holds)
+
+    def look(self) -> None:
+        """Raise TakenError unless all locks are still there under which this process writes."""
+        for hold in self.holds:
+            if why := hold.lost():
+                raise TakenError(
+                    f"{hold.file.parent} {why}: this process writes no more; what it has written stays"
+                )
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -150,38 +180,56 @@ class Folder:
         self.put("manifest.json", lambda file: file.write(text.encode()))
 
     def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
-        """Have `write` make a file that has its name once it is whole and on the disk; its path."""
+        """Have `write` make a file that has its name once it is whole and on the disk; its path.
+
+        Raises TakenError if another process holds the folder by then, and UnwrittenError.
+        """
         final = self.path / name
-        if isinstance(final, Path):
-            put_file(final, write)
-        else:
-            content = io.BytesIO()
-            write(content)
-            final.fs.pipe_file(final.path, content.getvalue())
+        self.look()
+        try:
+            if isinstance(final, Path):
+                put_file(final, write, self.look)
+            else:
+                content = io.BytesIO()
+                write(content)
+                self.look()
+                final.fs.pipe_file(final.path, content.getvalue())
+        except OSError as error:
+            self.look()
+            reason = f"cannot write {final}: {error.strerror or error}"
+            raise UnwrittenError(error.errno, reason) from error
         return final
 
     @contextlib.contextmanager
     def writing(self, alone: bool = True) -> Iterator[None]:
         """Hold the folder, as its one writer or as one of those that write some shards each.
 
-        Raises FolderError if another one holds it.
+        Meanwhile each write looks whether it still does. Raises FolderError if another process holds it, or
+        nothing can be written there.
         """
+        before = self.holds
         with contextlib.ExitStack() as stack:
             try:
-                stack.enter_context(lock.held(self.path, alone))
+                hold = stack.enter_context(lock.held(self.path, alone))
             except lock.HeldError as error:
                 raise FolderError(f"{self.path} is being written by {error}") from error
             except (OSError, NotImplementedError) as error:
+                reason = getattr(error, "strerror", None) or error
                 raise FolderError(
-                    f"{self.path} cannot be a results folder: {getattr(error, 'strerror', None) or error}"
+                    f"{self.path} cannot be written to: {reason}; give another folder with --out"
                 ) from error
-            yield
+            self.holds = (*before, hold)
+            try:
+                yield
+            finally:
+                self.holds = before
 
     def remove_torn(self) -> None:
         """Remove what a writer that was killed had not yet given its name; objects have theirs at once."""
         if not isinstance(self.path, Path):
             return
         files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
+        self.look()
         for name in (*(f".{name}.*" for name in files), "lanes/.*.*.*"):
             for torn in self.path.glob(name):
                 torn.unlink(missing_ok=True)
@@ -194,6 +242,7 @@ class Folder:
     def remove(self, name: str) -> None:
         """Remove a file, or a folder with all that is in it, if it is there."""
         target = self.path / name
+        self.look()
         if target.is_dir():
             target.fs.rm(target.path, recursive=True)
         else:

@@ -14,7 +14,7 @@ from upath import UPath
 from jaxnet.config.study import Study, load
 from jaxnet.kinds import registry
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import changed_modules
+from jaxnet.store.admission import admit_made, changed_modules
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
 
@@ -27,6 +27,7 @@ class Results:
     """A results folder, read when asked."""
 
     path: UPath
+    out: Folder | None = None  # where what is made of the rows is written, if not into the folder itself
 
     def __repr__(self) -> str:
         """One line."""
@@ -47,6 +48,16 @@ class Results:
     def manifest(self) -> dict[str, Any]:
         """What `manifest.json` says."""
         return Folder(self.path).manifest
+
+    @cached_property
+    def folder(self) -> Folder:
+        """Where what is made of the rows is written."""
+        return self.out or Folder(self.path)
+
+    def file(self, name: str) -> UPath:
+        """Where a file or store is that was made of the rows: in `out`, or else in the folder."""
+        made = self.folder.path / name
+        return made if made.exists() else self.path / name
 
     @cached_property
     def lanes(self) -> pd.DataFrame:
@@ -123,10 +134,11 @@ class Results:
 
     def table(self, name: str, remedy: str = "") -> pd.DataFrame:
         """A table that is made when it is asked for; raises FolderError if it is not there."""
-        if not (self.path / name).exists():
+        file = self.file(name)
+        if not file.exists():
             remedy = remedy or f"jaxnet fit {self.path} makes it, or Results.fit()"
             raise FolderError(f"{self.path} has no {name}: {remedy}")
-        return read_table(self.path / name)
+        return read_table(file)
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
         """What to type to see one lane again."""
@@ -180,8 +192,11 @@ def read_table(path: UPath) -> pd.DataFrame:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(path: str | Path | UPath) -> Results:
-    """Results of a folder that a run has made; raises FolderError."""
+def open(path: str | Path | UPath, out: str | Path | UPath | None = None) -> Results:
+    """Results of a folder that a run has made; what is made of them goes into `out`, if that is given.
+
+    Raises FolderError if it is no such folder, or if `out` holds what was made of other rows.
+    """
     folder = Folder(path)
     rows_there = any(folder.path.glob("lanes/*.parquet"))
     if not folder.manifest and not rows_there:
@@ -190,4 +205,8 @@ def open(path: str | Path | UPath) -> Results:
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
-    return Results(folder.path)
+    if out is None:
+        return Results(folder.path)
+    made = Folder(out)
+    admit_made(made, folder.manifest)
+    return Results(folder.path, made)

@@ -124,7 +124,7 @@ def scan(
 
     One pass over the shards' files, with one cell's rows in memory; cells without rows are passed over, and
     so are samples beyond those of the shards, which a part of a longer run may have written.
-    Raises FolderError if a file cannot be read.
+    Raises FolderError if a file cannot be read, or holds lanes of another study than the manifest tells of.
     """
     if not shards:
         return
@@ -136,12 +136,22 @@ def scan(
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
     try:
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
-        found = data.to_batches(columns=wanted, filter=within if where is None else within & where)
+        scanner = data.scanner(columns=wanted, filter=within if where is None else within & where)
+        study = folder.manifest.get("hash")
+        found = (batch_of(study, each) for each in scanner.scan_batches())
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
     except (pa.ArrowException, OSError) as error:
         raise FolderError(f"{folder.path}: {error}; jaxnet run simulates again what is torn") from error
+
+
+def batch_of(study: str | None, found: Any) -> pa.RecordBatch:
+    """Rows of a scan; raises FolderError if their file's stamp is of another study."""
+    stamp = (found.fragment.metadata.metadata or {}).get(STAMP)
+    if study is not None and stamp is not None and json.loads(stamp)["study"] != study:
+        raise FolderError(f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them")
+    return found.record_batch
 
 
 def read_all(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import math
 import pickle
+import shutil
 
 import jax
 import numpy as np
@@ -19,6 +20,7 @@ from jaxnet.explore.search import Trials, searched
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
+from jaxnet.store.folder import TakenError
 from tests import systems
 
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
@@ -174,6 +176,27 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     assert again.worst.equals(results.worst)
     assert again.searched.equals(results.searched)
     assert len(simulated) == len(results.searched)
+
+
+@pytest.mark.parametrize("when", ["again from other starts", "tail_max"])
+def test_a_search_whose_folder_is_taken_over_writes_no_more(whole, tmp_path, when):
+    """Neither what it has tried nor what it has found."""
+    shutil.copytree(whole[0].path, tmp_path / "s", ignore=shutil.ignore_patterns("search*", "worst*"))
+    before = []
+
+    def take(what, *_):
+        if when in what and not before:
+            (tmp_path / "s" / ".lock").write_bytes(b'{"owner": "process 1 on Mars"}')
+            before.append(contents(tmp_path / "s"))
+
+    with pytest.raises(TakenError, match="was taken over by process 1 on Mars"):
+        list(api.write_search(jaxnet.open(tmp_path / "s"), take))
+    assert before == [contents(tmp_path / "s")]
+
+
+def contents(folder):
+    """All files in a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 class Here(cluster.Cluster):

@@ -23,7 +23,7 @@ import jaxnet
 from jaxnet.runs import cluster
 from jaxnet.runs.cluster import ClusterError
 from jaxnet.store import arrays, layout
-from jaxnet.store.folder import FolderError
+from jaxnet.store.folder import FolderError, TakenError
 
 STUDY = {
     "name": "parted",
@@ -289,25 +289,48 @@ def members(group):
     return [pid for number, state, pid in rows if int(number) == group and not state.startswith("Z")]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_client_that_is_stopped(config, whole, tmp_path, number):
     """Its workers go with it, what is finished is kept, and the same command goes on."""
     out = tmp_path / "out"
     client = command(config, out, "samples=3000", "--workers", "2")
     awaited(lambda: len(done(out)) > 1)
     assert len(members(client.pid)) > 2
-    os.killpg(client.pid, number) if number == signal.SIGINT else client.kill()
+    os.killpg(client.pid, number) if number == signal.SIGINT else client.send_signal(number)
     _, said = client.communicate(timeout=WAIT)
     awaited(lambda: not members(client.pid))
     assert len(done(out)) < SHARDS
-    if number == signal.SIGINT:
-        assert client.returncode == 130
-        assert said == "interrupted; what is finished is kept, the same command goes on\n"
+    if number != signal.SIGKILL:
+        status, word = {signal.SIGINT: (130, "interrupted"), signal.SIGTERM: (143, "terminated")}[number]
+        assert client.returncode == status
+        assert said == f"{word}; what is finished is kept, the same command goes on\n"
     kept = {path: path.stat().st_mtime_ns for path in done(out)}
     results = jaxnet.run(jaxnet.load(config, {"samples": 3000}), out)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     rows = results.lanes
     assert len(rows) == SHARDS * 3000
+    first = rows[rows["sample"] < 256].reset_index(drop=True)
+    pd.testing.assert_frame_equal(first, whole.lanes, check_exact=True)
+
+
+def test_workers_whose_client_has_lost_the_folder_write_no_more(study, whole, tmp_path):
+    """They look at the lock themselves, and the client tells of it; the same run goes on."""
+    out, before = tmp_path / "out", {}
+
+    def take(*_):
+        if done(out) and not before:
+            (out / ".lock").write_bytes(b'{"owner": "process 1 on Mars"}')
+            time.sleep(0.2)  # for a file that is being renamed
+            before.update({path: path.stat().st_mtime_ns for path in done(out)})
+
+    longer = jaxnet.load(STUDY, {"samples": 3000})
+    with pytest.raises(
+        TakenError, match="was taken over by process 1 on Mars at an unknown time: this process"
+    ):
+        jaxnet.run(longer, out, progress=take, workers=2)
+    assert {path: path.stat().st_mtime_ns for path in done(out)} == before
+    assert 0 < len(before) < SHARDS
+    rows = jaxnet.run(longer, out).lanes
     first = rows[rows["sample"] < 256].reset_index(drop=True)
     pd.testing.assert_frame_equal(first, whole.lanes, check_exact=True)
 

@@ -6,7 +6,7 @@ import os
 import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import boto3
@@ -27,7 +27,7 @@ from jaxnet.store import folder as folders
 from jaxnet.store import lock
 from jaxnet.store.admission import admit
 from jaxnet.store.arrays import store_at
-from jaxnet.store.folder import Folder, FolderError, place
+from jaxnet.store.folder import Folder, FolderError, TakenError, place
 from jaxnet.store.results import Results
 
 STUDY = {
@@ -41,7 +41,7 @@ STUDY = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "trajectories": "all"},
 }
-OTHER = b'{"owner": "process 1 on Mars"}'  # what a lock holds
+OTHER = b'{"owner": "process 1 on Mars", "since": "2026-01-02 03:04:05 UTC"}'  # what a lock holds
 
 
 @pytest.fixture(scope="module")
@@ -233,6 +233,19 @@ def test_one_who_lives_is_not_disturbed(objects, monkeypatch):
         pass
 
 
+def test_a_folder_inside_is_lost_with_the_one_around_it(objects):
+    """Who writes there holds both."""
+    around = Folder(objects)
+    with around.writing():
+        inside = around.inside("worst/0")
+        with inside.writing():
+            inside.put("one", lambda file: file.write(b"mine"))
+            place(f"{objects}/.lock").write_bytes(OTHER)
+            with pytest.raises(TakenError, match=f"{objects} was taken over by process 1 on Mars"):
+                inside.put("one", lambda file: file.write(b"late"))
+    assert files(objects) == {"/.lock": OTHER, "/worst/0/one": b"mine"}
+
+
 def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
     """By the next, after a while without a sign of life."""
     monkeypatch.setattr(lock, "SILENCE", 0.3)
@@ -244,20 +257,94 @@ def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
         assert files(objects) == {}
 
 
+def taken_over(path: str) -> None:
+    """Have another hold the folder, whose lock stays."""
+    for _ in range(5):  # a beat that is under way may overwrite one
+        Folder(path).put(".lock", lambda file: file.write(OTHER))
+        time.sleep(0.1)
+
+
 def test_one_who_was_taken_for_dead_stops(objects, monkeypatch):
-    """He is interrupted, and the other keeps the folder."""
+    """It writes and removes nothing any more, says why, and the other keeps the folder."""
     monkeypatch.setattr(lock, "BEAT", 0.05)
+    folder = Folder(objects)
+    with folder.writing():
+        folder.put("one", lambda file: file.write(b"mine"))
+        taken_over(objects)
+        words = "was taken over by process 1 on Mars at 2026-01-02 03:04:05 UTC: this process writes no more"
+        for write in (lambda: folder.put("one", lambda file: file.write(b"late")), folder.clear):
+            with pytest.raises(TakenError, match=f"{objects} {words}; what it has written stays"):
+                write()
+    assert files(objects) == {"/.lock": OTHER, "/one": b"mine"}
 
-    def held_until_taken() -> None:
-        with Folder(objects).writing():
-            for _ in range(200):  # as the other's beats do: one alone may be overwritten by a beat under way
-                Folder(objects).put(".lock", lambda file: file.write(OTHER))
-                time.sleep(0.1)
 
-    with pytest.warns(UserWarning, match="taken over by process 1 on Mars"):  # noqa: SIM117
-        with pytest.raises(KeyboardInterrupt):
-            held_until_taken()
-    assert files(objects) == {"/.lock": OTHER}
+def once(shards: int, url: str, action: Callable[[], Any]) -> Callable[..., None]:
+    """A display of progress that does something once, when so many shards are there."""
+    done = []
+
+    def display(*_: int) -> None:
+        if not done and len(list(place(url).glob("lanes/*.parquet"))) == shards:
+            done.append(action())
+
+    return display
+
+
+@pytest.mark.parametrize(
+    ("url", "shards"),
+    [("s3", 1), ("memory", 1), ("file", 0), ("file", 1), ("file", 2)],
+    indirect=["url"],
+)
+def test_a_run_whose_folder_is_taken_over_writes_no_more(url, study, local, shards):
+    """After so many of its shards: no rows, arrays, tables or manifest. The same command goes on."""
+    before = []
+
+    def take() -> None:
+        place(f"{url}/.lock").write_bytes(OTHER)
+        before.append(files(url))
+
+    with pytest.raises(TakenError, match="taken over by process 1 on Mars") as error:
+        jaxnet.run(study, url, progress=once(shards, url, take))
+    assert shards != 1 or str(error.value).endswith("what it has written stays: 2 of 4 lanes")
+    assert before == [files(url)]
+    place(f"{url}/.lock").unlink()
+    assert progress(study, url) == (2 * shards, 4)
+    assert_equal(jaxnet.open(url), local)
+
+
+@pytest.mark.parametrize("url", ["memory", "file"], indirect=True)
+def test_a_part_stops_where_one_wants_the_folder_alone(url, study, local):
+    """Before its next shard, and the other finds what the part has finished."""
+    take = once(1, url, lambda: place(f"{url}/.lock").write_bytes(OTHER))
+    with pytest.raises(TakenError, match="taken over by process 1 on Mars"):
+        jaxnet.run_part(study, 0, 1, url, progress=take)
+    assert {*files(url)} == {"/.lock", "/lanes/00000.npz", "/lanes/00000.parquet"}
+    place(f"{url}/.lock").unlink()
+    assert progress(study, url) == (2, 4)
+    assert_equal(jaxnet.open(url), local)
+
+
+@pytest.mark.parametrize("url", ["memory", "file"], indirect=True)
+def test_a_folder_that_is_removed_ends_its_run(url, study):
+    """Nothing is made in its place."""
+    remove = once(1, url, lambda: place(url).fs.rm(place(url).path, recursive=True))
+    with pytest.raises(TakenError, match=rf"{place(url)} was removed, or its \.lock was: this process"):
+        jaxnet.run(study, url, progress=remove)
+    assert not place(url).exists()
+
+
+@pytest.mark.parametrize("url", ["memory", "file"], indirect=True)
+def test_rows_of_another_study_that_arrive_late_are_not_counted(url, study):
+    """No table is made of them, and a run replaces them."""
+    results = jaxnet.run(study, url)
+    whole = results.lanes
+    other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), f"{url}-other")
+    late = "lanes/00001.parquet"
+    (results.path / late).write_bytes((other.path / late).read_bytes())
+    with pytest.raises(FolderError, match=r"00001\.parquet holds lanes of another study; jaxnet run"):
+        _ = jaxnet.open(url).lanes
+    with pytest.warns(UserWarning, match="another study or version"):
+        jaxnet.run(study, url)
+    pd.testing.assert_frame_equal(jaxnet.open(url).lanes, whole, check_exact=True)
 
 
 def test_writers_of_parts_share_a_disk(tmp_path):

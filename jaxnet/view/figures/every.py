@@ -16,7 +16,7 @@ from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.statistics.tiles import outcomes, tiling
-from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.figures import (
     COLUMNS,
@@ -219,10 +219,12 @@ def file_name(name: str, where: Where, column: str) -> str:
 
 def save(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
     """Write one figure in both formats."""
-    folder, layout = Folder(results.path), figure.get_layout_engine()
+    layout = figure.get_layout_engine()
     if layout is not None:  # once for both, for it takes longer than drawing
         with mpl.rc_context(style.RC):
             layout.execute(figure)
         figure.set_layout_engine("none")
     for kind in ("png", "pdf"):
-        yield folder.put(f"figures/{name}.{kind}", lambda file, kind=kind: figure.savefig(file, format=kind))
+        yield results.folder.put(
+            f"figures/{name}.{kind}", lambda file, kind=kind: figure.savefig(file, format=kind)
+        )

@@ -18,7 +18,6 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import called
 from jaxnet.statistics.groups import values_of
-from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
 from jaxnet.view.page import sections
@@ -38,14 +37,14 @@ COLOURS = {
 
 
 def write_page(results: Results) -> UPath:
-    """Write `report.html` into the results folder; raises FolderError for an unfinished run."""
+    """Write `report.html`; raises FolderError for an unfinished run."""
     data = {"name": results.study.config.name, **choices(results.study.cells)}
     shown = sections.every(results)
     data |= {"sections": {each.id: each.plots for each in shown if each.plots}}
     text = whole(
         escape(results.study.config.name), sections.lead(results), shown, data, get_plotlyjs(), SCRIPTS
     )
-    return Folder(results.path).put("report.html", lambda file: file.write(text.encode()))
+    return results.folder.put("report.html", lambda file: file.write(text.encode()))
 
 
 def whole(

@@ -103,7 +103,7 @@ def tightest(results: Results, found: Sequence[Curve], fit: str) -> str:
     """How near the worst found is to the tightest bound."""
     if not found:
         return "No bound to compare with: no cell has an attack of a fixed magnitude."
-    if not (results.path / "bounds.csv").exists():
+    if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
     over, of_rounding, silent = [], 0, 0
     for curve in found:
@@ -133,7 +133,7 @@ def tightest(results: Results, found: Sequence[Curve], fit: str) -> str:
 
 def violated(results: Results) -> list[str]:
     """How many lanes are above a bound, if that was looked for."""
-    if not (results.path / "violations.csv").exists():
+    if not results.file("violations.csv").exists():
         return []
     many = len(results.violations[["cell", "sample"]].drop_duplicates())
     return [

@@ -275,7 +275,7 @@ CHOSEN = (
 
 def violations_section(results: Results) -> Section:
     """Lanes above a bound that claims to hold for them."""
-    name, file = "Violations of bounds", results.path / "violations.csv"
+    name, file = "Violations of bounds", results.file("violations.csv")
     if not file.exists():
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
     rows = read_table(file)

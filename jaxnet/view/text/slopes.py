@@ -121,7 +121,7 @@ def violations(results: Results) -> str:
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]
     if len(found) > MOST_VIOLATIONS:
-        lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.path / 'violations.csv'}")
+        lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked(results.study.cells)
     if skipped:

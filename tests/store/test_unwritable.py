@@ -1,0 +1,140 @@
+"""A results folder that cannot be written to: commands read it, and write elsewhere when asked."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import jaxnet
+from jaxnet.store.folder import FolderError
+
+STUDY = {
+    "name": "small",
+    "samples": 2,
+    "horizon": 1.0,
+    "tail": 0.5,
+    "topology": "star",
+    "engine": "exact",
+    "defence": "none",
+    "sweep": {"attack.magnitude": [1, 5.5]},
+}
+COMMANDS = """
+import json, sys
+from click.testing import CliRunner
+from jaxnet.cli import main
+from jaxnet.statistics import fits
+from jaxnet.view.figures import every
+fits.RESAMPLES, drawn = 2, every.draw
+every.draw = lambda results, names=("tails",), told=None: drawn(results, names[:1])  # the others are alike
+for words in json.loads(sys.argv[1]):
+    ended = CliRunner().invoke(main, words)
+    print(json.dumps([ended.exit_code, ended.stdout, ended.stderr]), flush=True)
+"""
+BOUND = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]  # root whom permissions bind
+
+
+def bound() -> list[str]:
+    """How to start a process whom permissions bind; skips the test where there is no way."""
+    if os.geteuid():
+        return []
+    if shutil.which("setpriv") is None or subprocess.run([*BOUND, "true"], capture_output=True).returncode:
+        pytest.skip("this is root, whom no permission binds, and setpriv cannot change that here")
+    return BOUND
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory):
+    """A folder with a config and the study's results, none of which can be written to."""
+    shelf = tmp_path_factory.mktemp("shelf") / "shelf"
+    jaxnet.run(jaxnet.load(STUDY), shelf / "small")
+    (shelf / "small.yaml").write_text(json.dumps(STUDY))
+    every = [shelf, *shelf.rglob("*")]
+    for path in every:
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    yield shelf
+    for path in every:
+        path.chmod(0o755)
+
+
+def given(commands: list[list[str]], place: Path) -> list[tuple[int, str, str]]:
+    """Status, stdout and stderr of commands that are given one after the other."""
+    words = [*bound(), sys.executable, "-c", COMMANDS, json.dumps(commands)]
+    said = subprocess.run(words, capture_output=True, text=True, cwd=place)
+    assert said.returncode == 0, said.stderr
+    return [tuple(json.loads(line)) for line in said.stdout.splitlines()]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files in a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_folder_that_cannot_be_written_to(shelf, tmp_path):
+    """Reading works; what writes ends with status 2 and a line, or writes elsewhere; the folder stays."""
+    small, lane, before = str(shelf / "small"), ["--cell", "1", "--sample", "1"], contents(shelf)
+    locked = f"{small} cannot be written to: Permission denied; give another folder with --out\n"
+
+    def refused(file: str, option: str = "--out", reason: str = "Permission denied") -> str:
+        return f"cannot write {file}: {reason}; give another place with {option}\n"
+
+    read = [["show", small], ["list", str(shelf)], ["compare", small, small, "--out", "pair"]]
+    refusals = {
+        ("run", str(shelf / "small.yaml"), "--out", small): locked,
+        ("run", str(shelf / "small.yaml"), "--out", f"{shelf}/new"): locked.replace("small", "new"),
+        ("fit", small): locked,
+        ("report", small): locked,
+        ("figure", small, "tails"): locked,
+        ("animate", small, *lane): locked,
+        ("replay", small, *lane): refused(rf"{small}/replays/cell-1-sample-1.zarr/\S+"),
+        ("export", small, "--mat"): refused(f"{small}/results.mat", "--mat"),
+        ("figure", small, "tails", "--out", f"{small}/cells.csv"): refused(
+            rf"{small}/cells.csv/made-of.json", reason="File exists"
+        ),
+        ("init", f"{shelf}/mine.yaml", "--yes"): rf"\[Errno 13\] Permission denied: '{shelf}/mine.yaml'\n",
+        ("compare", small, small): refused(f"{shelf}/small-small/differences.csv"),
+    }
+    elsewhere = [
+        ["report", small, "--out", "made"],
+        ["fit", small, "--out", "made"],
+        ["figure", small, "tails", "--column", "one", "--out", "made"],
+        ["replay", small, *lane, "--out", "made"],
+        ["animate", small, *lane, "--out", "film.gif"],
+        ["export", small, "--mat", "mine.mat"],
+    ]
+    ended = given([*read, *map(list, refusals), *elsewhere], tmp_path)
+    for words, (status, _, said) in zip(read, ended, strict=False):
+        assert status == 0, (words, said)
+    for (words, line), (status, _, said) in zip(refusals.items(), ended[len(read) :], strict=False):
+        assert status == 2, words
+        assert re.fullmatch(line, said), (words, said)
+    for words, (status, _, said) in zip(elsewhere, ended[len(read) + len(refusals) :], strict=True):
+        assert status == 0, (words, said)
+        assert small not in said, words
+    assert contents(shelf) == before
+    made = {path.split("/")[0] for path in contents(tmp_path / "made")}
+    assert made == {
+        *(".lock", "made-of.json", "report.html", "figures", "replays"),
+        *("fit.csv", "bounds.csv", "violations.csv"),
+    }
+    assert {path.name for path in tmp_path.iterdir()} == {"made", "pair", "film.gif", "mine.mat"}
+    assert len(jaxnet.open(small, tmp_path / "made").fits) > 0
+
+
+def test_what_is_made_of_some_rows_is_not_taken_for_that_of_others(tmp_path):
+    """Another study, or more samples of the same, and a folder with results of its own are refused."""
+    first = jaxnet.run(jaxnet.load(STUDY), tmp_path / "first")
+    other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), tmp_path / "other")
+    for _ in range(2):
+        assert jaxnet.open(first.path, tmp_path / "made").out.path == tmp_path / "made"
+    with pytest.raises(FolderError, match="made holds what was made of other rows: give another folder"):
+        jaxnet.open(other.path, tmp_path / "made")
+    jaxnet.run(jaxnet.load(STUDY, {"samples": 3}), first.path)
+    with pytest.raises(FolderError, match="made holds what was made of other rows"):
+        jaxnet.open(first.path, tmp_path / "made")
+    with pytest.raises(FolderError, match=r"other holds study\.yaml of something else"):
+        jaxnet.open(first.path, other.path)
