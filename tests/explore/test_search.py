@@ -20,6 +20,8 @@ from jaxnet.explore.search import Finalist, Trials, searched
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
+from jaxnet.view.page.sections import search_section
+from jaxnet.view.text.worst import text as text_of
 from tests import systems
 
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
@@ -152,6 +154,17 @@ def test_the_worst_is_a_study_of_its_own(whole):
         assert row["random"] == random.max()
         assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
     assert results.searched.groupby("cell")["best"].last().tolist() == results.worst["greatest"].tolist()
+
+
+def test_the_table_and_the_page_tell_what_is_left_late(whole):
+    """Beside what was found, and when."""
+    results, _ = whole
+    table, page = text_of(results), str(search_section(results))
+    assert "late: at 40 s" in table
+    assert "the same choice at 40 s" in page
+    for left in results.worst["late"]:
+        assert f" {left / 10:.4g} " in table
+        assert f">{left / 10:.4g}<" in page
 
 
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):

@@ -5,14 +5,14 @@ import pandas as pd
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import MOST_ROWS, as_lines, narrow
 
-LEAST = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",))
+LEAST = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
 
 
 def text(results: Results) -> str:
     """A line for each cell."""
     labels = list(results.study.cells[0].labels)
     shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
-    head = f"the worst {maximised(results)}; late: {when(results)}; fresh: from other starts"
+    head = f"the worst {maximised(results)}; late: at {when(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
     return "\n".join(filter(None, [head, as_lines(shown), tail]))
 
