@@ -242,6 +242,13 @@ class Search(Record):
         le=10_000,
         description="samples from whose start each choice is tried; the mean counts",
     )
+    until: float = Field(
+        default=1000.0,
+        gt=0,
+        le=1e5,
+        description="[s], to which the best choices are run, or to the horizon if that is later: of them the"
+        " worst then is the answer",
+    )
     seed: int = Field(default=0, ge=0, lt=2**63, description="of the search; lanes are drawn by the study's")
 
 

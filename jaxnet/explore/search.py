@@ -4,6 +4,8 @@ Every choice is tried from the same starts, those of the study's first samples, 
 is maximised is then no random function, but one that jumps wherever a vehicle decides otherwise. CMA-ES
 does not mind. In the end the best is polished along its gradient, which a small step shows exactly where the
 error is affine in what is chosen and no decision changes.
+
+The best of each population and the best random points are the finalists. `explore.late` runs them further.
 """
 
 import itertools
@@ -19,7 +21,7 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-COURSE = 3  # to be raised when searches begin to go another way, so that none kept before goes on
+COURSE = 4  # to be raised when searches begin to go another way, so that none kept before goes on
 POPULATIONS = 16  # side by side, or more where budgets are large
 SPREAD = 0.15  # of a population at first, of the box's edge
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
@@ -27,6 +29,7 @@ MOST_STEPS = 300  # of polishing, where its share of the budget would be more
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
 MOST_GENERATIONS = 3_000  # that it is to have, or there are more
+RANDOM_FINALISTS = 16  # of random points, or of sets
 AT_ONCE = 4096  # choices tried in a batch, where they could be more
 SMALL = 1e-6  # step by which a slope is found
 SHORTER = 0.25 * 0.5 ** np.arange(24)  # steps along it
@@ -50,6 +53,13 @@ class Generation(NamedTuple):
     failed: int  # lanes, in all until then
 
 
+class Finalist(NamedTuple):
+    """A choice that is the best of its kind: of a population, or one of the best random points."""
+
+    found: float  # mean over the starts
+    point: Point
+
+
 class Trials:
     """Choices that are tried, and the best of them so far.
 
@@ -63,6 +73,7 @@ class Trials:
         self.known, self.values = list(known), list[Starts]()
         self.best, self.point = -math.inf, np.full(len(box.places), 0.5)
         self.lanes = self.failed = 0
+        self.finalists = list[Finalist]()
 
     def attempt(self, phase: str, points: Coordinates) -> tuple[Means, Generation]:
         """The mean over the starts at each point, not a number where a lane failed."""
@@ -89,6 +100,12 @@ class Trials:
         return self.measure(outcome).reshape(len(points), self.starts)
 
 
+def best_of(points: Coordinates, means: Means) -> list[Finalist]:
+    """The best of some points, the very best first; a mean that is not a number comes last."""
+    order = np.argsort(-np.nan_to_num(means, nan=-math.inf), kind="stable")[:RANDOM_FINALISTS]
+    return [Finalist(float(means[number]), points[number]) for number in order]
+
+
 class Population:
     """CMA-ES in some coordinates of a box; the others keep the values of `base`.
 
@@ -100,16 +117,23 @@ class Population:
         self.turns = box.turns[self.free]
         self.strategy = CMA(mean=base[self.free], sigma=SPREAD, seed=seed)
         self.asked = np.empty((0, len(self.free)))
+        self.best = Finalist(-math.inf, base)
 
     def ask(self) -> Coordinates:
         """A generation."""
         self.asked = np.stack([self.strategy.ask() for _ in range(self.strategy.population_size)])
+        return self.points()
+
+    def points(self) -> Coordinates:
+        """The generation's points in the box."""
         points = np.tile(self.base, (len(self.asked), 1))
         points[:, self.free] = np.where(self.turns, self.asked % 1, 1 - np.abs(1 - self.asked % 2))
         return points
 
     def tell(self, values: Means) -> None:
         """What the generation came to; a choice of which a lane failed counts less than all others."""
+        leader = best_of(self.points(), values)[0]
+        self.best = leader if leader.found > self.best.found else self.best
         losses = np.where(np.isnan(values), math.inf, -values)
         finite = losses[np.isfinite(losses)]
         losses = np.where(np.isfinite(losses), losses, finite.max(initial=0.0) + 1.0)
@@ -126,7 +150,10 @@ def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
     sets = sets_of(box, choices, random)
     if not box.free(sets[0]):
         for some in in_parts(sets, AT_ONCE):
-            yield trials.attempt("sets", np.stack([box.centre(each) for each in some]))[1]
+            points = np.stack([box.centre(each) for each in some])
+            means, generation = trials.attempt("sets", points)
+            trials.finalists += best_of(points, means)
+            yield generation
         return
     look = screened if len(sets) > 1 else scouted
     begun = yield from look(trials, sets, int(SCREEN * choices), random)
@@ -164,7 +191,9 @@ def scouted(
         values, generation = trials.attempt("random", tried[-1])
         means.append(np.nan_to_num(values, nan=-math.inf))
         yield generation
-    return list(np.concatenate(tried)[np.argsort(-np.concatenate(means), kind="stable")])
+    points, every = np.concatenate(tried), np.concatenate(means)
+    trials.finalists += best_of(points, every)
+    return list(points[np.argsort(-every, kind="stable")])
 
 
 def screened(
@@ -189,7 +218,9 @@ def screened(
                 best[attacked] = max(best.get(attacked, found), found, key=lambda pair: pair[0])
         left.sort(key=lambda attacked: -best[attacked][0])
         left = left[: max(POPULATIONS, len(left) // 2)]
-    return [point for _, point in sorted(best.values(), key=lambda pair: -pair[0])]
+    ordered = sorted(best.values(), key=lambda pair: -pair[0])
+    trials.finalists += [Finalist(*each) for each in ordered[:RANDOM_FINALISTS]]
+    return [point for _, point in ordered]
 
 
 def evolved(
@@ -213,7 +244,9 @@ def evolved(
         for number, (population, theirs) in enumerate(zip(populations, parts, strict=True)):
             population.tell(theirs)
             if population.ended():
+                trials.finalists.append(population.best)
                 populations[number] = another()
+    trials.finalists += [population.best for population in populations]
 
 
 def polished(trials: Trials, until: int) -> Iterator[Generation]:

@@ -24,9 +24,10 @@ from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.engine.plan import Outcome
-from jaxnet.explore import alone
+from jaxnet.explore import alone, late
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import COURSE, Generation, Trials, searched
+from jaxnet.explore.late import Choice
+from jaxnet.explore.search import COURSE, Generation, Point, Trials, searched
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
@@ -50,7 +51,10 @@ class Worst(NamedTuple):
     """What was found in a cell."""
 
     cell: int
-    found: float
+    found: float  # at the horizon
+    late: float  # the same choice at `until`
+    until: float  # [s]
+    greatest: float  # of any choice, at the horizon
     magnitude: float  # ā [m]
     attacked: str  # vehicles
     random: float  # the best of as many random lanes
@@ -122,38 +126,43 @@ class Hunt:
         with np.load(io.BytesIO(path.read_bytes())) as kept:
             return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
 
-    def keep(self, **more: str) -> None:
+    def keep(self, **more: Any) -> None:
         """Write what the choices came to, unless it is there."""
         values = self.trials.values
         if more or len(values) > len(self.trials.known):
             sizes = np.array([len(each) for each in values])
             content = {"stamp": np.array(self.stamp()), "sizes": sizes, "values": np.concatenate(values)}
-            content |= {name: np.array(text) for name, text in more.items()}
+            content |= {name: np.array(value) for name, value in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
-    def worst(self, study: Study, results: Results) -> Worst:
-        """What was found, whose study alone this is; it is kept."""
-        if "worst" not in self.kept:
-            found = self.tried_again(study, results)
-            self.keep(worst=json.dumps(found))
-            return found
-        return Worst(*json.loads(str(self.kept["worst"])))
+    def worst(self, results: Results) -> tuple[Study, Worst]:
+        """The choice that the search answers with, as a study of its own, and its row; both are kept."""
+        if "worst" in self.kept:
+            return self.alone(self.kept["point"]), Worst(*json.loads(str(self.kept["worst"])))
+        choice = late.chosen(self.trials, self.asked.until, self.measured, self.machine)
+        study = self.alone(choice.point)
+        found = self.tried_again(choice, study, results)
+        self.keep(worst=json.dumps(found), point=choice.point)
+        return study, found
 
-    def alone(self) -> Study:
-        """The study of what was found."""
-        return alone.study_of(self.study, self.cell, self.box, self.trials.point)
+    def alone(self, point: Point) -> Study:
+        """The study of one choice."""
+        return alone.study_of(self.study, self.cell, self.box, point)
 
-    def tried_again(self, study: Study, results: Results) -> Worst:
-        """What was found, beside random lanes and bounds, from other starts and by the other engine."""
+    def tried_again(self, choice: Choice, study: Study, results: Results) -> Worst:
+        """The choice beside random lanes and bounds, from other starts and by the other engine."""
         starts, trials = self.asked.starts, self.trials
         (found,) = study.cells
-        fresh = self.box.lanes(np.tile(trials.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
+        fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
         same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
         again, nonlinear = (self.measured(batch.simulate(each, self.machine)) for each in (fresh, same))
         given = found.scenario.attack.amplitude()
         amplitude = math.nan if is_drawn(given) else float(given)
         return Worst(
             self.cell.number,
+            choice.found,
+            choice.late,
+            choice.until,
             trials.best if np.isfinite(trials.best) else math.nan,
             amplitude,
             " ".join(map(str, found.scenario.attack.targets())),
@@ -216,9 +225,10 @@ def search_each(
             words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
             told(words, generation.lanes, config.search.budget)
             generations.append({"cell": cell.number, **cell.labels, **generation._asdict()})
-        told(f"{cell}: again from other starts", config.search.budget, config.search.budget)
-        choice = hunt.alone()
-        found.append(hunt.worst(choice, results))
+        words = f"{cell}: at a late time, and again from other starts"
+        told(words, config.search.budget, config.search.budget)
+        choice, answer = hunt.worst(results)
+        found.append(answer)
         yield alone.simulated(choice, folder.inside(f"worst/{cell.number}"), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
@@ -243,5 +253,5 @@ def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
     hunt = Hunt(results.study.config, cell, folder, machine)
     for _ in hunt.generations():
         pass
-    hunt.worst(hunt.alone(), results)
+    hunt.worst(results)
     return number

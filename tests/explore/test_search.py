@@ -14,13 +14,16 @@ import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet import api
-from jaxnet.explore import search, worst
+from jaxnet.config.keys import Scenario
+from jaxnet.explore import late, search, worst
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Trials, searched
+from jaxnet.explore.search import Finalist, Trials, searched
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
 from jaxnet.store.folder import TakenError
+from jaxnet.view.page.sections import search_section
+from jaxnet.view.text.worst import text as text_of
 from tests import systems
 
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
@@ -130,7 +133,8 @@ TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "truste
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A search that nobody disturbed, of two cells."""
-    given = study(OVER, budget=400, sweep={"topology": ["cyclic", "path"]}, **TRIMMED)
+    over = {"sweep": {"topology": ["cyclic", "path"]}, "search": {"until": 40.0}}
+    given = study(OVER, budget=400, **over, **TRIMMED)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst, "FRESH", 48)
         yield jaxnet.search(given, tmp_path_factory.mktemp("whole") / "s", progress=False), given
@@ -143,12 +147,26 @@ def test_the_worst_is_a_study_of_its_own(whole):
         alone = jaxnet.simulate(results.path / "worst" / f"{cell}.yaml", progress=False)
         assert alone.lanes["tail_max"].mean() == row["found"]
         assert alone.study.cells[0].scenario.topology == given.cells[cell].scenario.topology
+        longer = jaxnet.load(results.path / "worst" / f"{cell}.yaml", {"horizon": 40.0})
+        again = jaxnet.simulate(longer, progress=False)
+        assert again.lanes["tail_max"].mean() == row["late"]
         assert row["nonlinear"] == pytest.approx(row["found"], rel=0.01)
         assert row["lanes"] <= 400
         random = results.lanes.query(f"cell == {cell}")["tail_max"]
         assert row["random"] == random.max()
         assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
-    assert results.searched.groupby("cell")["best"].last().tolist() == results.worst["found"].tolist()
+    assert results.searched.groupby("cell")["best"].last().tolist() == results.worst["greatest"].tolist()
+
+
+def test_the_table_and_the_page_tell_what_is_left_late(whole):
+    """Beside what was found, and when."""
+    results, _ = whole
+    table, page = text_of(results), str(search_section(results))
+    assert "late: at 40 s" in table
+    assert "the same choice at 40 s" in page
+    for left in results.worst["late"]:
+        assert f" {left / 10:.4g} " in table
+        assert f">{left / 10:.4g}<" in page
 
 
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
@@ -254,3 +272,83 @@ def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
     for name in ("found", "random", "bound", "fresh", "nonlinear", "magnitude"):
         assert math.isnan(row[name])
     assert row["failed"] >= row["lanes"]
+
+
+def smooth(x):
+    """The envelope's polynomial, 0 before 0 and 1 after 1."""
+    x = min(max(x, 0.0), 1.0)
+    return 35 * x**4 - 84 * x**5 + 70 * x**6 - 20 * x**7
+
+
+def test_what_persists_is_told_apart_from_what_is_transient(tmp_path, monkeypatch):
+    """The choice is the finalist that is greatest at 1,000 s, where those greatest at 20 s are 0 again.
+
+    A signal in phase on the untrimmed ring comes to 90/29 of itself, at any time (SCIENCE, O2). This one
+    begins to fall at 900 s, and falls as long as it rises.
+    """
+    monkeypatch.setattr(worst, "FRESH", 8)
+    attack = {"kind": "envelope", "of": {"kind": "bias", "direction": 0.0}, "magnitude": 10.0, "stop": 900.0}
+    given = study({"attack.rise": [5.0, 800.0]}, budget=200, topology="cyclic", attack=attack)
+    fading = jaxnet.search(given, tmp_path / "s", progress=False)
+    (row,) = fading.worst.to_dict("records")
+    rise = jaxnet.load(fading.path / "worst.yaml").cells[0].scenario.attack.rise
+    gain = 10.0 * 90 / 29
+    assert row["until"] == 1000.0
+    assert row["greatest"] == pytest.approx(gain, rel=1e-4)
+    assert row["found"] == pytest.approx(gain * smooth(20 / rise), abs=1e-4)
+    assert row["late"] == pytest.approx(gain * (1 - smooth((999.0 - 900) / rise)), rel=1e-6)
+    assert row["late"] > 10.0
+    longer = jaxnet.load(fading.path / "worst.yaml", {"horizon": 1000.0})
+    again = jaxnet.simulate(longer, progress=False)
+    assert again.lanes["tail_max"].mean() == row["late"]
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("found", "after", "chosen"),
+    [
+        ([30.0, 20.0, 10.0], [0.0, 20.0, 10.0], 1),
+        ([30.0, 20.0, 10.0], [5.0, 5.0, 9.0], 2),
+        ([30.0, 20.0, 10.0], [1e-9, 1e-7, 2e-6], 0),  # rounding at a late time decides nothing
+        ([30.0, 20.0, 10.0], [NAN, 1.0, 2.0], 2),  # a lane failed between
+        ([30.0, 20.0, 10.0], [NAN, NAN, NAN], 0),
+        ([-1.0, -2.0, -3.0], [-8.0, -7.0, -9.0], 1),
+    ],
+)
+def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(found, after, chosen, monkeypatch):
+    """Of finalists that are equal then, the worst at the horizon."""
+    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
+    points = np.arange(3.0)[:, None] + np.zeros(len(trials.box.places))
+    trials.best, trials.point = found[0], points[0]
+    trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][1:]
+    monkeypatch.setattr(late, "at", lambda *_: np.array(after))
+    choice = late.chosen(trials, 1000.0, largest, systems.FEW)
+    assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
+    np.testing.assert_equal(choice.late, after[chosen])
+
+
+def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
+    """The choice is then the greatest at the horizon, of 20 s."""
+    trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
+    trials.best, trials.finalists = 3.0, [Finalist(2.0, trials.point)]
+    monkeypatch.setattr(late, "at", lambda *_: pytest.fail("a lane"))
+    for until in (10.0, 20.0):
+        assert late.chosen(trials, until, largest, systems.FEW)[1:] == (3.0, 3.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("horizon", "step", "until", "time"),
+    [
+        (40.0, 0.5, 1000.0, 1000.0),
+        (40.0, 0.3, 40.1, 40.2),
+        (39.0, 0.3, 39.0, 39.0),
+        (60.0, 0.5, 30.0, 60.0),
+        (0.3, 0.1, 0.3, 0.3),
+    ],
+)
+def test_the_late_time_is_an_output_time(horizon, step, until, time):
+    """The first one that is not before `until`, nor before the horizon."""
+    scenario = Scenario(horizon=horizon, output_step=step, tail=0.0)
+    assert late.late_time(scenario, until) == pytest.approx(time, rel=1e-12)

@@ -16,6 +16,7 @@ LINES = {"search": style.SERIES[0], "random lanes": style.SERIES[1]}
 MARKS = {
     "random lanes": {"marker": "o", "markersize": 4, "markerfacecolor": "none", "color": style.RED},
     "found": {"marker": "o", "markersize": 4, "color": style.BLUE},
+    "late": {"marker": "x", "markersize": 5, "color": style.BLUE},
     "bound": {"marker": "|", "markersize": 8, "color": style.BLACK},
 }
 
@@ -44,7 +45,7 @@ def course(found: Sequence[Course], there: int, words: str, width: float) -> Fig
 
 
 def beside_bounds(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
-    """A row a cell: the best of random lanes, what was found, and the bound, per ā."""
+    """A row a cell, per ā: the best of random lanes, the choice found, the choice late, and the bound."""
     labels = [cell.labels for cell in cells]
     shown = multiples.rows_room(labels, width, MOST_PANELS)
     rows = table.set_index("cell").loc[[cell.number for cell in cells[:shown]]]
@@ -55,6 +56,6 @@ def beside_bounds(table: pd.DataFrame, cells: Sequence[Cell], words: str, width:
     panel.set_xlim(panel.get_xlim()[1] / DECADES, None)
     multiples.log_ticks(panel.xaxis)
     panel.set_xlabel(words)
-    drawn.legend(loc="outside lower center", ncols=3)
+    drawn.legend(loc="outside lower center", ncols=4)
     multiples.note_left_out(drawn, (shown, len(cells), "cells"), where="worst.csv")
     return drawn

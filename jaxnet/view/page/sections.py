@@ -222,7 +222,9 @@ def search_section(results: Results) -> Section | None:
     rows = worst.rows_of(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
     note = (
-        f"<p>{escape(worst.maximised(results))}, over {chosen}. The best of as many random lanes, the bound"
+        f"<p>{escape(worst.maximised(results))}, over {chosen}. Found: the choice at the horizon. Late: the"
+        f" same choice at {worst.when(results)}, where what is transient has died away. Greatest: any choice"
+        " at the horizon. The best of as many random lanes, the bound"
         " of theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
         " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
     )

@@ -5,16 +5,22 @@ import pandas as pd
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import MOST_ROWS, as_lines, narrow
 
-LEAST = (("lanes",), ("fresh least 5 %",), ("nonlinear",))
+LEAST = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
 
 
 def text(results: Results) -> str:
     """A line for each cell."""
     labels = list(results.study.cells[0].labels)
     shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
-    head = f"the worst {maximised(results)}; fresh: the same choice from other starts"
+    head = f"the worst {maximised(results)}; late: at {when(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
     return "\n".join(filter(None, [head, as_lines(shown), tail]))
+
+
+def when(results: Results) -> str:
+    """The time to which the choices were run."""
+    times = results.worst["until"]
+    return " or ".join(f"{time:g} s" for time in sorted(set(times)))
 
 
 def maximised(results: Results) -> str:
@@ -42,6 +48,8 @@ def rows_of(results: Results) -> pd.DataFrame:
     size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if unit_of(results) == "m" else 1.0
     per = {
         "found": found["found"] / size,
+        "late": found["late"] / size,
+        "greatest": found["greatest"] / size,
         "random lanes": found["random"] / size,
         "bound": found["bound"] / size,
         "bound / found": found["bound"] / found["found"],

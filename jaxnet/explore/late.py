@@ -1,0 +1,66 @@
+"""Which finalist of a search lasts: each is run to a late time, and the worst then is the choice.
+
+A search compares choices at the horizon, where much of an error may be transient. What is left at a late time
+tells a transient from an error that persists.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxnet.config.keys import Scenario
+from jaxnet.config.scenario import outputs_of
+from jaxnet.engine import batch
+from jaxnet.engine.batch import Machine
+from jaxnet.explore.box import Box
+from jaxnet.explore.search import POPULATIONS, Finalist, Means, Measure, Point, Trials
+
+MOST_LANES = 256  # of all finalists together, where that leaves as many finalists as populations
+SAME = 1e-6  # of the greatest error at the horizon: late errors that differ by less are equal
+
+
+class Choice(NamedTuple):
+    """The finalist that a search answers with."""
+
+    point: Point
+    found: float  # mean over the starts, at the horizon
+    late: float  # the same at `until`; not a number if a lane fails between
+    until: float  # [s]
+
+
+def late_time(scenario: Scenario, until: float) -> float:
+    """The first output time [s] that is neither before `until` nor before the horizon."""
+    outputs = math.ceil(round(until / scenario.output_step, 6))
+    return scenario.horizon if outputs <= outputs_of(scenario) else outputs * scenario.output_step
+
+
+def chosen(trials: Trials, until: float, measure: Measure, machine: Machine) -> Choice:
+    """The finalist that is worst at the late time; of equal ones the worst at the horizon."""
+    scenario = trials.box.scenario
+    time = late_time(scenario, until)
+    leader = Finalist(trials.best if np.isfinite(trials.best) else math.nan, trials.point)
+    if time == scenario.horizon:
+        return Choice(leader.point, leader.found, leader.found, time)
+    finalists = [leader, *best(trials)]
+    late = at(time, np.stack([each.point for each in finalists]), trials, measure, machine)
+    if np.isnan(late).all():
+        return Choice(leader.point, leader.found, math.nan, time)
+    lasting = np.flatnonzero(late >= np.nanmax(late) - SAME * np.nan_to_num(abs(leader.found)))
+    number = max(lasting, key=lambda number: finalists[number].found)
+    return Choice(finalists[number].point, finalists[number].found, float(late[number]), time)
+
+
+def best(trials: Trials) -> list[Finalist]:
+    """The finalists of a search that are run further, the worst at the horizon first."""
+    there = [each for each in trials.finalists if np.isfinite(each.found)]
+    most = max(POPULATIONS, MOST_LANES // trials.starts)
+    return sorted(there, key=lambda each: -each.found)[:most]
+
+
+def at(time: float, points: np.ndarray, trials: Trials, measure: Measure, machine: Machine) -> Means:
+    """The mean over the starts at each point, of lanes that last until a time [s]."""
+    box = Box(trials.box.scenario.model_copy(update={"horizon": time}), trials.box.source, trials.box.places)
+    samples = np.tile(np.arange(trials.starts), len(points))
+    outcome = batch.simulate(box.lanes(points.repeat(trials.starts, axis=0), samples), machine)
+    return measure(outcome).reshape(len(points), trials.starts).mean(axis=1)
