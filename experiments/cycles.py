@@ -277,7 +277,7 @@ def main(digraphs: int, seed: int, budget: int) -> None:
     print(f"{strongest.error:.4f} ā if the vehicle retained the sum at every tick")
     attack = {key: each for key, each in keys["attack"].items() if key != "direction"}
     searched = jaxnet.load(keys | {"attack": attack, "search": SEARCH | {"budget": budget}})
-    worst = jaxnet.search(searched).worst
+    worst = jaxnet.search(searched, fresh=True).worst
     print(f"searched over all directions of the constants: {worst['last_vehicle'].max() / MAGNITUDE:.2g} ā")
 
 
