@@ -13,6 +13,7 @@ from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.study import Source, Study, load
+from jaxnet.kinds.looking import known_or
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
@@ -125,9 +126,16 @@ class Results(stored.Results):
         return tables.html(self)
 
 
-def open(path: Place) -> Results:
-    """Results of a folder that a run has made; raises FolderError."""
-    return Results(stored.open(path).path)
+def open(path: Place, trust: bool = False, config: Place | None = None) -> Results:
+    """Results of a folder that a run has made; raises FolderError.
+
+    No code is run because the folder names it. A kind from outside that this process has not loaded, and that
+    is not installed, is known by what the folder says of it; replays need its code. `config` is the study's
+    config, or its folder: modules beside it are loaded. With `trust` modules are loaded from where the folder
+    says that they are.
+    """
+    found = stored.open(path, trust, None if config is None else Path(str(config)))
+    return Results(found.path, found.trust, found.config)
 
 
 def run(
@@ -337,6 +345,7 @@ def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]
     from jaxnet.view.figures import every as figures
 
     with Folder(results.path).writing():
+        results.tell_missing("bounds that need it are")
         yield from ultimate.analyse(results, told)
         yield from figures.draw(results, ULTIMATE, told)
 
@@ -367,9 +376,11 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
 
     with Folder(results.path).writing():
         _ = results.cells  # refuses an unfinished run
-        if ultimate.asked(results) and not (results.path / "fit.csv").exists():
+        results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
+        if known_or(False, lambda: ultimate.asked(results)) and not (results.path / "fit.csv").exists():
             yield from ultimate.analyse(results, told)
-        yield from replay_watched(results, told)
+        if not results.missing:
+            yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
         yield page.write_page(results)
 

@@ -1,11 +1,31 @@
 """Commands on one lane: simulate it again, see it move."""
 
+from pathlib import Path
+
 import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
 
 results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
+
+
+def takes_code(command):
+    """Give a command the options that say which code of kinds from outside may run."""
+    for option in (
+        click.option(
+            "--config",
+            type=click.Path(path_type=Path),
+            help="The study's config, or its folder: kinds are loaded from the modules beside it.",
+        ),
+        click.option(
+            "--trust", is_flag=True, help="Load the kinds from where RESULTS says that their modules are."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 cell_option = click.option(
     "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
 )
@@ -19,10 +39,13 @@ sample_option = click.option(
 @cell_option
 @sample_option
 @click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
-def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
+@takes_code
+def replay(
+    results: str, cell: int, sample: int, engine: str | None, trust: bool, config: Path | None
+) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust, config)
         from jaxnet.view.text import tables
 
         again = opened.replay(cell, sample, engine)
@@ -35,13 +58,16 @@ def replay(results: str, cell: int, sample: int, engine: str | None) -> None:
 @cell_option
 @sample_option
 @click.option("--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
-def animate(results: str, cell: int, sample: int, out: str | None) -> None:
+@takes_code
+def animate(
+    results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None
+) -> None:
     """Write a film of one lane: who hears whom, attacked vehicles and what they tell, and the errors.
 
     It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is simulated again.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust, config)
         from jaxnet.api import write_film
         from jaxnet.view.text import progress
 

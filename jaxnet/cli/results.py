@@ -7,6 +7,7 @@ import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
+from jaxnet.cli.lanes import takes_code
 from jaxnet.view.figures import COLUMNS, NAMES
 
 FORMATS = ("text", "csv", "markdown", "latex")
@@ -60,13 +61,14 @@ def list_results(folder: str) -> None:
 
 @click.command()
 @results_argument
-def fit(results: str) -> None:
+@takes_code
+def fit(results: str, trust: bool, config: Path | None) -> None:
     """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust, config)
         from jaxnet.api import write_fits
         from jaxnet.view.text import progress, slopes
 
@@ -79,14 +81,15 @@ def fit(results: str) -> None:
 @click.command()
 @results_argument
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
-def report(results: str, shown: bool) -> None:
+@takes_code
+def report(results: str, shown: bool, trust: bool, config: Path | None) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
     dozen cells at most, and the worst of the study if it has `recovery`.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust, config)
         from jaxnet.api import write_report
         from jaxnet.view.text import progress
 
@@ -121,13 +124,16 @@ def show_page(page: Any) -> None:
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
 )
-def figure(results: str, name: str, where: tuple[str, ...], column: str) -> None:
+@takes_code
+def figure(
+    results: str, name: str, where: tuple[str, ...], column: str, trust: bool, config: Path | None
+) -> None:
     """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS.
 
     A choice of cells, and a narrow figure, are told by the files' names.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust, config)
         from jaxnet.api import write_figure
 
         for path in write_figure(opened, name, wanted(where), column):

@@ -27,7 +27,6 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import COURSE, Generation, Trials, searched
-from jaxnet.kinds import registry
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
@@ -36,7 +35,7 @@ from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
-from jaxnet.store.folder import Folder, FolderError, digest
+from jaxnet.store.folder import Folder, FolderError, digest, made_from
 from jaxnet.store.results import Results
 
 CHECKPOINT = 10.0  # [s], or as much longer as keeps the share of WRITING
@@ -232,7 +231,7 @@ def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
     config = results.study.config
     task = functools.partial(search_cell, results.path.absolute(), machine.chunk)
     cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
-    yield from crew.deal(task, registry.provenance(plain(config)), cells)
+    yield from crew.deal(task, config.scope, made_from(config), cells)
 
 
 def search_cell(path: UPath, chunk: int | None, number: int) -> int:

@@ -27,10 +27,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from upath import UPath
 
 from jaxnet.kinds import registry
+from jaxnet.kinds.registry import Scope
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
-    from jaxnet.kinds.registry import Provenance
+    from jaxnet.kinds.provenance import Provenance
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
 
@@ -92,12 +93,18 @@ class Cluster:
     ) -> "Iterator[Done]":
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
-        yield from self.deal(task, work.modules, {f"shard {shard.number}": shard for shard in todo})
+        yield from self.deal(task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo})
 
     def deal(
-        self, task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", items: Mapping[str, Any]
+        self,
+        task: Callable[[Any], Any],
+        scope: Scope,
+        modules: "Mapping[str, Provenance]",
+        items: Mapping[str, Any],
     ) -> Iterator[Any]:
         """What workers find of items, which have names, as it comes; `modules` are those that kinds are from.
+
+        Workers load the kinds of `scope` from the same files.
 
         Raises ClusterError, and what the task does.
         """
@@ -112,7 +119,7 @@ class Cluster:
 
         try:
             client = self.client.result()
-            yield from answers(client, functools.partial(by_worker, task, modules, versions()), items)
+            yield from answers(client, functools.partial(by_worker, task, scope, versions()), items)
         except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
@@ -248,16 +255,18 @@ def losses(event: Any, run: str) -> Iterator[str]:
 
 
 def by_worker(
-    task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", needed: dict[str, str], item: Any
+    task: Callable[[Any], Any], scope: Scope, needed: dict[str, str], item: Any
 ) -> Answer:
-    """On a worker: do a task with one item; `needed` are the versions asked for."""
+    """On a worker: do a task with one item; `needed` are the versions asked for.
+
+    With `scope` came the classes of the study's kinds.
+    """
     from distributed import get_worker
 
     worker = get_worker()
     with SETTLING:
         said = settle_in(worker.state.nthreads)
     refuse(worker.address, versions(), needed)
-    registry.confirm(modules)
     with registry.blaming():
         found = task(item)
     return Answer(found, list(drained(said)))

@@ -25,7 +25,8 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Dumper
 from jaxnet.config.keys import Config
-from jaxnet.kinds import registry
+from jaxnet.kinds.looking import described
+from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
 
 UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
@@ -64,10 +65,20 @@ def digest(config: Config) -> str:
     """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
     data = plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
-    if made_of := registry.provenance(data):
+    if made_of := made_from(config):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def made_from(config: Config) -> dict[str, Provenance]:
+    """What the kinds from outside that a config names are made of, by module."""
+    return provenance(config.scope.named_in(plain(config)))
+
+
+def said_of_kinds(config: Config) -> dict[str, Any]:
+    """What the manifest says of the kinds from outside that a config names."""
+    return described(config.scope.known, config.scope.named_in(plain(config)))
 
 
 def versions() -> dict[str, str]:
@@ -127,6 +138,45 @@ def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+ENTRIES: dict[str, type | dict[str, type]] = {  # of a manifest, with the types that they have if they are there
+    "hash": str,
+    "seed": int,
+    "versions": dict,
+    "kinds": dict,
+    "modules": dict,
+    "device": str,
+    "cells": int,
+    "samples": int,
+    "shard_size": int,
+    "save": dict,
+    "finished": bool,
+    "lanes": {"total": int, "ok": int, "failed": int},
+    "wall_seconds": float,
+}
+MOST = {"samples": 2**32, "cells": 10**6, "shard_size": 2**32}
+
+
+def wrong_entries(found: Any) -> Iterator[str]:
+    """What is wrong with a manifest, if it was not written by us."""
+    if not isinstance(found, dict):
+        yield "it is no mapping"
+        return
+    for name, kind in ENTRIES.items():
+        value = found.get(name)
+        if isinstance(kind, dict):
+            within = value if isinstance(value, dict) else {}
+            fits = value is None or all(type(within.get(key)) is each for key, each in kind.items())
+        else:
+            fits = value is None or type(value) is kind or (kind is float and type(value) is int)
+        if not fits or (name in MOST and not 0 <= (value or 0) <= MOST[name]):
+            yield f"{name} is {json.dumps(value)[:60]}"
+    if found.get("shard_size") == 0:
+        yield "shard_size is 0"
+    for name, made in found.get("modules", {}).items():
+        if not isinstance(made, dict) or not all(isinstance(made.get(key), str) for key in ("file", "sha256")):
+            yield f"modules.{name} is {json.dumps(made)[:60]}"
+
+
 class Folder:
     """One results folder."""
 
@@ -138,11 +188,14 @@ class Folder:
         """What `manifest.json` says; empty before a run."""
         file = self.path / "manifest.json"
         try:
-            return json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
+            found = json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
         except (FileNotFoundError, NotADirectoryError):
             return {}
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise FolderError(f"{file}: not a manifest: {error}") from error
+        if wrong := next(wrong_entries(found), ""):
+            raise FolderError(f"{file}: not a manifest of ours: {wrong}")
+        return found
 
     def write_manifest(self, **entries: Any) -> None:
         """Change entries of the manifest."""

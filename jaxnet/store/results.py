@@ -3,16 +3,17 @@
 import shlex
 import warnings
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 from upath import UPath
 
-from jaxnet.config.study import Study, load
-from jaxnet.kinds import registry
+from jaxnet.config.document import Document
+from jaxnet.config.study import Study, read
+from jaxnet.kinds.looking import Looking, MissingKindError
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import changed_modules
 from jaxnet.store.folder import Folder, FolderError
@@ -27,6 +28,8 @@ class Results:
     """A results folder, read when asked."""
 
     path: UPath
+    trust: bool = field(default=False, compare=False)
+    config: Path | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """One line."""
@@ -34,14 +37,40 @@ class Results:
 
     @cached_property
     def study(self) -> Study:
-        """The study that was run."""
-        modules = self.manifest.get("modules", {})
-        for name, made_of in modules.items():
-            registry.search_home(name, made_of["file"])
-        study = load(self.path / "study.yaml")
+        """The study that was run; kinds from outside whose code is not here are named, and no more."""
+        local = self.path if isinstance(self.path, Path) else None
+        study = read(
+            Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
+        )
         for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
         return study
+
+    def code_places(self) -> Iterator[Path]:
+        """Folders from which the user lets the code of kinds be loaded."""
+        if self.config is not None:
+            yield self.config if self.config.is_dir() else self.config.parent
+        if self.trust:
+            for name, made in self.manifest.get("modules", {}).items():
+                above = list(Path(made["file"]).parents)
+                yield from above[name.count(".") + made["file"].endswith("__init__.py") :][:1]
+            if isinstance(self.path, Path):
+                yield self.path
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of the study's kinds whose code is not here."""
+        return self.study.config.scope.missing
+
+    def need_code(self) -> None:
+        """Raise MissingKindError if the code of some kind is not here."""
+        if self.missing:
+            raise MissingKindError(", ".join(self.missing))
+
+    def tell_missing(self, what: str) -> None:
+        """Warn that something is left out if the code of some kind is not here."""
+        if self.missing:
+            warnings.warn(f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2)
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
@@ -84,10 +113,10 @@ class Results:
     @cached_property
     def shards(self) -> list[Shard]:
         """Shards whose rows are there."""
-        there = {path.name for path in self.path.glob("lanes/*.parquet")}
-        samples, size = self.manifest["samples"], self.manifest["shard_size"]
-        shards = layout.shards_of(self.study.cells, samples, size)
-        return [shard for shard in shards if PurePath(rows.name_of(shard.number)).name in there]
+        there = (rows.number_of(path.name) for path in self.path.glob("lanes/*.parquet"))
+        samples, size, cells = self.manifest["samples"], self.manifest["shard_size"], self.study.cells
+        shards = (layout.shard_of(cells, samples, size, number) for number in sorted({*there} - {None}))
+        return [shard for shard in shards if shard.samples]
 
     @cached_property
     def cells(self) -> pd.DataFrame:
@@ -180,8 +209,14 @@ def read_table(path: UPath) -> pd.DataFrame:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(path: str | Path | UPath) -> Results:
-    """Results of a folder that a run has made; raises FolderError."""
+def open(path: str | Path | UPath, trust: bool = False, config: Path | None = None) -> Results:
+    """Results of a folder that a run has made; raises FolderError.
+
+    No code is run because the folder names it. `config` is the study's config, or its folder: modules beside
+    it are loaded. With `trust` modules are loaded from where the folder says that they are.
+    """
+    if config is not None and not config.exists():
+        raise FolderError(f"{config}: there is no such config")
     folder = Folder(path)
     rows_there = any(folder.path.glob("lanes/*.parquet"))
     if not folder.manifest and not rows_there:
@@ -190,4 +225,4 @@ def open(path: str | Path | UPath) -> Results:
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
-    return Results(folder.path)
+    return Results(folder.path, trust, config)

@@ -6,6 +6,7 @@ is wrong or that holds another study's lanes is none.
 
 import itertools
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -86,6 +87,12 @@ def name_of(number: int) -> str:
     return f"lanes/{number:05d}.parquet"
 
 
+def number_of(name: str) -> int | None:
+    """The shard of a row file, None for another file."""
+    found = re.fullmatch(r"(\d{5,12})\.parquet", name)
+    return int(found[1]) if found else None
+
+
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
     """Write a shard's rows, stamped."""
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
@@ -100,11 +107,28 @@ def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
     content = pa.BufferReader(path.fs.cat_file(path.path))
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
+        if strange := strange_columns(rows.schema):
+            raise TornError(f"not a row file of ours: {strange}")
         return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
     except (pa.ArrowException, OSError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
     except (KeyError, ValueError, TypeError) as error:
         raise TornError("not a row file of ours") from error
+
+
+WITH_TYPE = {"cell": pa.int64(), "sample": pa.int64(), "status": pa.string(), "tail_mean": pa.float64()}
+TYPES = {pa.int64(), pa.float64(), pa.string()}
+
+
+def strange_columns(schema: pa.Schema) -> str:
+    """What a column is that none of our files has; empty if there is none."""
+    for name in WITH_TYPE:
+        if name not in schema.names:
+            return f"it has no column {name}"
+    for column in schema:
+        if column.type not in TYPES or column.type != WITH_TYPE.get(column.name, column.type):
+            return f"its column {column.name} holds {column.type}"
+    return ""
 
 
 def any_stamp(folder: Folder) -> Stamp | None:
@@ -136,6 +160,9 @@ def scan(
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
     try:
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
+        if strange := strange_columns(data.schema):
+            raise FolderError(f"{folder.path}/lanes holds no rows of ours: {strange}")
+        data = data.replace_schema(data.schema.remove_metadata())  # pandas would heed its own there
         found = data.to_batches(columns=wanted, filter=within if where is None else within & where)
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
