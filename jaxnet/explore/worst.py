@@ -10,6 +10,7 @@ import io
 import json
 import math
 import time
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -117,8 +118,11 @@ class Hunt:
         path = self.folder.path / self.file
         if not path.exists():
             return {}
-        with np.load(io.BytesIO(path.read_bytes())) as kept:
-            return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
+        try:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
+                return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
+        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+            raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
 
     def keep(self, **more: str) -> None:
         """Write what the choices came to, unless it is there."""

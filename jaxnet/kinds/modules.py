@@ -16,7 +16,7 @@ import os
 import re
 import sys
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
@@ -68,8 +68,7 @@ class Neighbours:
         return {name: hashlib.sha256(self.read(file)).hexdigest() for name, file in files.items()}
 
     def load(self, module: str) -> types.ModuleType:
-        """The module of this name, which a config gives, in the folder; raises what its code does."""
-        self.named.add(module.partition(".")[0])
+        """The module of this name in the folder; raises what its code does."""
         closure(self, module)  # what it imports is read now, even if it is imported later
         return importlib.import_module(f"{self.name}.{module}")
 
@@ -105,6 +104,7 @@ def closure(held: Neighbours, module: str) -> dict[str, Path]:
     """Files of a module and of the neighbours that its code imports, directly or not, by name."""
     found: dict[str, Path] = {}
     ahead = [module]
+    held.named.add(module.partition(".")[0])
     while ahead:
         name = ahead.pop()
         file = file_of(held.folder, name)
@@ -142,9 +142,7 @@ class Finder:
     """Finds modules of a folder by their private names, and nothing else."""
 
     @classmethod
-    def find_spec(
-        cls, fullname: str, path: Sequence[str] | None = None, target: Any = None
-    ) -> ModuleSpec | None:
+    def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """How a module is loaded from its file."""
         state, _, module = fullname.partition(".")
         held = STATES.get(state)

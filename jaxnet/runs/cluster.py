@@ -12,6 +12,7 @@ import importlib.util
 import logging
 import multiprocessing
 import os
+import pickle
 import pkgutil
 import signal
 import threading
@@ -119,7 +120,9 @@ class Cluster:
 
         try:
             client = self.client.result()
-            yield from answers(client, functools.partial(by_worker, task, scope, versions()), items)
+            packed = {name: pickle.dumps(item) for name, item in items.items()}
+            work = functools.partial(by_worker, pickle.dumps((task, scope)), versions())
+            yield from answers(client, work, packed)
         except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
@@ -254,12 +257,11 @@ def losses(event: Any, run: str) -> Iterator[str]:
             yield f"worker {event['worker']} was lost; others do what it had under way: {items}"
 
 
-def by_worker(
-    task: Callable[[Any], Any], scope: Scope, needed: dict[str, str], item: Any
-) -> Answer:
+def by_worker(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     """On a worker: do a task with one item; `needed` are the versions asked for.
 
-    With `scope` came the classes of the study's kinds.
+    `work` is the task, and the scope with which the classes of the study's kinds come. Both are unpacked here,
+    for dask waits for ever where a class cannot be had while a message is read.
     """
     from distributed import get_worker
 
@@ -268,7 +270,8 @@ def by_worker(
         said = settle_in(worker.state.nthreads)
     refuse(worker.address, versions(), needed)
     with registry.blaming():
-        found = task(item)
+        task, _ = pickle.loads(work)
+        found = task(pickle.loads(item))
     return Answer(found, list(drained(said)))
 
 

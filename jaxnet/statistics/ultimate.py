@@ -31,7 +31,6 @@ def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
     for name, table in tables.items():
         made = known_or(None, table)
         if made is None:
-            folder.remove(name)
             continue
         yield folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
 
