@@ -61,7 +61,7 @@ def wrong_in_array(found: Any) -> Iterator[str]:
         yield "it is no array of version 3"
         return
     kind, shape = found.get("data_type"), found.get("shape")
-    if kind not in TYPES:
+    if not isinstance(kind, str) or kind not in TYPES:
         yield f"its type is {json.dumps(kind)[:60]}"
         return
     grid = found.get("chunk_grid")
@@ -72,9 +72,10 @@ def wrong_in_array(found: Any) -> Iterator[str]:
     size = 8 if kind == "string" else np.dtype(kind).itemsize
     if math.prod(chunk) * size > MOST_CHUNK or (len(shape) == 1 and shape[0] > MOST_LABELS):
         yield f"it is too large: {shape}, in chunks of {chunk}"
-    for codec in found.get("codecs", []):
+    codecs = found.get("codecs")
+    for codec in codecs if isinstance(codecs, list) else [None]:
         name = codec.get("name") if isinstance(codec, dict) else codec
-        if name not in CODECS:
+        if not isinstance(name, str) or name not in CODECS:
             yield f"it needs the codec {json.dumps(name)[:60]}"
     if found.get("storage_transformers"):
         yield "it has storage transformers"
