@@ -1,11 +1,10 @@
-"""`python -m jaxnet` is the command `jaxnet`: modules in the folder where it is typed are not found either."""
+"""`python -m jaxnet` is the command `jaxnet`. It does not import modules from the current folder either."""
 
-import os
 import sys
 from pathlib import Path
 
-if sys.path[:1] == [os.getcwd()] and Path(__file__).parents[1] != Path.cwd():
-    del sys.path[0]
+if not sys.flags.safe_path and not Path("jaxnet").is_dir():  # Python has put the folder first
+    sys.path.remove(str(Path.cwd()))
 
 from jaxnet.cli import main
 

@@ -77,7 +77,9 @@ def made(tmp_path_factory):
     (home / "study.yaml").write_text(STUDY)
     jaxnet.run(home / "study.yaml", home / "results", progress=False)
     marker = home / "marker"
-    (home / "results" / "their_kinds.py").write_text(f"import pathlib\n\npathlib.Path({str(marker)!r}).touch()\n{KINDS}")
+    (home / "results" / "their_kinds.py").write_text(
+        f"import pathlib\n\npathlib.Path({str(marker)!r}).touch()\n{KINDS}"
+    )
     (home / "their_kinds.py").rename(home / "kept.py")
     return home / "results"
 
@@ -131,7 +133,8 @@ def test_what_needs_code_says_what_brings_it(results):
     for words in (["replay", "."], ["animate", "."]):
         line = one_line(*words, "--cell", 0, "--sample", 0)
         assert line.startswith("the code of their_kinds:Line, their_kinds:Mine, their_kinds:Rule,")
-        assert "--config FILE" in line and "--trust" in line
+        assert "--config FILE" in line
+        assert "--trust" in line
     assert one_line("figure", ".", "topologies").startswith("the code of their_kinds:Line is needed")
     opened = jaxnet.open(".")
     for ask in (opened.study.config.attack.describe, lambda: opened.study.config.topology.weights(3)):
@@ -167,7 +170,8 @@ def test_the_config_s_place_or_trust_brings_the_code(results, made, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "named", ["os:system", "their_kinds:Mine", "/their_kinds:Mine", "..their_kinds:Mine", "unittest.__main__:main"]
+    "named",
+    ["os:system", "their_kinds:Mine", "/their_kinds:Mine", "..their_kinds:Mine", "unittest.__main__:main"],
 )
 def test_whatever_a_study_names_is_a_name(named, results):
     """Modules beside it, of Python, at a path: shown, not imported, also where nothing is said of them."""
@@ -221,7 +225,9 @@ def test_a_tag_in_a_study_is_told(results):
     """None of them makes an object."""
     text = Path("study.yaml").read_text().replace("seed: 0", "seed: !!python/object/apply:os.getcwd []")
     Path("study.yaml").write_text(text)
-    assert "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here" in one_line("show", ".")
+    assert "the tag tag:yaml.org,2002:python/object/apply:os.getcwd has no meaning here" in one_line(
+        "show", "."
+    )
 
 
 def metadata(name):
@@ -314,9 +320,7 @@ def test_metadata_of_rows_run_nothing(made, results):
     bomb = pickle.dumps(Bomb(made.parent / "marker"))
     kind = {"ARROW:extension:name": "arrow.py_extension_type", "ARROW:extension:metadata": bomb}
     table = pq.read_table("lanes/00000.parquet")
-    fields = [
-        field.with_metadata(kind) if field.name == "steps" else field for field in table.schema
-    ]
+    fields = [field.with_metadata(kind) if field.name == "steps" else field for field in table.schema]
     strange = {"pandas": '{"index_columns": ["cell"], "columns": [{"name": "x"}], "column_indexes": []}'}
     schema = pa.schema(fields, metadata={**(table.schema.metadata or {}), **strange})
     pq.write_table(pa.table(table.columns, schema=schema), "lanes/00000.parquet")

@@ -59,9 +59,7 @@ def replay(
 @sample_option
 @click.option("--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
 @takes_code
-def animate(
-    results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None
-) -> None:
+def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None) -> None:
     """Write a film of one lane: who hears whom, attacked vehicles and what they tell, and the errors.
 
     It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is simulated again.

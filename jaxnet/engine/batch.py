@@ -19,7 +19,6 @@ import jax
 import numpy as np
 
 from jaxnet.engine.cores import cores
-from jaxnet.engine.methods import Engine
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.model import xla
 from jaxnet.model.lane import Network

@@ -145,8 +145,10 @@ def of_class(cls: type[Kind]) -> dict[str, Any]:
     return {
         "base": base.__name__,
         "kind": cls.kind,
-        "keys": {key: None for key in cls.model_fields} | {key: plain(each) for key, each in keys.items()},
-        "facts": {key: getattr(cls, key) for key in facts_of(base) if plain(getattr(cls, key, None)) is not None},
+        "keys": dict.fromkeys(cls.model_fields) | {key: plain(each) for key, each in keys.items()},
+        "facts": {
+            key: getattr(cls, key) for key in facts_of(base) if plain(getattr(cls, key, None)) is not None
+        },
         "own": [
             name
             for name in methods_of(base)
@@ -206,7 +208,9 @@ def class_like(family: str, name: str, told: Mapping[str, Any]) -> type[Kind]:
         "model_config": ConfigDict(extra="allow"),
     }
     bare: Any = type("StandIn", (base,), namespace)
-    found = create_model("StandIn", __base__=bare, __module__=__name__, **keys_like(base, told.get("keys")))
+    found: Any = create_model(
+        "StandIn", __base__=bare, __module__=__name__, **keys_like(base, told.get("keys"))
+    )
     called = told.get("kind")
     found.kind = called if isinstance(called, str) else name.rpartition(":")[2]
     return found

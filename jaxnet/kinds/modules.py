@@ -194,9 +194,9 @@ def import_beside(
 
 
 def is_neighbour(held: Neighbours, top: str) -> bool:
-    """Whether an import of this name means a file of the folder: what Python or a distribution has comes first.
+    """Whether an import of this name means a file of the folder.
 
-    A name that a config gives means the file in any case.
+    Modules of Python and of installed packages come first, but for a name that the config itself gives.
     """
     if file_of(held.folder, top) is None and not (top.isidentifier() and (held.folder / top).is_dir()):
         return False

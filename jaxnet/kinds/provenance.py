@@ -1,4 +1,4 @@
-"""What a class from outside is made of: its module's files, or its code where it was typed into a notebook."""
+"""What a class from outside is made of: its module's files, or its code if it was typed into a notebook."""
 
 import hashlib
 import inspect
@@ -88,8 +88,7 @@ def made_of(found: Any) -> dict[str, Provenance]:
         return {name: SOURCES.setdefault(name, source_of(name))}
     hashes = held.hashes(name)
     return {
-        each: Provenance(str(file), hashes[each], None)
-        for each, file in modules.closure(held, name).items()
+        each: Provenance(str(file), hashes[each], None) for each, file in modules.closure(held, name).items()
     }
 
 

@@ -157,7 +157,7 @@ NAMED: dict[Any, str] = {}  # names by which metrics from outside were found
 
 def metric_name(metric: Any) -> str:
     """How a config names a metric."""
-    return NAMED.get(metric, metric.name)
+    return str(NAMED.get(metric, metric.name))
 
 
 def unknown(family: str, given: Any) -> KindError:
@@ -179,7 +179,7 @@ def adopt(given: Any) -> str:
     """The reference by which a class or metric that a script hands over is found from now on."""
     module = home_of(given)
     if isinstance(given, type):
-        reference = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
+        reference: str = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
     else:
         ours = module.startswith("jaxnet.")
         reference = given.name if ours else f"{modules.public(module)}:{name_in(given)}"

@@ -94,7 +94,9 @@ class Cluster:
     ) -> "Iterator[Done]":
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
-        yield from self.deal(task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo})
+        yield from self.deal(
+            task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo}
+        )
 
     def deal(
         self,
@@ -260,8 +262,8 @@ def losses(event: Any, run: str) -> Iterator[str]:
 def by_worker(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     """On a worker: do a task with one item; `needed` are the versions asked for.
 
-    `work` is the task, and the scope with which the classes of the study's kinds come. Both are unpacked here,
-    for dask waits for ever where a class cannot be had while a message is read.
+    `work` holds the task, and the scope that loads the classes of the study's kinds. It is unpacked here: a
+    class that cannot be loaded while dask reads a message stops the worker for ever.
     """
     from distributed import get_worker
 

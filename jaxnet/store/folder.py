@@ -138,7 +138,7 @@ def put_file(final: Path, write: Callable[[BinaryIO], Any]) -> None:
         temporary.unlink(missing_ok=True)
 
 
-ENTRIES: dict[str, type | dict[str, type]] = {  # of a manifest, with the types that they have if they are there
+ENTRIES: dict[str, Any] = {  # of a manifest, and their types
     "hash": str,
     "seed": int,
     "versions": dict,
@@ -162,19 +162,22 @@ def wrong_entries(found: Any) -> Iterator[str]:
         yield "it is no mapping"
         return
     for name, kind in ENTRIES.items():
-        value = found.get(name)
-        if isinstance(kind, dict):
-            within = value if isinstance(value, dict) else {}
-            fits = value is None or all(type(within.get(key)) is each for key, each in kind.items())
-        else:
-            fits = value is None or type(value) is kind or (kind is float and type(value) is int)
-        if not fits or (name in MOST and not 0 <= (value or 0) <= MOST[name]):
+        value: Any = found.get(name)
+        number = value if name in MOST else 0
+        if value is not None and not (is_of(value, kind) and 0 <= number <= MOST.get(name, 0)):
             yield f"{name} is {json.dumps(value)[:60]}"
     if found.get("shard_size") == 0:
         yield "shard_size is 0"
     for name, made in found.get("modules", {}).items():
-        if not isinstance(made, dict) or not all(isinstance(made.get(key), str) for key in ("file", "sha256")):
+        if not is_of(made, {"file": str, "sha256": str}):
             yield f"modules.{name} is {json.dumps(made)[:60]}"
+
+
+def is_of(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type, or is a mapping with values of these types."""
+    if isinstance(kind, dict):
+        return isinstance(value, dict) and all(is_of(value.get(key), each) for key, each in kind.items())
+    return type(value) is kind or (kind is float and type(value) is int)
 
 
 class Folder:

@@ -14,7 +14,7 @@ from upath import UPath
 from jaxnet.store.folder import FolderError
 
 CODECS = {"bytes", "vlen-utf8", "zstd", "crc32c"}
-TYPES = {"float32", "float64", "int8", "int16", "int32", "int64", "bool", "string"}
+ARRAY_TYPES = {"float32", "float64", "int8", "int16", "int32", "int64", "bool", "string"}
 MOST_CHUNK = 2**31  # bytes of a chunk of numbers
 MOST_LABELS = 2**27  # entries of an array of one dimension, which is read as a whole
 
@@ -60,12 +60,14 @@ def wrong_in_array(found: Any) -> Iterator[str]:
     if not isinstance(found, dict) or (found.get("zarr_format"), found.get("node_type")) != (3, "array"):
         yield "it is no array of version 3"
         return
-    kind, shape = found.get("data_type"), found.get("shape")
-    if not isinstance(kind, str) or kind not in TYPES:
+    kind: Any = found.get("data_type")
+    shape: Any = found.get("shape")
+    if not isinstance(kind, str) or kind not in ARRAY_TYPES:
         yield f"its type is {json.dumps(kind)[:60]}"
         return
     grid = found.get("chunk_grid")
-    chunk = grid.get("configuration", {}).get("chunk_shape") if isinstance(grid, dict) else None
+    settings = grid.get("configuration") if isinstance(grid, dict) else None
+    chunk: Any = settings.get("chunk_shape") if isinstance(settings, dict) else None
     if not is_shape(shape) or not is_shape(chunk) or len(shape) != len(chunk):
         yield "it has no shape, or no shape of chunks"
         return

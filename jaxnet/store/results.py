@@ -60,7 +60,8 @@ class Results:
     @property
     def missing(self) -> list[str]:
         """Names of the study's kinds whose code is not here."""
-        return self.study.config.scope.missing
+        scope = self.study.config.scope
+        return scope.missing if isinstance(scope, Looking) else []
 
     def need_code(self) -> None:
         """Raise MissingKindError if the code of some kind is not here."""
@@ -113,9 +114,10 @@ class Results:
     @cached_property
     def shards(self) -> list[Shard]:
         """Shards whose rows are there."""
-        there = (rows.number_of(path.name) for path in self.path.glob("lanes/*.parquet"))
+        names = (path.name for path in self.path.glob("lanes/*.parquet"))
+        there = {number for name in names if (number := rows.number_of(name)) is not None}
         samples, size, cells = self.manifest["samples"], self.manifest["shard_size"], self.study.cells
-        shards = (layout.shard_of(cells, samples, size, number) for number in sorted({*there} - {None}))
+        shards = (layout.shard_of(cells, samples, size, number) for number in sorted(there))
         return [shard for shard in shards if shard.samples]
 
     @cached_property

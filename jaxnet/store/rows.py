@@ -117,7 +117,7 @@ def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
 
 
 WITH_TYPE = {"cell": pa.int64(), "sample": pa.int64(), "status": pa.string(), "tail_mean": pa.float64()}
-TYPES = {pa.int64(), pa.float64(), pa.string()}
+COLUMN_TYPES = {pa.int64(), pa.float64(), pa.string()}
 
 
 def strange_columns(schema: pa.Schema) -> str:
@@ -126,7 +126,7 @@ def strange_columns(schema: pa.Schema) -> str:
         if name not in schema.names:
             return f"it has no column {name}"
     for column in schema:
-        if column.type not in TYPES or column.type != WITH_TYPE.get(column.name, column.type):
+        if column.type not in COLUMN_TYPES or column.type != WITH_TYPE.get(column.name, column.type):
             return f"its column {column.name} holds {column.type}"
     return ""
 

@@ -101,7 +101,8 @@ import pickle, sys
 from jaxnet.kinds.kind import KindError
 try:
     scope, attack, (metric,) = pickle.load(sys.stdin.buffer)
-    print(attack.factor(), metric.of.__module__.endswith(".own_kinds"), sorted(name for _, name in scope.known))
+    names = sorted(name for _, name in scope.known)
+    print(attack.factor(), metric.of.__module__.endswith(".own_kinds"), names)
 except KindError as error:
     print(error)
 """
@@ -132,14 +133,18 @@ def test_a_class_handed_over_is_refused_once_its_file_has_changed(tmp_path, monk
     """Its rows would be told to be of the new file; imported again, it is taken."""
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "handed_kinds.py"
-    text = "from jaxnet.kinds.attacks.bias import Bias\n\n\nclass Handed(Bias):\n    number = lambda self: 1\n"
+    text = (
+        "from jaxnet.kinds.attacks.bias import Bias\n\n\nclass Handed(Bias):\n    number = lambda self: 1\n"
+    )
     file.write_text(text)
     import handed_kinds  # pyright: ignore[reportMissingImports]
 
     keys = {"vehicles": 3, "attack": handed_kinds.Handed(vehicles=[2])}
     assert jaxnet.load(keys).config.attack.reference() == "handed_kinds:Handed"
     file.write_text(text.replace("1", "2 + 20"))  # longer, or Python would take what it has compiled
-    with pytest.raises(KindError, match=r"handed_kinds:Handed was changed since it was imported .*: import it"):
+    with pytest.raises(
+        KindError, match=r"handed_kinds:Handed was changed since it was imported .*: import it"
+    ):
         jaxnet.load(keys)
     del sys.modules["handed_kinds"]
     import handed_kinds  # pyright: ignore[reportMissingImports]
@@ -168,7 +173,7 @@ print([name for name in sys.argv[3:] if importlib.util.find_spec(name) and "besi
 
 
 def test_files_beside_a_config_shadow_no_library(tmp_path):
-    """Nothing is run that the config does not name, whatever libraries look for; its own imports are found."""
+    """Whatever libraries look for, nothing is run but what the config names, and what that imports."""
     folder = folder_with(tmp_path / "beside", 1.0)
     marker = tmp_path / "marker"
     for name in LIBRARIES:
@@ -203,7 +208,8 @@ def test_packages_and_relative_imports_are_found(tmp_path):
     (package / "__init__.py").write_text("")
     (package / "one.py").write_text("ONE = 1.0\n")
     (package / "kinds.py").write_text(
-        "import own_package.one\nfrom . import one\nfrom own_package import one as same\nfrom .one import ONE\n"
+        "import own_package.one\nfrom . import one\n"
+        "from own_package import one as same\nfrom .one import ONE\n"
         "from jaxnet.kinds.attacks.bias import Bias\n\n\n"
         "class Mine(Bias):\n    def found(self):\n        return own_package.one is one is same, ONE\n"
     )
