@@ -5,6 +5,7 @@ there is a stand-in. It has the keys of the kind and what the folder's manifest 
 code alone knows, it raises MissingKindError.
 """
 
+import contextlib
 import copy
 import importlib
 import importlib.util
@@ -99,7 +100,9 @@ class Looking(Scope):
         known = name in offered or modules.is_installed(module)
         if not reference or "__main__" in module or not known or self.is_inside(module.partition(".")[0]):
             return None
-        return imported(reference, name, None)
+        with contextlib.suppress(KindError):  # of another version of the package: it is shown as a name
+            return imported(reference, name, None)
+        return None
 
     def is_inside(self, top: str) -> bool:
         """Whether an import of this name would find something inside the results, or nothing."""

@@ -116,17 +116,18 @@ def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
         raise TornError("not a row file of ours") from error
 
 
-WITH_TYPE = {"cell": pa.int64(), "sample": pa.int64(), "status": pa.string(), "tail_mean": pa.float64()}
-COLUMN_TYPES = {pa.int64(), pa.float64(), pa.string()}
+TEXT = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
+NUMBERS = {pa.int64(), pa.float64()}
+NEEDED = {"cell": {pa.int64()}, "sample": {pa.int64()}, "status": TEXT, "tail_mean": {pa.float64()}}
 
 
 def strange_columns(schema: pa.Schema) -> str:
     """What a column is that none of our files has; empty if there is none."""
-    for name in WITH_TYPE:
+    for name in NEEDED:
         if name not in schema.names:
             return f"it has no column {name}"
     for column in schema:
-        if column.type not in COLUMN_TYPES or column.type != WITH_TYPE.get(column.name, column.type):
+        if column.type not in NEEDED.get(column.name, TEXT | NUMBERS):
             return f"its column {column.name} holds {column.type}"
     return ""
 
