@@ -1,4 +1,12 @@
-"""`python -m jaxnet` is the command `jaxnet`."""
+"""`python -m jaxnet` is the command `jaxnet`. It does not import modules from the current folder either."""
+
+import contextlib
+import sys
+from pathlib import Path
+
+if not sys.flags.safe_path and not Path("jaxnet").is_dir():  # Python has put the folder first
+    with contextlib.suppress(ValueError):
+        sys.path.remove(str(Path.cwd()))
 
 from jaxnet.cli import main
 

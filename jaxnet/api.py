@@ -13,6 +13,7 @@ from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.study import Source, Study, load
+from jaxnet.kinds.looking import known_or
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
@@ -125,14 +126,19 @@ class Results(stored.Results):
         return tables.html(self)
 
 
-def open(path: Place, out: Place | None = None) -> Results:
+def open(path: Place, out: Place | None = None, trust: bool = False, config: Place | None = None) -> Results:
     """Results of a folder that a run has made.
 
     What is made of the rows (fits, figures, the report, replays) is written into the folder itself, or into
     `out`. Raises FolderError if it is no such folder, or if `out` holds what was made of other rows.
+
+    No code is run because the folder names it. A kind from outside that this process has not loaded, and that
+    is not installed, is known by what the folder says of it; replays need its code. `config` is the study's
+    config, or its folder: modules beside it are loaded. With `trust` modules are loaded from where the folder
+    says that they are.
     """
-    found = stored.open(path, out)
-    return Results(found.path, found.out)
+    found = stored.open(path, out, trust, None if config is None else Path(str(config)))
+    return Results(found.path, found.out, found.trust, found.config)
 
 
 def run(
@@ -351,6 +357,7 @@ def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]
     from jaxnet.view.figures import every as figures
 
     with results.folder.writing():
+        results.tell_missing("bounds that need it are")
         yield from ultimate.analyse(results, told)
         yield from figures.draw(results, ULTIMATE, told)
 
@@ -381,9 +388,11 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
 
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
-        if ultimate.asked(results) and not results.file("fit.csv").exists():
+        results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
+        if known_or(False, lambda: ultimate.asked(results)) and not results.file("fit.csv").exists():
             yield from ultimate.analyse(results, told)
-        yield from replay_watched(results, told)
+        if not results.missing:
+            yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
         yield page.write_page(results)
 

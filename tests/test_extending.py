@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.kinds import registry
+from jaxnet.kinds import provenance, registry
 from jaxnet.runs import cluster
 from jaxnet.view import page
 
@@ -101,7 +101,7 @@ def test_a_stranger_s_kinds_work_end_to_end(folder):
     assert set(lanes["defence"]) == {"trusted_trim", "Nearest"}
 
     nonlinear = "run study.yaml engine=nonlinear --out results/nonlinear"
-    again = "replay results/study --cell 2 --sample 7"
+    again = "replay results/study --cell 2 --sample 7 --config study.yaml"
     said = all_in(folder, "check study.yaml", nonlinear, "fit results/study", again)
     assert "Fading on 2 in what they transmit" in said
     assert "Nearest: nothing is known of whom it retains" in said
@@ -168,7 +168,7 @@ def made_of(cell, monkeypatch):
     module = types.ModuleType("notebook_cells")
     exec(cell.replace("\n", "\n__name__ = 'notebook_cells'\n", 1), vars(module))
     monkeypatch.setitem(sys.modules, "notebook_cells", module)
-    return registry.typed("notebook_cells", [module.Mine]).sha256
+    return provenance.typed("notebook_cells", [module.Mine]).sha256
 
 
 @pytest.mark.parametrize(
@@ -225,7 +225,8 @@ def test_a_class_typed_into_a_shell_is_told_from_what_it_was(tmp_path):
 
 def test_what_is_typed_into_a_shell_is_not_given_to_workers():
     """They could not import it, and would wait for ever."""
-    work = types.SimpleNamespace(modules={"__main__": registry.Provenance("", "0", None)})
+    modules = {"__main__": provenance.Provenance("", "0", None)}
+    work = types.SimpleNamespace(modules=modules, config=types.SimpleNamespace(scope=registry.Scope()))
     crew = cluster.Cluster(lambda: pytest.fail("workers were called"), None)
     with pytest.raises(cluster.ClusterError, match="no worker can import __main__, which has no file"):
         next(crew(work, [types.SimpleNamespace(number=1)], lambda _: None))

@@ -1,10 +1,12 @@
 """Commands on one lane: simulate it again, see it move."""
 
+from pathlib import Path
+
 import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
-from jaxnet.cli.results import out_option, results_argument
+from jaxnet.cli.results import out_option, results_argument, takes_code
 
 cell_option = click.option(
     "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
@@ -20,10 +22,19 @@ sample_option = click.option(
 @sample_option
 @click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
 @out_option
-def replay(results: str, cell: int, sample: int, engine: str | None, out: str | None) -> None:
+@takes_code
+def replay(
+    results: str,
+    cell: int,
+    sample: int,
+    engine: str | None,
+    out: str | None,
+    trust: bool,
+    config: Path | None,
+) -> None:
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
-        opened = jaxnet.open(results, out)
+        opened = jaxnet.open(results, out, trust, config)
         from jaxnet.view.text import tables
 
         again = opened.replay(cell, sample, engine)
@@ -36,13 +47,14 @@ def replay(results: str, cell: int, sample: int, engine: str | None, out: str | 
 @cell_option
 @sample_option
 @click.option("--out", metavar="FILE", help="Ends in .mp4 (needs ffmpeg) or .gif.  [default: into figures/]")
-def animate(results: str, cell: int, sample: int, out: str | None) -> None:
+@takes_code
+def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, config: Path | None) -> None:
     """Write a film of one lane: who hears whom, attacked vehicles and what they tell, and the errors.
 
     It is an MP4 where ffmpeg is found, else a GIF. A lane whose trajectory is not there is simulated again.
     """
     with user_errors():
-        opened = jaxnet.open(results)
+        opened = jaxnet.open(results, trust=trust, config=config)
         from jaxnet.api import write_film
         from jaxnet.view.text import progress
 

@@ -15,6 +15,24 @@ results_argument = click.argument("results", type=click.Path())  # a path or URL
 out_option = click.option(
     "--out", metavar="DIR", type=click.Path(), help="Where to write, if not into RESULTS."
 )
+
+
+def takes_code(command):
+    """Give a command the options that say which code of kinds from outside may run."""
+    for option in (
+        click.option(
+            "--config",
+            type=click.Path(path_type=Path),
+            help="The study's config, or its folder: kinds are loaded from the modules beside it.",
+        ),
+        click.option(
+            "--trust", is_flag=True, help="Load the kinds from where RESULTS says that their modules are."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 format_option = click.option(
     "--format",
     "form",
@@ -64,13 +82,14 @@ def list_results(folder: str) -> None:
 @click.command()
 @results_argument
 @out_option
-def fit(results: str, out: str | None) -> None:
+@takes_code
+def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None:
     """Fit the ultimate error against the attack's magnitude, beside the bounds of theory.
 
     Writes fit.csv, bounds.csv and violations.csv, and prints what they come to.
     """
     with user_errors():
-        opened = jaxnet.open(results, out)
+        opened = jaxnet.open(results, out, trust, config)
         from jaxnet.api import write_fits
         from jaxnet.view.text import progress, slopes
 
@@ -84,14 +103,15 @@ def fit(results: str, out: str | None) -> None:
 @results_argument
 @out_option
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
-def report(results: str, out: str | None, shown: bool) -> None:
+@takes_code
+def report(results: str, out: str | None, shown: bool, trust: bool, config: Path | None) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
     dozen cells at most, and the worst of the study if it has `recovery`.
     """
     with user_errors():
-        opened = jaxnet.open(results, out)
+        opened = jaxnet.open(results, out, trust, config)
         from jaxnet.api import write_report
         from jaxnet.view.text import progress
 
@@ -127,13 +147,22 @@ def show_page(page: Any) -> None:
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
 )
 @out_option
-def figure(results: str, name: str, where: tuple[str, ...], column: str, out: str | None) -> None:
+@takes_code
+def figure(
+    results: str,
+    name: str,
+    where: tuple[str, ...],
+    column: str,
+    out: str | None,
+    trust: bool,
+    config: Path | None,
+) -> None:
     """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS.
 
     A choice of cells, and a narrow figure, are told by the files' names.
     """
     with user_errors():
-        opened = jaxnet.open(results, out)
+        opened = jaxnet.open(results, out, trust, config)
         from jaxnet.api import write_figure
 
         for path in write_figure(opened, name, wanted(where), column):

@@ -10,8 +10,8 @@ import re
 from typing import Annotated, Any, Literal
 
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Discriminator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, PrivateAttr
+from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.methods.nonlinear import Nonlinear
@@ -42,13 +42,22 @@ class Initial(Record):
     speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 
 
-def known_metric(name: str) -> str:
-    """The name, if it is one of a metric that can be found."""
+def known_metric(name: str) -> Metric:
+    """The metric of this name."""
     try:
-        registry.find("metrics", name)
+        return registry.find("metrics", name)
     except KindError as error:
         raise PydanticCustomError("metric", "{error}", {"error": str(error)}) from error
-    return name
+
+
+class NamedMetric:
+    """The type of a metric that a config gives by its name."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Validate a name, and write the name."""
+        named = core_schema.no_info_after_validator_function(known_metric, core_schema.str_schema())
+        written = core_schema.plain_serializer_function_ser_schema(registry.metric_name)
+        return core_schema.json_or_python_schema(named, named, serialization=written)
 
 
 class Scenario(Record):
@@ -80,13 +89,13 @@ class Scenario(Record):
         TrustedTrim()
     )
     engine: Annotated[Engine, Of("engine"), Field(description="how lanes are advanced")] = Nonlinear()
-    metrics: list[Annotated[str, AfterValidator(known_metric)]] = Field(
+    metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[], description="what rows measure besides what all do"
     )
 
     def measured(self) -> tuple[Metric, ...]:
         """All metrics of a row."""
-        return (*CONTRACT, *(registry.find("metrics", name) for name in self.metrics))
+        return (*CONTRACT, *self.metrics)
 
 
 RANDOMISATIONS = 16  # of Sobol's sequences, that stand for independent samples
@@ -297,6 +306,19 @@ class Config(Scenario):
     search: Search | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
     save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
+
+    _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)
+
+    @property
+    def scope(self) -> registry.Scope:
+        """What the names of kinds from outside mean in this study."""
+        return self._scope
+
+    def within(self, scope: registry.Scope) -> "Config":
+        """The same config, whose names mean what they do there."""
+        found = self.model_copy()
+        found._scope = scope
+        return found
 
     @property
     def most_samples(self) -> int:

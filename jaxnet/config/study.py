@@ -54,7 +54,7 @@ Source = Study | str | Path | UPath | Mapping[str, Any]
 def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
     """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
-    Modules beside the file can be imported, for kinds of one's own. In a mapping a kind may be an object, a
+    A kind of one's own may be in a module beside the file. In a mapping a kind may be an object, a
     graph one of networkx; NumPy's and pandas' values count as Python's, tuples as lists. Overrides are a
     mapping by dotted key, or KEY=VALUE words; a Study without any is returned as it is.
 
@@ -66,15 +66,23 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
     if isinstance(source, Study):
         if not overrides:
             return source
-        source = cells.plain(source.config)
+        with source.config.scope():
+            return load(cells.plain(source.config), overrides)
     if isinstance(source, Mapping):
-        document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
-    else:
-        document = Document.read(source)
-        registry.search_folder(Path(str(source)).resolve().parent)
+        with registry.Scope(known=registry.scope().known)() as scope:
+            document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
+            return read(document, overrides, scope)
+    with registry.Scope(Path(str(source)).resolve().parent)() as scope:
+        return read(Document.read(source), overrides, scope)
+
+
+def read(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
+    """The study of a document whose names mean what they do in a scope; raises ConfigError."""
     for word in overrides:
         document.override(word)
-    return Study(*cells.read_document(document))
+    with scope():
+        config, found = cells.read_document(document)
+    return Study(config.within(scope), found)
 
 
 def yaml_of(data: Any, inline: bool) -> str:

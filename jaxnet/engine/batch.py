@@ -19,9 +19,7 @@ import jax
 import numpy as np
 
 from jaxnet.engine.cores import cores
-from jaxnet.engine.methods import Engine
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
-from jaxnet.kinds import registry
 from jaxnet.model import xla
 from jaxnet.model.lane import Network
 
@@ -74,18 +72,13 @@ class Machine(NamedTuple):
         """Lanes side by side: of larger fleets fewer, about as the root of their size, a power of two."""
         if self.chunk:
             return self.chunk
-        chunk = SLOW_CHUNK if plan.in_field else method(plan).chunk
-        cached = min(method(plan).cached, CHOOSING if plan.choosing else math.inf)
+        chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
+        cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
         few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
 
 EVERYTHING = Machine()
-
-
-def method(plan: Plan) -> type[Engine]:
-    """The engine that a plan names."""
-    return registry.find("engine", plan.engine)
 
 
 def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
@@ -109,7 +102,7 @@ def simulate_each(
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
     plan = plan._replace(chunk=machine.width(plan, network.hearing.sources.shape[1]))
-    capacity = plan.chunk * (1 if plan.save else method(plan).queue)
+    capacity = plan.chunk * (1 if plan.save else plan.engine.queue)
     share = max(plan.chunk, -(-lanes // len(devices)))
     for device in devices:
         free.put(device)
@@ -150,7 +143,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
         COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
         # All of it is one loop, that XLA may compile it as one function, which other loads do not disturb.
-        return xla.computed(lambda: method(plan).simulate(queue, count, network, clock, plan))
+        return xla.computed(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 

@@ -14,7 +14,7 @@ CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 if cut off, ‖L⁻¹�
 class Plan(NamedTuple):
     """What the compiled program is shaped by: hashable, a new one compiles anew."""
 
-    engine: str  # name of the method
+    engine: Any  # the class, one of `engine.methods.Engine`
     options: tuple[Any, ...] = ()  # of the method, what its program depends on
     metrics: tuple[Metric, ...] = CONTRACT
     decides: bool = True  # whether vehicles decide whom to retain

@@ -28,7 +28,8 @@ def study_of(study: Config, cell: Cell, box: Box, point: Point) -> Study:
     for name in study.search.over:
         if name != VEHICLES:
             overrides[name] = written_out(box, point, name, attacked)
-    return load(keys, overrides)
+    with study.scope():
+        return load(keys, overrides)
 
 
 def written_out(box: Box, point: Point, name: str, attacked: Sequence[int]) -> Any:

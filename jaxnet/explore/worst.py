@@ -10,6 +10,7 @@ import io
 import json
 import math
 import time
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -28,7 +29,6 @@ from jaxnet.explore import alone, late
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.late import Choice
 from jaxnet.explore.search import COURSE, Generation, Point, Trials, searched
-from jaxnet.kinds import registry
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
@@ -38,7 +38,7 @@ from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.reach import spread_of
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
-from jaxnet.store.folder import Folder, FolderError, digest
+from jaxnet.store.folder import Folder, FolderError, digest, made_from
 from jaxnet.store.results import Results
 
 CHECKPOINT = 10.0  # [s], or as much longer as keeps the share of WRITING
@@ -123,8 +123,11 @@ class Hunt:
         path = self.folder.path / self.file
         if not path.exists():
             return {}
-        with np.load(io.BytesIO(path.read_bytes())) as kept:
-            return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
+        try:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
+                return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
+        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+            raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
 
     def keep(self, **more: Any) -> None:
         """Write what the choices came to, unless it is there."""
@@ -243,7 +246,7 @@ def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
     config = results.study.config
     task = functools.partial(search_cell, results.folder.absolute(), machine.chunk)
     cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
-    yield from crew.deal(task, registry.provenance(plain(config)), cells)
+    yield from crew.deal(task, config.scope, made_from(config), cells)
 
 
 def search_cell(folder: Folder, chunk: int | None, number: int) -> int:

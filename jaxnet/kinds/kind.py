@@ -1,16 +1,14 @@
 """What all kinds share: how one is written in a config, drawn for lanes, and told what is wrong."""
 
-import importlib
-import operator
-import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_serializer
 
+from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
+from jaxnet.kinds.modules import KindError as KindError
 
 
 class Fault(NamedTuple):
@@ -18,10 +16,6 @@ class Fault(NamedTuple):
 
     keys: tuple[str, ...]
     message: str
-
-
-class KindError(ValueError):
-    """A kind from outside that cannot be had, or that failed; says which and where."""
 
 
 class Kind(Record):
@@ -52,12 +46,12 @@ class Kind(Record):
         """How a config names the class: ours by its kind, others as they were found or by `module:Class`."""
         if cls.__module__.startswith("jaxnet."):
             return cls.kind
-        return REFERENCES.get(cls, f"{cls.__module__}:{cls.__qualname__}")
+        return REFERENCES.get(cls, f"{modules.public(cls.__module__)}:{cls.__qualname__}")
 
     def __reduce__(self) -> Any:
-        """Another process is told the class by name, and where its module is."""
-        cls, folder = type(self), folder_of(type(self).__module__)
-        return rebuilt, (folder, cls.__module__, cls.__qualname__, self.__dict__)
+        """Another process is told in which file the class is, and what that file must hold."""
+        cls = type(self)
+        return rebuilt, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
     def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
@@ -101,17 +95,9 @@ class Kind(Record):
         return made
 
 
-def folder_of(module: str) -> str:
-    """The folder from which a module is imported."""
-    file = getattr(sys.modules[module], "__file__", None)
-    return str(Path(file).resolve().parents[module.count(".")]) if file else ""
-
-
-def rebuilt(folder: str, module: str, name: str, values: dict[str, Any]) -> Kind:
-    """A kind that another process has sent; its module may stand where nothing else is imported from."""
-    if folder not in sys.path:
-        sys.path.append(folder)
-    return operator.attrgetter(name)(importlib.import_module(module)).filled(values)
+def rebuilt(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
+    """A kind that another process has sent; raises KindError if its module is not the same here."""
+    return modules.attribute(modules.loaded(origin), name).filled(values)
 
 
 REFERENCES: dict[type[Kind], str] = {}  # of the classes that `registry` has found

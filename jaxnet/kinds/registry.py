@@ -2,27 +2,26 @@
 `module:Class`.
 
 A class counts only if it is of the family that was asked for, which is seen before anything of it is called.
-What a class is made of (its module's source, its distribution's version) is told by `provenance`, for rows
-depend on it.
+A `Scope` says what the names of one study mean: another study may use the same names for other classes.
 """
 
 import contextlib
 import functools
-import hashlib
 import importlib
 import importlib.util
-import inspect
 import json
-import os
 import pkgutil
 import sys
-import types
 from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jaxnet.kinds import modules
+from jaxnet.kinds import provenance as source
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
+from jaxnet.kinds.provenance import home_of, name_in
 
 
 class Family(NamedTuple):
@@ -49,15 +48,65 @@ FAMILIES = {
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 
 
-PLAIN = (bool, int, float, complex, str)
+Key = tuple[str, str]  # a family, and a name in it
 
 
-class Provenance(NamedTuple):
-    """What a class from outside is made of."""
+class Scope:
+    """What the names of kinds from outside mean in one study, whose config is in `folder`."""
 
-    file: str
-    sha256: str  # of the file when it was imported
-    version: str | None  # of the distribution that it came with
+    judges = True  # whether the study is new, so that files are read for it and its kinds say what is wrong
+
+    def __init__(self, folder: Path | None = None, known: Mapping[Key, Any] | None = None):
+        self.folder, self.known = folder, dict(known or {})
+
+    def __eq__(self, other: object) -> bool:
+        """Whether names mean the same."""
+        return isinstance(other, Scope) and self.known == other.known
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> Any:
+        """Another process is told in which files the classes are."""
+        origins = {key: (source.origin_of(each), name_in(each)) for key, each in self.known.items()}
+        return scope_of, (self.folder, origins)
+
+    @contextlib.contextmanager
+    def __call__(self) -> Iterator["Scope"]:
+        """Have names mean what they do here."""
+        token = HERE.set(self)
+        try:
+            yield self
+        finally:
+            HERE.reset(token)
+
+    def outside(self, family: str, name: str) -> Any:
+        """What a name means that is none of ours: an installed kind, or one at `module:attribute`."""
+        point = next((each for each in entry_points(family) if each.name == name), None)
+        if point is not None:
+            return imported(point.value, name, None)
+        return imported(name, name, self.folder) if ":" in name else None
+
+    def named_in(self, data: Any) -> list[Any]:
+        """The classes and metrics from outside that plain data names."""
+        named = set(words(data))
+        return [found for (_, name), found in self.known.items() if name in named]
+
+
+HERE: ContextVar[Scope | None] = ContextVar("scope", default=None)
+LOADED: dict[Key, list[Any]] = {}  # all that this process has found outside, the last one last
+
+
+def scope() -> Scope:
+    """What names mean now; outside any study only ours and importable ones mean anything."""
+    return HERE.get() or Scope()
+
+
+def scope_of(folder: Path | None, origins: Mapping[Key, tuple[modules.Origin, str]]) -> Scope:
+    """A scope that another process has sent; raises KindError if a module is not the same here."""
+    known = {key: modules.attribute(modules.loaded(origin), name) for key, (origin, name) in origins.items()}
+    for key, found in known.items():
+        remember(*key, found)
+    return Scope(folder, known)
 
 
 def names(family: str) -> list[str]:
@@ -71,13 +120,12 @@ def find(family: str, name: str) -> Any:
     """The class (of `metrics` the metric) that a name means in a family; raises KindError."""
     if (family, name) in RENAMED:
         raise KindError(f"{name} was renamed to {RENAMED[family, name]}")
-    found = HANDED.get(name)
+    here = scope()
+    found = here.known.get((family, name))
     if found is None:
         found = builtin(family, name)
     if found is None:
-        found = installed(family, name)
-    if found is None and ":" in name:
-        found = imported(name, name)
+        found = here.outside(family, name)
     if found is None:
         raise unknown(family, name)
     base = base_of(family)
@@ -87,8 +135,30 @@ def find(family: str, name: str) -> Any:
     if isinstance(found, type) and issubclass(found, Kind):
         REFERENCES[found] = name
     if not home_of(found).startswith("jaxnet."):
-        OUTSIDE[name] = found
+        source.refuse_changed(found, name)
+        source.made_of(found)  # as its file is now
+        here.known[family, name] = found
+        remember(family, name, found)
     return found
+
+
+def remember(family: str, name: str, found: Any) -> None:
+    """Note that this process has this class or metric, by what its name means."""
+    held = LOADED.setdefault((family, name), [])
+    if found not in held:
+        held.append(found)
+    if not isinstance(found, type):
+        NAMED[found] = name
+    elif issubclass(found, Kind):
+        REFERENCES[found] = name
+
+
+NAMED: dict[Any, str] = {}  # names by which metrics from outside were found
+
+
+def metric_name(metric: Any) -> str:
+    """How a config names a metric."""
+    return str(NAMED.get(metric, metric.name))
 
 
 def unknown(family: str, given: Any) -> KindError:
@@ -97,27 +167,30 @@ def unknown(family: str, given: Any) -> KindError:
     return KindError(f"must be one of {known}, or module:Class (got {shown})")
 
 
-HANDED: dict[str, Any] = {}  # objects that a script has handed over, by their references
-OUTSIDE: dict[str, Any] = {}  # what was found and is not ours, by name
-
-
-def home_of(found: Any) -> str:
-    """The module that a class, or a metric's function, is written in."""
-    return found.__module__ if isinstance(found, type) else found.of.__module__
+def family_of(given: Any) -> str:
+    """The family of a class or metric that a script hands over; raises KindError."""
+    for family in FAMILIES:
+        base = base_of(family)
+        if isinstance(given, base) or (isinstance(given, type) and issubclass(given, base)):
+            return family
+    raise KindError(f"{given.__name__} is of no family")
 
 
 def adopt(given: Any) -> str:
     """The reference by which a class or metric that a script hands over is found from now on."""
     module = home_of(given)
     if isinstance(given, type):
-        reference = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
+        reference: str = given.reference()  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        held = vars(sys.modules[module]).items()
-        known = next((name for name, each in held if each is given), given.name)
-        reference = given.name if module.startswith("jaxnet.") else f"{module}:{known}"
+        ours = module.startswith("jaxnet.")
+        reference = given.name if ours else f"{modules.public(module)}:{name_in(given)}"
     if not module.startswith("jaxnet."):
-        HANDED[reference] = given
-        SOURCES.setdefault(module, source_of(module))
+        family, here = family_of(given), scope()
+        source.refuse_changed(given, reference)
+        if here.known.setdefault((family, reference), given) is not given:
+            raise KindError(f"two classes are called {reference}: rename one of them")
+        source.made_of(given)  # as its file is now
+        remember(family, reference, given)
     return reference
 
 
@@ -153,160 +226,38 @@ def entry_points(family: str) -> list[metadata.EntryPoint]:
     return list(metadata.entry_points(group=FAMILIES[family].group))
 
 
-def installed(family: str, name: str) -> Any:
-    """A class by its entry point, None if there is none of this name; raises KindError."""
-    for point in entry_points(family):
-        if point.name == name:
-            return imported(point.value, name)
-    return None
+def imported(reference: str, name: str, folder: Path | None) -> Any:
+    """What stands at `module:attribute`, of a module in this folder or else of one that can be imported.
 
-
-def imported(reference: str, name: str) -> Any:
-    """What stands at `module:attribute`; the module's source is remembered as it was imported."""
+    Raises KindError.
+    """
     module, _, attribute = reference.partition(":")
-    before = module in sys.modules
     try:
-        found: Any = importlib.import_module(module)
-        for part in attribute.split("."):
-            found = getattr(found, part)
+        found = modules.attribute(module_of(module, folder), attribute)
     except ImportError as error:
         missing = getattr(error, "name", None) == module
         where = "; modules beside the config can be imported" if missing else ""
         raise KindError(f"{name} cannot be imported: {error}{where}") from error
     except AttributeError as error:
-        raise KindError(f"{name}: {error}") from error
+        raise KindError(f"{name}: {modules.without_private(str(error))}") from error
     except Exception as error:  # of a stranger's module anything may come
         raise KindError(f"{name} cannot be imported: {with_place(error)}") from error
-    if not before or module not in SOURCES:
-        SOURCES[module] = source_of(module)
-    refuse_changed(module, name)
     return found
 
 
-SOURCES: dict[str, Provenance] = {}  # of modules that kinds came from, as they were imported
-
-
-def source_of(module: str) -> Provenance:
-    """What a module's file holds now; what is typed into a notebook or a shell has none."""
-    file = getattr(sys.modules[module], "__file__", None) or ""
-    if not Path(file).is_file():  # a shell may say "<stdin>"
-        return Provenance("", "", None)
-    return Provenance(file, hashlib.sha256(Path(file).read_bytes()).hexdigest(), version_of(module))
-
-
-def typed(module: str, kinds: list[Any]) -> Provenance:
-    """What kinds without a file are made of now: their functions, and what of their module these use."""
-    held = vars(sys.modules[module])
-    told: dict[str, Any] = {}
-    ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
-    while ahead:
-        name, thing = ahead.pop()
-        held_by = [vars(base).items() for base in bases_in(module, thing)]
-        parts = [thing, *(each for held_in in held_by for key, each in held_in if not key.startswith("__"))]
-        codes = [code for part in parts for code in codes_of(part)]
-        told[name] = [(code.co_code, code.co_names, as_words(code.co_consts)) for code in codes]
-        told[name] += [as_words(part) + as_words(defaults_of(part)) for part in parts]
-        used = {name for code in codes for name in code.co_names}
-        ahead += [(name, held[name]) for name in used & set(held) - set(told)]
-    return Provenance("", hashlib.sha256(repr(sorted(told.items())).encode()).hexdigest(), None)
-
-
-def bases_in(module: str, thing: Any) -> list[type]:
-    """A class and its bases, as far as they are written in this module."""
-    return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
-
-
-def function_of(thing: Any) -> Any:
-    """What a function, method, property or metric does."""
-    thing = getattr(thing, "fget", getattr(thing, "of", thing))
-    return inspect.unwrap(thing) if callable(thing) else thing
-
-
-def codes_of(thing: Any) -> Iterator[types.CodeType]:
-    """Its code, and that of the functions written inside it."""
-    code = getattr(function_of(thing), "__code__", None)
-    ahead = [code] if code else []
-    while ahead:
-        yield (code := ahead.pop())
-        ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
-
-
-def defaults_of(thing: Any) -> Any:
-    """Values of a function's arguments that are left out."""
-    function = function_of(thing)
-    return getattr(function, "__defaults__", None), getattr(function, "__kwdefaults__", None)
-
-
-def as_words(value: Any) -> str:
-    """Numbers and text, also in containers and arrays, in full; nothing of what else there is."""
-    if isinstance(value, PLAIN):
-        return repr(value)
-    if isinstance(value, dict):
-        return as_words([*value.items()])
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(as_words, value))}]"
-    if isinstance(value, set | frozenset):
-        return as_words(sorted(map(as_words, value)))
-    return as_words(value.tolist()) if hasattr(value, "dtype") and hasattr(value, "tolist") else ""
-
-
-@functools.cache
-def version_of(module: str) -> str | None:
-    """Version of the distribution that a module came with, None if it came with none."""
-    top = module.partition(".")[0]
-    return next((each.version for each in metadata.distributions() if installs(each, top)), None)
-
-
-def installs(distribution: Any, top: str) -> bool:
-    """Whether a package or module of this name came with it: by what it declares, or by its list of files."""
-    if declared := (distribution.read_text("top_level.txt") or "").split():
-        return top in declared
-    files = (distribution.read_text("RECORD") or "").splitlines()
-    return any(file.startswith((f"{top}/", f"{top}.")) for file in files)
-
-
-def refuse_changed(module: str, name: str) -> None:
-    """Raise KindError if a module's file is no longer what was imported."""
-    if source_of(module).sha256 != SOURCES[module].sha256:
-        file = SOURCES[module].file
-        raise KindError(f"{name} was changed since it was imported ({file}): start Python anew")
-
-
-def search_folder(folder: str | Path) -> None:
-    """Have modules of this folder found, after all others."""
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))
-
-
-def search_home(module: str, file: str) -> None:
-    """Have a module in this file found; what a notebook holds has none."""
-    if file:
-        search_folder(Path(file).parents[module.count(".") + (Path(file).name == "__init__.py")])
-
-
-def provenance(data: Any) -> dict[str, Provenance]:
-    """What those kinds are made of that plain data names and that are not ours, by module."""
-    named = set(words(data))
-    found = [kind for name, kind in OUTSIDE.items() if name in named]
-    modules = {module: [kind for kind in found if home_of(kind) == module] for module in map(home_of, found)}
-    sources = {module: SOURCES.setdefault(module, source_of(module)) for module in sorted(modules)}
-    return {
-        module: source if source.file else typed(module, modules[module])
-        for module, source in sources.items()
-    }
-
-
-def confirm(modules: Mapping[str, Provenance]) -> None:
-    """Raise KindError if modules that another process names are not the same here."""
-    for name, made_of in modules.items():
-        search_home(name, made_of.file)
-        try:
-            importlib.import_module(name)
-        except ImportError as error:
-            raise KindError(f"{name} cannot be imported by process {os.getpid()}: {error}") from error
-        SOURCES.setdefault(name, source_of(name))
-        if SOURCES[name].sha256 != made_of.sha256:
-            raise KindError(f"{name} is another one in process {os.getpid()} ({SOURCES[name].file})")
+def module_of(module: str, folder: Path | None) -> Any:
+    """A module: from its file in a folder, or in a place of `sys.path` where nothing is installed; else by
+    its name.
+    """
+    by_name = module in sys.modules or module.partition(".")[0] in sys.stdlib_module_names
+    elsewhere = [] if by_name else map(Path, filter(None, sys.path))
+    for place in filter(None, (folder, *elsewhere)):
+        if modules.file_of(place, module) is None or (place != folder and modules.is_installed(module)):
+            continue
+        return modules.neighbours(place).load(module)
+    found = importlib.import_module(module)
+    source.SOURCES.setdefault(module, source.source_of(module))
+    return found
 
 
 def words(data: Any) -> Iterator[str]:
@@ -335,7 +286,7 @@ def trace(error: BaseException) -> Iterator[tuple[str, int]]:
 
 def files() -> set[str]:
     """Files that kinds from outside came from."""
-    return {source.file for source in SOURCES.values() if source.file}
+    return modules.files() | {each.file for each in source.SOURCES.values() if each.file}
 
 
 def blame(error: BaseException) -> KindError | None:

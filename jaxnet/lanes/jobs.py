@@ -135,7 +135,7 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
     """What the compiled program is shaped by."""
     return Plan(
-        engine=scenario.engine.reference(),
+        engine=type(scenario.engine),
         options=scenario.engine.options(),
         metrics=scenario.measured(),
         decides=scenario.defence.decides,

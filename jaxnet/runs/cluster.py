@@ -12,6 +12,7 @@ import importlib.util
 import logging
 import multiprocessing
 import os
+import pickle
 import pkgutil
 import signal
 import threading
@@ -27,10 +28,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from upath import UPath
 
 from jaxnet.kinds import registry
+from jaxnet.kinds.registry import Scope
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
-    from jaxnet.kinds.registry import Provenance
+    from jaxnet.kinds.provenance import Provenance
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
 
@@ -92,12 +94,20 @@ class Cluster:
     ) -> "Iterator[Done]":
         """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
-        yield from self.deal(task, work.modules, {f"shard {shard.number}": shard for shard in todo})
+        yield from self.deal(
+            task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo}
+        )
 
     def deal(
-        self, task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", items: Mapping[str, Any]
+        self,
+        task: Callable[[Any], Any],
+        scope: Scope,
+        modules: "Mapping[str, Provenance]",
+        items: Mapping[str, Any],
     ) -> Iterator[Any]:
         """What workers find of items, which have names, as it comes; `modules` are those that kinds are from.
+
+        Workers load the kinds of `scope` from the same files.
 
         Raises ClusterError, and what the task does.
         """
@@ -112,7 +122,9 @@ class Cluster:
 
         try:
             client = self.client.result()
-            yield from answers(client, functools.partial(by_worker, task, modules, versions()), items)
+            packed = {name: pickle.dumps(item) for name, item in items.items()}
+            work = functools.partial(by_worker, pickle.dumps((task, scope)), versions())
+            yield from answers(client, work, packed)
         except KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
@@ -247,19 +259,21 @@ def losses(event: Any, run: str) -> Iterator[str]:
             yield f"worker {event['worker']} was lost; others do what it had under way: {items}"
 
 
-def by_worker(
-    task: Callable[[Any], Any], modules: "Mapping[str, Provenance]", needed: dict[str, str], item: Any
-) -> Answer:
-    """On a worker: do a task with one item; `needed` are the versions asked for."""
+def by_worker(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
+    """On a worker: do a task with one item; `needed` are the versions asked for.
+
+    `work` holds the task, and the scope that loads the classes of the study's kinds. It is unpacked here: a
+    class that cannot be loaded while dask reads a message stops the worker for ever.
+    """
     from distributed import get_worker
 
     worker = get_worker()
     with SETTLING:
         said = settle_in(worker.state.nthreads)
     refuse(worker.address, versions(), needed)
-    registry.confirm(modules)
     with registry.blaming():
-        found = task(item)
+        task, _ = pickle.loads(work)
+        found = task(pickle.loads(item))
     return Answer(found, list(drained(said)))
 
 

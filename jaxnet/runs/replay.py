@@ -29,6 +29,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     refuse_unknown(results, cell, sample)
+    results.need_code()
     study = results.study
     chosen = with_engine(study.cells[cell], engine)
     variables = layout.ERRORS | layout.trajectory_variables([chosen])
@@ -57,6 +58,7 @@ def refuse_unknown(results: Results, cell: int, sample: int) -> None:
 def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, Digraph]:
     """One lane's trajectory, simulated again if it is stored nowhere, and its graph."""
     refuse_unknown(results, cell, sample)
+    results.need_code()
     lane = stored_trajectory(results, cell, sample)
     if lane is None:
         path, _ = replay(results, cell, sample)

@@ -19,14 +19,22 @@ from jaxnet.config.cells import Cell, plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
-from jaxnet.store.folder import DERIVED, Folder, FolderError, TakenError, digest, versions
+from jaxnet.store.folder import (
+    DERIVED,
+    Folder,
+    FolderError,
+    TakenError,
+    digest,
+    made_from,
+    said_of_kinds,
+    versions,
+)
 from jaxnet.store.layout import Shard
 
 Report = Callable[[Tally], None]
@@ -57,7 +65,7 @@ class Run:
             study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
         self.crew = crew or alone(machine)
-        self.modules = registry.provenance(plain(study))
+        self.modules = made_from(study)
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
@@ -101,6 +109,7 @@ class Run:
             "hash": digest(self.study),
             "seed": self.study.seed,
             "versions": versions(),
+            "kinds": said_of_kinds(self.study),
             "modules": {name: made_of._asdict() for name, made_of in self.modules.items()},
             "device": jax.devices()[0].device_kind,
             "chunk": self.machine.chunk,

@@ -11,6 +11,7 @@ simulated.
 import io
 import threading
 import warnings
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
-from jaxnet.kinds.registry import Provenance
+from jaxnet.kinds.provenance import Provenance
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
@@ -241,5 +242,8 @@ def beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray
     content = path.read_bytes()
     if zlib.crc32(content) != stamp.checksums[BESIDE]:
         raise TornError("the arrays beside it are torn or of other lanes")
-    with np.load(io.BytesIO(content)) as held:
-        return dict(held)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as held:
+            return dict(held)
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise TornError(f"the arrays beside it cannot be read ({error})") from error

@@ -7,6 +7,7 @@ with p = 1/2, which is McNemar's exact test; the interval of the difference is t
 (2012), Wald's with one lane added to either way.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ from scipy import special
 
 from jaxnet.config.cells import Cell, plain
 from jaxnet.config.keys import Config
+from jaxnet.kinds.looking import known_or
 from jaxnet.statistics.curves import alike
 from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED, spread, units
@@ -126,8 +128,13 @@ def joined(first: Results, second: Results, pair: Pair) -> pd.DataFrame:
 
 
 def judge(lanes: pd.DataFrame, pair: Pair, taus: Sequence[float]) -> pd.DataFrame:
-    """The same lanes, with whether both ended (`ok`) and each was unrecovered: none where nobody may be."""
-    levels = [threshold(cell, tau) for cell, tau in zip(pair, taus, strict=True)]
+    """The same lanes, with whether both ended (`ok`) and each was unrecovered: none where nobody may be, and
+    where ā is not known without the code of an attack.
+    """
+    levels = [
+        known_or(np.nan, functools.partial(threshold, cell, tau))
+        for cell, tau in zip(pair, taus, strict=True)
+    ]
     known = not np.isnan(levels).any()
     judged = {
         f"unrecovered{side}": lanes[f"tail_mean{side}"] > level if known else np.nan

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import pandas as pd
 from upath import UPath
 
+from jaxnet.kinds.looking import known_or
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
@@ -15,6 +16,7 @@ from jaxnet.store.results import Results
 def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
     """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
 
+    A table that needs the code of a kind that is not here is left out.
     Raises FolderError for an unfinished run, and where no ā is fixed or swept.
     """
     fit.fitted_groups(results)
@@ -25,7 +27,9 @@ def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
         "fit.csv": lambda: fit.table(results, told),
     }
     for name, table in tables.items():
-        made = table()
+        made = known_or(None, table)
+        if made is None:
+            continue
         yield results.folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
 
 

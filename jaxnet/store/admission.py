@@ -9,9 +9,17 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
-from jaxnet.kinds import registry
 from jaxnet.store import rows
-from jaxnet.store.folder import OURS, Folder, FolderError, digest, unhashed, versions
+from jaxnet.store.folder import (
+    OURS,
+    Folder,
+    FolderError,
+    digest,
+    made_from,
+    said_of_kinds,
+    unhashed,
+    versions,
+)
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 REMEDY = "give another folder with --out, or replace its results with --fresh"
@@ -43,7 +51,8 @@ def claim(folder: Folder, config: Config) -> None:
         folder.write_manifest(
             hash=digest(config),
             versions=versions(),
-            modules={name: made._asdict() for name, made in registry.provenance(plain(config)).items()},
+            kinds=said_of_kinds(config),
+            modules={name: made._asdict() for name, made in made_from(config).items()},
             save=plain(config.save),
             samples=0,
             finished=False,
@@ -120,7 +129,7 @@ def short(value: Any) -> str:
 
 def changed_modules(folder: Folder, config: Config) -> list[str]:
     """Modules that a config's kinds come from and that are not what they were when the rows were made."""
-    theirs, ours = folder.manifest.get("modules", {}), registry.provenance(plain(config))
+    theirs, ours = folder.manifest.get("modules", {}), made_from(config)
     return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
 
 

@@ -19,6 +19,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.kinds.vehicles import HEADING
+from jaxnet.store.foreign import refuse_foreign
 from jaxnet.store.layout import Variable, coordinates, shared
 
 if TYPE_CHECKING:
@@ -76,10 +77,11 @@ def opened(path: UPath, names: Sequence[str] = (), mark: str = IDENTITY) -> "zar
     import zarr
 
     try:
-        group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False)
+        refuse_foreign(path)
+        group = zarr.open_group(store_at(path), mode="r+", use_consolidated=False, zarr_format=3)
         for name in names:
             member(group, name)
-    except (FileNotFoundError, ValueError, KeyError):  # none there, or its metadata is torn
+    except (FileNotFoundError, ValueError, KeyError):  # none there, torn, or not of ours
         return None
     return group if mark in group.attrs else None
 
@@ -89,7 +91,8 @@ def open_store(path: UPath) -> "xarray.Dataset":
     from xarray import open_zarr
     from xarray.indexes import PandasMultiIndex
 
-    data = open_zarr(store_at(path))
+    refuse_foreign(path)
+    data = open_zarr(store_at(path), zarr_format=3)
     labels = [str(name) for name in data.coords if name not in data.xindexes]
     if "lane" in data.dims:
         return data.set_xindex(labels, PandasMultiIndex)

@@ -25,7 +25,8 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Dumper
 from jaxnet.config.keys import Config
-from jaxnet.kinds import registry
+from jaxnet.kinds.looking import described
+from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
 
 UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
@@ -76,10 +77,20 @@ def digest(config: Config) -> str:
     """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
     data = plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
-    if made_of := registry.provenance(data):
+    if made_of := made_from(config):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def made_from(config: Config) -> dict[str, Provenance]:
+    """What the kinds from outside that a config names are made of, by module."""
+    return provenance(config.scope.named_in(plain(config)))
+
+
+def said_of_kinds(config: Config) -> dict[str, Any]:
+    """What the manifest says of the kinds from outside that a config names."""
+    return described(config.scope.known, config.scope.named_in(plain(config)))
 
 
 def versions() -> dict[str, str]:
@@ -141,6 +152,48 @@ def put_file(final: Path, write: Callable[[BinaryIO], Any], look: Callable[[], N
             temporary.unlink(missing_ok=True)
 
 
+ENTRIES: dict[str, Any] = {  # of a manifest, and their types
+    "hash": str,
+    "seed": int,
+    "versions": dict,
+    "kinds": dict,
+    "modules": dict,
+    "device": str,
+    "cells": int,
+    "samples": int,
+    "shard_size": int,
+    "save": dict,
+    "finished": bool,
+    "lanes": {"total": int, "ok": int, "failed": int},
+    "wall_seconds": float,
+}
+MOST = {"samples": 2**32, "cells": 10**6, "shard_size": 2**32}
+
+
+def wrong_entries(found: Any) -> Iterator[str]:
+    """What is wrong with a manifest, if it was not written by us."""
+    if not isinstance(found, dict):
+        yield "it is no mapping"
+        return
+    for name, kind in ENTRIES.items():
+        value: Any = found.get(name)
+        number = value if name in MOST else 0
+        if value is not None and not (is_of(value, kind) and 0 <= number <= MOST.get(name, 0)):
+            yield f"{name} is {json.dumps(value)[:60]}"
+    if found.get("shard_size") == 0:
+        yield "shard_size is 0"
+    for name, made in found.get("modules", {}).items():
+        if not is_of(made, {"file": str, "sha256": str}):
+            yield f"modules.{name} is {json.dumps(made)[:60]}"
+
+
+def is_of(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type, or is a mapping with values of these types."""
+    if isinstance(kind, dict):
+        return isinstance(value, dict) and all(is_of(value.get(key), each) for key, each in kind.items())
+    return type(value) is kind or (kind is float and type(value) is int)
+
+
 class Folder:
     """One results folder, and the locks under which this process, or who sent it here, writes to it."""
 
@@ -168,11 +221,14 @@ class Folder:
         """What `manifest.json` says; empty before a run."""
         file = self.path / "manifest.json"
         try:
-            return json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
+            found = json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
         except (FileNotFoundError, NotADirectoryError):
             return {}
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise FolderError(f"{file}: not a manifest: {error}") from error
+        if wrong := next(wrong_entries(found), ""):
+            raise FolderError(f"{file}: not a manifest of ours: {wrong}")
+        return found
 
     def write_manifest(self, **entries: Any) -> None:
         """Change entries of the manifest."""

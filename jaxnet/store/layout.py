@@ -85,6 +85,12 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
     ]
 
 
+def shard_of(cells: Sequence[Cell], samples: int, size: int, number: int) -> Shard:
+    """The shard of a number; one that the study does not have has no samples."""
+    block, cell = divmod(number, len(cells))
+    return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples)))
+
+
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
     """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
     most = min(cell.scenario.engine.shard for cell in cells)

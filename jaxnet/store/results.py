@@ -3,16 +3,17 @@
 import shlex
 import warnings
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 from upath import UPath
 
-from jaxnet.config.study import Study, load
-from jaxnet.kinds import registry
+from jaxnet.config.document import Document
+from jaxnet.config.study import Study, read
+from jaxnet.kinds.looking import Looking, MissingKindError
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules
 from jaxnet.store.folder import Folder, FolderError
@@ -28,6 +29,8 @@ class Results:
 
     path: UPath
     out: Folder | None = None  # where what is made of the rows is written, if not into the folder itself
+    trust: bool = field(default=False, compare=False)
+    config: Path | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """One line."""
@@ -35,14 +38,41 @@ class Results:
 
     @cached_property
     def study(self) -> Study:
-        """The study that was run."""
-        modules = self.manifest.get("modules", {})
-        for name, made_of in modules.items():
-            registry.search_home(name, made_of["file"])
-        study = load(self.path / "study.yaml")
+        """The study that was run; kinds from outside whose code is not here are named, and no more."""
+        local = self.path if isinstance(self.path, Path) else None
+        study = read(
+            Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
+        )
         for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
         return study
+
+    def code_places(self) -> Iterator[Path]:
+        """Folders from which the user lets the code of kinds be loaded."""
+        if self.config is not None:
+            yield self.config if self.config.is_dir() else self.config.parent
+        if self.trust:
+            for name, made in self.manifest.get("modules", {}).items():
+                above = list(Path(made["file"]).parents)
+                yield from above[name.count(".") + made["file"].endswith("__init__.py") :][:1]
+            if isinstance(self.path, Path):
+                yield self.path
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of the study's kinds whose code is not here."""
+        scope = self.study.config.scope
+        return scope.missing if isinstance(scope, Looking) else []
+
+    def need_code(self) -> None:
+        """Raise MissingKindError if the code of some kind is not here."""
+        if self.missing:
+            raise MissingKindError(", ".join(self.missing))
+
+    def tell_missing(self, what: str) -> None:
+        """Warn that something is left out if the code of some kind is not here."""
+        if self.missing:
+            warnings.warn(f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2)
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
@@ -95,10 +125,11 @@ class Results:
     @cached_property
     def shards(self) -> list[Shard]:
         """Shards whose rows are there."""
-        there = {path.name for path in self.path.glob("lanes/*.parquet")}
-        samples, size = self.manifest["samples"], self.manifest["shard_size"]
-        shards = layout.shards_of(self.study.cells, samples, size)
-        return [shard for shard in shards if PurePath(rows.name_of(shard.number)).name in there]
+        names = (path.name for path in self.path.glob("lanes/*.parquet"))
+        there = {number for name in names if (number := rows.number_of(name)) is not None}
+        samples, size, cells = self.manifest["samples"], self.manifest["shard_size"], self.study.cells
+        shards = (layout.shard_of(cells, samples, size, number) for number in sorted(there))
+        return [shard for shard in shards if shard.samples]
 
     @cached_property
     def cells(self) -> pd.DataFrame:
@@ -192,11 +223,21 @@ def read_table(path: UPath) -> pd.DataFrame:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(path: str | Path | UPath, out: str | Path | UPath | None = None) -> Results:
+def open(
+    path: str | Path | UPath,
+    out: str | Path | UPath | None = None,
+    trust: bool = False,
+    config: Path | None = None,
+) -> Results:
     """Results of a folder that a run has made; what is made of them goes into `out`, if that is given.
 
     Raises FolderError if it is no such folder, or if `out` holds what was made of other rows.
+
+    No code is run because the folder names it. `config` is the study's config, or its folder: modules beside
+    it are loaded. With `trust` modules are loaded from where the folder says that they are.
     """
+    if config is not None and not config.exists():
+        raise FolderError(f"{config}: there is no such config")
     folder = Folder(path)
     rows_there = any(folder.path.glob("lanes/*.parquet"))
     if not folder.manifest and not rows_there:
@@ -206,7 +247,7 @@ def open(path: str | Path | UPath, out: str | Path | UPath | None = None) -> Res
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
     if out is None:
-        return Results(folder.path)
+        return Results(folder.path, None, trust, config)
     made = Folder(out)
     admit_made(made, folder.manifest)
-    return Results(folder.path, made)
+    return Results(folder.path, made, trust, config)

@@ -6,6 +6,7 @@ is wrong or that holds another study's lanes is none.
 
 import itertools
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -86,6 +87,12 @@ def name_of(number: int) -> str:
     return f"lanes/{number:05d}.parquet"
 
 
+def number_of(name: str) -> int | None:
+    """The shard of a row file, None for another file."""
+    found = re.fullmatch(r"(\d{5,12})\.parquet", name)
+    return int(found[1]) if found else None
+
+
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
     """Write a shard's rows, stamped."""
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
@@ -100,11 +107,29 @@ def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
     content = pa.BufferReader(path.fs.cat_file(path.path))
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
+        if strange := strange_columns(rows.schema):
+            raise TornError(f"not a row file of ours: {strange}")
         return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
     except (pa.ArrowException, OSError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
     except (KeyError, ValueError, TypeError) as error:
         raise TornError("not a row file of ours") from error
+
+
+TEXT = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
+NUMBERS = {pa.int64(), pa.float64()}
+NEEDED = {"cell": {pa.int64()}, "sample": {pa.int64()}, "status": TEXT, "tail_mean": {pa.float64()}}
+
+
+def strange_columns(schema: pa.Schema) -> str:
+    """What a column is that none of our files has; empty if there is none."""
+    for name in NEEDED:
+        if name not in schema.names:
+            return f"it has no column {name}"
+    for column in schema:
+        if column.type not in NEEDED.get(column.name, TEXT | NUMBERS):
+            return f"its column {column.name} holds {column.type}"
+    return ""
 
 
 def any_stamp(folder: Folder) -> Stamp | None:
@@ -136,8 +161,11 @@ def scan(
     form = ds.ParquetFileFormat(default_fragment_scan_options=options)
     try:
         data = ds.dataset(files, filesystem=folder.path.fs, format=form)
-        scanner = data.scanner(columns=wanted, filter=within if where is None else within & where)
+        if strange := strange_columns(data.schema):
+            raise FolderError(f"{folder.path}/lanes holds no rows of ours: {strange}")
         study = folder.manifest.get("hash")
+        data_of_ours = data.replace_schema(data.schema.remove_metadata())  # pandas would heed its own there
+        scanner = data_of_ours.scanner(columns=wanted, filter=within if where is None else within & where)
         found = (batch_of(study, each) for each in scanner.scan_batches())
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):

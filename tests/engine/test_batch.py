@@ -82,7 +82,7 @@ def test_chunks_of_another_width_agree(engine):
 def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, monkeypatch):
     """A power of two, from the engine's own chunk on; the vehicles of all lanes fit into a core's cache."""
     plan = systems.lanes(systems.study(engine="exact", **SHORTEST), 1, ()).plan._replace(decides=decides)
-    monkeypatch.setattr(batch.method(plan), "chunk", chunk)
+    monkeypatch.setattr(plan.engine, "chunk", chunk)
     fleets = [1, 12, 13, 50, 100, 300, 1_000, 3_000, 10_000, 100_000]
     widths = [batch.EVERYTHING.width(plan, vehicles) for vehicles in fleets]
     assert widths[:2] == [chunk] * 2
@@ -96,7 +96,7 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
 def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):
     """Of large fleets no more are side by side: 1,200 in the nonlinear engine, in a power of two of lanes."""
     plan = systems.lanes(systems.study(engine="nonlinear", **SHORTEST), 1, ()).plan
-    monkeypatch.setattr(batch.method(plan), "chunk", 64)
+    monkeypatch.setattr(plan.engine, "chunk", 64)
     assert [batch.EVERYTHING.width(plan, vehicles) for vehicles in (150, 300, 600, 1_000)] == [8, 4, 2, 2]
 
 

@@ -223,9 +223,10 @@ class Here(cluster.Cluster):
     def __init__(self):
         """Nobody is called together."""
 
-    def deal(self, task, modules, items):
+    def deal(self, task, scope, modules, items):
         """What the task finds of each item."""
-        return [pickle.loads(pickle.dumps(task))(item) for item in items.values()]
+        task, _ = pickle.loads(pickle.dumps((task, scope)))
+        return [task(item) for item in items.values()]
 
 
 def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):

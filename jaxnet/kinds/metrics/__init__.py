@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from jaxnet.kinds import modules, provenance
+
 Reduction = Literal["mean", "max", "min"]
 
 
@@ -22,6 +24,15 @@ class Metric:
     time: Reduction = "max"
     vehicles: Reduction = "max"
     words: str = ""  # what it is, for tables and axes
+
+    def __reduce__(self) -> Any:
+        """Another process is told in which file the metric is, and what that file must hold."""
+        return rebuilt, (provenance.origin_of(self), provenance.name_in(self))
+
+
+def rebuilt(origin: Any, name: str) -> Metric:
+    """A metric that another process has sent; raises KindError if its module is not the same here."""
+    return modules.attribute(modules.loaded(origin), name)
 
 
 CONTRACT = (

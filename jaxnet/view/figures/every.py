@@ -12,6 +12,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import courses
 from jaxnet.explore.sensitivity import FILE
+from jaxnet.kinds.looking import MissingKindError
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
@@ -202,7 +203,7 @@ def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = untold) -
         told("figures drawn", done, len(names))
         try:
             drawn = getattr(Plots(results), name)()
-        except LackingError:
+        except (LackingError, MissingKindError):
             continue
         yield from save(results, name, drawn)
 

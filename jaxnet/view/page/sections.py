@@ -1,7 +1,7 @@
 """The page's sections: what was run, tables, and the places where plots are drawn."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import pandas as pd
 
 from jaxnet.explore.courses import courses
 from jaxnet.explore.sensitivity import FILE
+from jaxnet.kinds.looking import MissingKindError, known_or
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
@@ -53,22 +54,32 @@ class Section(NamedTuple):
 
 def every(results: Results) -> list[Section]:
     """All that the folder has something for."""
-    found = curves(results)
-    each = [
-        findings_section(results, found),
-        run_section(results),
-        summary_section(results),
-        ultimate_section(results, found),
-        bands_section(results),
-        unrecovered_section(results, found),
-        heat_section(results),
-        search_section(results),
-        lanes_section(results),
-        violations_section(results),
-        sensitivity_section(results),
-        failed(results),
+    found = known_or([], lambda: curves(results))
+    each: list[Callable[[], Section | None]] = [
+        lambda: findings_section(results, found),
+        lambda: run_section(results),
+        lambda: summary_section(results),
+        lambda: ultimate_section(results, found),
+        lambda: bands_section(results),
+        lambda: unrecovered_section(results, found),
+        lambda: heat_section(results),
+        lambda: search_section(results),
+        lambda: lanes_section(results),
+        lambda: violations_section(results),
+        lambda: sensitivity_section(results),
+        lambda: failed(results),
+        lambda: left_out(results),
     ]
-    return [section for section in each if section is not None]
+    shown = (known_or(None, section) for section in each)
+    return [section for section in shown if section is not None]
+
+
+def left_out(results: Results) -> Section | None:
+    """Why the page does not have everything, if the code of some kind is not here."""
+    if not results.missing:
+        return None
+    words = escape(str(MissingKindError(", ".join(results.missing))))
+    return Section("left-out", "Left out", f"<p>What cannot be told without code: {words}</p>")
 
 
 def lead(results: Results) -> str:
@@ -107,9 +118,11 @@ def run_section(results: Results) -> Section:
         "wall time": f"{manifest['wall_seconds']:.4g} s",
     }
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
-    certificates = check.certificates(study.cells)
+    certificates = known_or([], lambda: check.certificates(study.cells))
     body = (
-        f"<p>{escape(networks.words(study))}</p>{networks.drawing(study.cells)}<dl>{rows}</dl>"
+        f"<p>{escape(known_or('', lambda: networks.words(study)))}</p>"
+        + known_or("", lambda: networks.drawing(study.cells))
+        + f"<dl>{rows}</dl>"
         + folded("The study, every default written out", (results.path / "study.yaml").read_text())
         + folded(f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates))
     )

@@ -1,6 +1,7 @@
 """Lanes with their trajectories, packed for the page's lane viewer."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:
     found = results.worst
     order = np.argsort(-(found["found"] / found["magnitude"]).to_numpy(), kind="stable")[:MOST_SEARCHED]
     for cell in found["cell"].to_numpy()[order]:
-        alone = Results(results.path / "worst" / str(cell))
+        alone = replace(results, path=results.path / "worst" / str(cell))
         if (alone.path / "trajectories.zarr").exists():
             yield from ((alone, each) for each in watched(alone)[:1])
 

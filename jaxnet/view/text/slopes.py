@@ -36,8 +36,11 @@ BOUNDS = {
 
 
 def text(results: Results) -> str:
-    """All of it."""
-    return "\n\n".join([slopes(results), conservatism(results), violations(results)])
+    """All of it that there is."""
+    parts = [slopes(results)]
+    parts += [conservatism(results)] if (results.path / "bounds.csv").exists() else []
+    parts += [violations(results)] if (results.path / "violations.csv").exists() else []
+    return "\n\n".join(parts)
 
 
 def slopes(results: Results) -> str:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
+from jaxnet.kinds.looking import known_or
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.summary import units_told
 from jaxnet.store.folder import FolderError
@@ -71,7 +72,8 @@ def caveats(cells: Sequence[Cell]) -> list[str]:
     """What attacks leave of the paper's, and in which cells."""
     found: dict[str, list[int]] = {}
     for cell in cells:
-        found.setdefault(cell.scenario.attack.caveat(), []).append(cell.number)
+        words = known_or("of which no code is here", cell.scenario.attack.caveat)
+        found.setdefault(words, []).append(cell.number)
     return [f"attack {words}: {cells_named(where)}" for words, where in found.items() if words]
 
 

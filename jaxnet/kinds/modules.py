@@ -1,0 +1,279 @@
+"""Modules of kinds from outside, loaded by their files.
+
+Two folders may each have a `kinds.py`, and a notebook may edit one. A name tells neither apart, so a file is
+imported under a private name, `jaxnet_kinds_…`, that stands for its folder and its content. The folder is
+never put on `sys.path`: a library that looks for an optional module does not find a file of the folder.
+"""
+
+import ast
+import builtins
+import functools
+import hashlib
+import importlib
+import importlib.util
+import operator
+import os
+import re
+import sys
+import types
+from collections.abc import Iterator
+from importlib import metadata
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from pathlib import Path
+from typing import Any, NamedTuple
+
+PREFIX = "jaxnet_kinds_"
+PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
+
+
+class KindError(ValueError):
+    """A kind from outside that cannot be had, or that failed; says which and where."""
+
+
+class Origin(NamedTuple):
+    """Where another process finds a module: its folder, its name there, and what its files must hold."""
+
+    folder: str  # empty: the module is imported by its name
+    module: str
+    hashes: tuple[tuple[str, str], ...] = ()  # SHA-256 of the module and of its neighbours that it imports
+
+
+class Neighbours:
+    """The modules in a folder, as their files are when they are first read."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        place = hashlib.sha256(str(folder).encode()).hexdigest()[:12]
+        self.name = f"{PREFIX}{place}_{len(STATES)}"
+        self.sources: dict[Path, bytes] = {}
+        self.named = set[str]()  # modules that a config names, or packages that they are in
+        STATES[self.name] = self
+        package = types.ModuleType(self.name, f"Modules in {folder}.")
+        package.__path__ = []
+        sys.modules[self.name] = package
+
+    def read(self, file: Path) -> bytes:
+        """What a file held when it was first read."""
+        if file not in self.sources:
+            self.sources[file] = file.read_bytes()
+        return self.sources[file]
+
+    def current(self) -> bool:
+        """Whether all files that were read are as they were."""
+        return all(file.is_file() and file.read_bytes() == held for file, held in self.sources.items())
+
+    def hashes(self, module: str) -> dict[str, str]:
+        """SHA-256 of a module's file and of its neighbours' that it imports, by name."""
+        files = closure(self, module)
+        return {name: hashlib.sha256(self.read(file)).hexdigest() for name, file in files.items()}
+
+    def load(self, module: str) -> types.ModuleType:
+        """The module of this name in the folder; raises what its code does."""
+        closure(self, module)  # what it imports is read now, even if it is imported later
+        return importlib.import_module(f"{self.name}.{module}")
+
+
+STATES: dict[str, Neighbours] = {}  # by private name
+
+
+def neighbours(folder: Path) -> Neighbours:
+    """The modules in a folder as their files are now."""
+    if Finder not in sys.meta_path:
+        sys.meta_path.insert(0, Finder)
+    folder = folder.resolve()
+    held = (each for each in reversed(STATES.values()) if each.folder == folder and each.current())
+    return next(held, None) or Neighbours(folder)
+
+
+def file_of(folder: Path, module: str) -> Path | None:
+    """The file of a module of this name in a folder, None if there is none."""
+    *packages, name = module.split(".")
+    if not all(map(str.isidentifier, (*packages, name))) or module.partition(".")[0] == "jaxnet":
+        return None
+    place = folder.joinpath(*packages)
+    files = (place / name / "__init__.py", place / f"{name}.py")
+    return next((file for file in files if file.is_file()), None)
+
+
+def is_package(file: Path) -> bool:
+    """Whether a module's file makes it a package."""
+    return file.name == "__init__.py"
+
+
+def closure(held: Neighbours, module: str) -> dict[str, Path]:
+    """Files of a module and of the neighbours that its code imports, directly or not, by name."""
+    found: dict[str, Path] = {}
+    ahead = [module]
+    held.named.add(module.partition(".")[0])
+    while ahead:
+        name = ahead.pop()
+        file = file_of(held.folder, name)
+        if name in found or file is None or (found and not is_neighbour(held, name.partition(".")[0])):
+            continue
+        found[name] = file
+        ahead += parents(name)
+        ahead += imports_in(held.read(file), name if is_package(file) else name.rpartition(".")[0])
+    return dict(sorted(found.items()))
+
+
+def parents(name: str) -> list[str]:
+    """The packages that a module is in."""
+    parts = name.split(".")
+    return [".".join(parts[:end]) for end in range(1, len(parts))]
+
+
+def imports_in(source: bytes, package: str) -> Iterator[str]:
+    """Names of all modules that a source may import, wherever in it; none of one that is not Python."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):  # told when it is imported
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join([*filter(None, above), *filter(None, [node.module])])
+            yield from (".".join(filter(None, [base, each.name])) for each in node.names)
+            yield base
+
+
+class Finder:
+    """Finds modules of a folder by their private names, and nothing else."""
+
+    @classmethod
+    def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """How a module is loaded from its file."""
+        state, _, module = fullname.partition(".")
+        held = STATES.get(state)
+        if held is None or not module:
+            return None
+        file = file_of(held.folder, module)
+        if file is not None:
+            loader = Loader(fullname, str(file))
+            inside = [str(file.parent)] if is_package(file) else None
+            return importlib.util.spec_from_file_location(
+                fullname, file, loader=loader, submodule_search_locations=inside
+            )
+        place = held.folder.joinpath(*module.split("."))
+        if not place.is_dir():
+            return None
+        spec = ModuleSpec(fullname, None, is_package=True)
+        spec.submodule_search_locations = [str(place)]
+        return spec
+
+
+class Loader(SourceFileLoader):
+    """Runs the source that was read, and has it find its neighbours; no compiled file is read or left."""
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """Run the module's code; its `import` looks among its neighbours first."""
+        held = STATES[module.__name__.partition(".")[0]]
+        finding = functools.partial(import_beside, held)
+        vars(module)["__builtins__"] = {**vars(builtins), "__import__": finding}
+        code = compile(held.read(Path(self.path)), self.path, "exec", dont_inherit=True)
+        exec(code, vars(module))
+
+
+def import_beside(
+    held: Neighbours,
+    name: str,
+    globals: Any = None,
+    locals: Any = None,
+    fromlist: Any = (),
+    level: int = 0,
+) -> Any:
+    """`__import__` of a module's code: a neighbour by its private name, anything else as ever."""
+    top = name.partition(".")[0]
+    if level or not is_neighbour(held, top):
+        return builtins.__import__(name, globals, locals, fromlist, level)
+    if fromlist:
+        return builtins.__import__(f"{held.name}.{name}", globals, locals, fromlist, 0)
+    importlib.import_module(f"{held.name}.{name}")
+    return sys.modules[f"{held.name}.{top}"]
+
+
+def is_neighbour(held: Neighbours, top: str) -> bool:
+    """Whether an import of this name means a file of the folder.
+
+    Modules of Python and of installed packages come first, but for a name that the config itself gives.
+    """
+    if file_of(held.folder, top) is None and not (top.isidentifier() and (held.folder / top).is_dir()):
+        return False
+    return top in held.named or not (top in sys.stdlib_module_names or top == "jaxnet" or is_installed(top))
+
+
+def without_private(words: str) -> str:
+    """A message with modules by the names that they have in their folders."""
+    return PRIVATE.sub("", words)
+
+
+def files() -> set[str]:
+    """Files of all modules that were loaded from folders."""
+    return {str(file) for held in STATES.values() for file in held.sources}
+
+
+def public(module: str) -> str:
+    """The name that a module has in its folder."""
+    return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
+
+
+def state_of(module: str) -> Neighbours | None:
+    """The neighbours of a loaded module, None of one that is imported by its name."""
+    return STATES.get(module.partition(".")[0])
+
+
+def folder_of(module: str) -> Path | None:
+    """The folder from which a module is imported by its name, None if it is in no file."""
+    file = getattr(sys.modules[module], "__file__", None)
+    if not file or not Path(file).is_file():
+        return None
+    return Path(file).resolve().parents[module.count(".") + is_package(Path(file))]
+
+
+def is_installed(module: str) -> bool:
+    """Whether a module came with a distribution."""
+    return version_of(module) is not None
+
+
+@functools.cache
+def version_of(module: str) -> str | None:
+    """Version of the distribution that a module came with, None if it came with none."""
+    top = module.partition(".")[0]
+    return next((each.version for each in metadata.distributions() if installs(each, top)), None)
+
+
+def installs(distribution: Any, top: str) -> bool:
+    """Whether a package or module of this name came with it: by what it declares, or by its list of files."""
+    if declared := (distribution.read_text("top_level.txt") or "").split():
+        return top in declared
+    files = (distribution.read_text("RECORD") or "").splitlines()
+    return any(file.startswith((f"{top}/", f"{top}.")) for file in files)
+
+
+def attribute(module: types.ModuleType, name: str) -> Any:
+    """What stands at a dotted name in a module; raises AttributeError."""
+    return operator.attrgetter(name)(module)
+
+
+@functools.cache
+def loaded(origin: Origin) -> types.ModuleType:
+    """The module of another process, from a file of the same content; raises KindError if there is none."""
+    if not origin.folder:
+        return importlib.import_module(origin.module)
+    seen = None
+    for folder in map(Path, (origin.folder, *filter(None, sys.path))):
+        if file_of(folder, origin.module) is None:
+            continue
+        seen = seen or file_of(folder, origin.module)
+        states = [each for each in STATES.values() if each.folder == folder.resolve()]
+        for held in (*states, neighbours(folder)):
+            if tuple(held.hashes(origin.module).items()) == origin.hashes:
+                return held.load(origin.module)
+    where = f"is another one in process {os.getpid()} ({seen})" if seen else absent(origin)
+    raise KindError(f"{origin.module} {where}")
+
+
+def absent(origin: Origin) -> str:
+    """What is said of a module that a process does not find."""
+    return f"is not found by process {os.getpid()}, neither in {origin.folder} nor among installed modules"
