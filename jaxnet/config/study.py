@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
+from os import PathLike
 from pathlib import Path, PurePath
 from textwrap import shorten
 from types import NoneType
@@ -14,12 +15,15 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import ConfigError, Document, Dumper, Keys, Problem, dotted
+from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted
 from jaxnet.config.keys import Config
+from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Dumper
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import Edges
-from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
+
+MOST_VALUES = 1_000_000  # of a script's mapping
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,6 +67,8 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
     overrides = list(overrides)
+    if not isinstance(source, Study | str | PathLike | UPath | Mapping):
+        raise refused((), f"must be a file, a mapping or a Study (got {source!r})")
     if isinstance(source, Study):
         if not overrides:
             return source
@@ -73,7 +79,7 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         document = Document.read(source)
         registry.search_folder(Path(str(source)).resolve().parent)
     for word in overrides:
-        document.override(word)
+        document.override(str(word))
     return Study(*cells.read_document(document))
 
 
@@ -86,26 +92,46 @@ def yaml_of(data: Any, inline: bool) -> str:
 def native(value: Any, *keys: Any) -> Any:
     """Plain data of what a script holds at these keys: arrays and tuples become lists, paths text.
 
-    Raises ConfigError for anything that YAML has no word for.
+    Raises ConfigError for anything that YAML has no word for, and beyond the limits of `yaml12`.
     """
-    value = value.tolist() if hasattr(value, "tolist") else written(value)  # of NumPy, pandas or JAX
-    if isinstance(value, Mapping):
-        return {plain_scalar(key, keys): native(inner, *keys, key) for key, inner in value.items()}
-    if isinstance(value, list | tuple | range):
-        return [native(inner, *keys, number) for number, inner in enumerate(value)]
-    return plain_scalar(value, keys)
+    return Native().plain(value, keys)
 
 
-def written(value: Any) -> Any:
-    """A kind, a class of one, a metric or a graph of networkx as a config writes it; anything else as it
-    is.
+class Native:
+    """Turns a script's values into plain data, and counts these."""
+
+    def __init__(self):
+        self.count = 0
+
+    def plain(self, value: Any, keys: Keys) -> Any:
+        """Plain data of the value at these keys; raises ConfigError."""
+        self.count += 1
+        if self.count > MOST_VALUES:
+            raise refused(keys, f"more than {MOST_VALUES:,} values")
+        value = value.tolist() if hasattr(value, "tolist") else written(value, keys)  # of NumPy, pandas, JAX
+        if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
+            raise refused(keys, TOO_DEEP)
+        if isinstance(value, Mapping):
+            return {plain_scalar(key, keys): self.plain(inner, (*keys, key)) for key, inner in value.items()}
+        if isinstance(value, list | tuple | range):
+            return [self.plain(inner, (*keys, number)) for number, inner in enumerate(value)]
+        return plain_scalar(value, keys)
+
+
+def written(value: Any, keys: Keys) -> Any:
+    """A kind, a class of one, a metric or a graph of networkx as a config writes it.
+
+    Anything else stays as it is. Raises ConfigError for a graph of networkx that is none of ours.
     """
     if isinstance(value, Kind):
         return {"kind": registry.adopt(type(value)), **cells.tidy(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
-    graph = Edges.adopted(value)
-    return value if graph is None else written(graph)
+    try:
+        graph = Edges.adopted(value)
+    except KindError as error:
+        raise refused(keys, str(error)) from error
+    return value if graph is None else written(graph, keys)
 
 
 def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
@@ -115,5 +141,12 @@ def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
         return str(value)
     if type(value) not in (bool, int, float, str, NoneType):
         allowed = "must be a number, text, true, false, null, a list or a mapping"
-        raise ConfigError([Problem("study", dotted(keys), f"{allowed} (got {value!r})")])
+        raise refused(keys, f"{allowed} (got {value!r})")
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_INT:
+        raise refused(keys, f"a whole number has at most {LONGEST_INT} digits")
     return value
+
+
+def refused(keys: Keys, message: str) -> ConfigError:
+    """The error of a value that a script gives."""
+    return ConfigError([Problem("study", dotted(keys), message)])

@@ -4,6 +4,7 @@ A graph of m vehicles is given as an array (m, m + 1), dense or a sparse one of 
 vehicle i hears, column j the weight of source j, the navigator's first; or as a `model.graph.Digraph`.
 """
 
+import functools
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -82,7 +83,7 @@ class Graph(Kind):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """The navigator must reach everybody, otherwise L is singular."""
-        lost = graph.unreachable(self.normalised(scenario.vehicles))
+        lost = unreachable(Itself(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))
             yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
@@ -91,6 +92,27 @@ class Graph(Kind):
     def adopted(cls, value: Any) -> "Graph | None":
         """A graph that another library's object means, None if it means none (`edges` knows networkx's)."""
         return None
+
+
+class Itself:
+    """An object that equals no other one, as a key of a cache."""
+
+    def __init__(self, one: Any):
+        self.one = one
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are one object."""
+        return isinstance(other, Itself) and self.one is other.one
+
+    def __hash__(self) -> int:
+        """By identity."""
+        return id(self.one)
+
+
+@functools.lru_cache(maxsize=16)
+def unreachable(graph_itself: Itself, vehicles: int) -> list[int]:
+    """Vehicles that the navigator does not reach; remembered, because cells of a sweep share their graph."""
+    return graph.unreachable(graph_itself.one.normalised(vehicles))
 
 
 class ShareOfVehicles(Record):
