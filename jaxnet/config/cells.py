@@ -152,7 +152,7 @@ def complete(document: Document, field: str, holder: Any, at: Keys) -> None:
             document.problems.append(Problem(document.place(key, at), dotted(key), str(error)))
 
 
-def validate(model: type[Any], data: Mapping[str, Any], place: Locate) -> tuple[Any, list[Problem]]:
+def validate(model: type[Any], data: Mapping[Any, Any], place: Locate) -> tuple[Any, list[Problem]]:
     """The model, or what is wrong with each key."""
     try:
         return model.model_validate(dict(data)), []
@@ -201,9 +201,7 @@ def refuse_sweep(
         elif root in KINDS and key == f"{root}.kind":
             yield key, f"sweep {root} instead: a kind comes with keys of its own"
         elif not known.has(key):
-            inside = known.inside(root)
-            hint = wording.suggestion(key.split(".")[1], inside) if inside else f" (known here: {root})"
-            yield key, f"unknown key{hint}"
+            yield key, f"unknown key{known.hint(root, key.split('.')[1])}"
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
@@ -218,7 +216,7 @@ def refuse_sweep(
 class Known:
     """Dotted keys that some cell of a study has: those of the kinds that it names, or sweeps."""
 
-    def __init__(self, data: Mapping[str, Any], values: Mapping[str, list[Any]]):
+    def __init__(self, data: Mapping[Any, Any], values: Mapping[str, list[Any]]):
         self.given = {
             root: [with_kind(root, value) for value in (data.get(root, {}), *values.get(root, []))]
             for root in KINDS
@@ -228,6 +226,13 @@ class Known:
         """Whether there is such a key."""
         root, *inside = key.split(".")
         return root in Scenario.model_fields and (not inside or inside[0] in self.inside(root))
+
+    def hint(self, root: str, word: str) -> str:
+        """The key inside a key that was probably meant by a word, or all that can be swept."""
+        found = self.inside(root)
+        if root in KINDS or root == "initial":
+            return wording.suggestion(word, found)
+        return f" (known here: {', '.join(found or [root])})"
 
     def inside(self, root: str) -> list[str]:
         """Keys besides `kind` inside a key, of a list its entries; none inside a plain value."""
@@ -254,17 +259,18 @@ def names(key: str, listed: list[Any]) -> list[Any]:
     """
     if key not in KINDS:
         if all(isinstance(value, int | float) for value in listed):
-            return listed
+            fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
+            return listed if fits else list(map(float, listed))  # a column of tables holds 64 bits
         return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
     telling = telling_keys(kinds)
     return [kind_label(kind, telling) for kind in kinds]
 
 
-def telling_keys(kinds: list[Any]) -> dict[Any, list[str]]:
+def telling_keys(kinds: list[Any]) -> dict[str, list[Any]]:
     """By name of a kind, the keys by which swept kinds of this name differ."""
-    found: dict[Any, list[str]] = {}
-    first: dict[Any, dict[str, Any]] = {}
+    found: dict[str, list[Any]] = {}
+    first: dict[str, dict[Any, Any]] = {}
     for kind in filter(lambda each: isinstance(each, dict), kinds):
         name = wording.in_full(kind["kind"])
         other, keys = first.setdefault(name, kind), found.setdefault(name, [])
@@ -283,7 +289,7 @@ def full_kind(field: str, value: Any) -> Any:
     return {key: tidy(each) for key, each in (defaults | value).items()}
 
 
-def kind_label(kind: Any, telling: Mapping[Any, list[str]]) -> str:
+def kind_label(kind: Any, telling: Mapping[str, list[Any]]) -> str:
     """Name of one swept kind, with the keys that tell it apart from others of its name."""
     if not isinstance(kind, dict):
         return wording.shown(kind)
@@ -302,7 +308,7 @@ class Parts:
     stored: so that the stored study has the same cells.
     """
 
-    def __init__(self, document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]]):
+    def __init__(self, document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]]):
         given = {key: value for key, value in study.items() if key in Scenario.model_fields}
         kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
         self.document, self.values = document, values
@@ -359,7 +365,7 @@ class Parts:
 
 
 def cells_of(
-    document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]], known: set[Problem]
+    document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
     """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
     parts = Parts(document, study, values)

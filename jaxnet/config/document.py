@@ -13,7 +13,7 @@ from jaxnet.config.yaml12 import MOST_CHARACTERS, MOST_DEPTH, SCALARS, TOO_DEEP,
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
 Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
 
-LONGEST = 2000  # characters of each part of a problem's line
+LONGEST_PART = 2000  # characters of each part of a problem's line
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # that no file name and no UTF-8 text has
 
@@ -27,7 +27,9 @@ class Problem(NamedTuple):
 
     def __str__(self) -> str:
         """The line a user sees, without control characters."""
-        line = ": ".join(part if len(part) <= LONGEST else part[:LONGEST] + "…" for part in self if part)
+        line = ": ".join(
+            part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…" for part in self if part
+        )
         return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), line)
 
 
@@ -141,7 +143,7 @@ class Document:
         self.source, self.places, self.problems = source, reader.places, reader.problems
         self.folder = folder or UPath()
         self.overridden: list[str] = []  # dotted keys set from the command line
-        self.data: dict[str, Any] = data or {}
+        self.data: dict[Any, Any] = data or {}
 
     @classmethod
     def read(cls, path: str | Path | UPath) -> "Document":
@@ -149,7 +151,7 @@ class Document:
         try:
             with UPath(path).open(encoding="utf-8") as file:
                 text = file.read(MOST_CHARACTERS + 1)
-        except (OSError, ValueError, ImportError) as error:
+        except (OSError, ValueError, TypeError, ImportError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reason
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error

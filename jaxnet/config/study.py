@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
-from os import PathLike
 from pathlib import Path, PurePath
 from textwrap import shorten
 from types import NoneType
@@ -23,6 +22,8 @@ from jaxnet.kinds.graphs.edges import Edges
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
 
+TOO_GREAT = 10**LONGEST_INT
+SCALAR_TYPES = (bool, int, float, str, NoneType)
 MOST_VALUES = 1_000_000  # of a script's mapping
 
 
@@ -67,8 +68,6 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
     overrides = list(overrides)
-    if not isinstance(source, Study | str | PathLike | UPath | Mapping):
-        raise refused((), f"must be a file, a mapping or a Study (got {source!r})")
     if isinstance(source, Study):
         if not overrides:
             return source
@@ -108,6 +107,8 @@ class Native:
         self.count += 1
         if self.count > MOST_VALUES:
             raise refused(keys, f"more than {MOST_VALUES:,} values")
+        if type(value) in SCALAR_TYPES:
+            return plain_scalar(value, keys)
         value = value.tolist() if hasattr(value, "tolist") else written(value, keys)  # of NumPy, pandas, JAX
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refused(keys, TOO_DEEP)
@@ -139,10 +140,10 @@ def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, PurePath | UPath):
         return str(value)
-    if type(value) not in (bool, int, float, str, NoneType):
+    if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
         raise refused(keys, f"{allowed} (got {value!r})")
-    if isinstance(value, int) and abs(value) >= 10**LONGEST_INT:
+    if isinstance(value, int) and abs(value) >= TOO_GREAT:
         raise refused(keys, f"a whole number has at most {LONGEST_INT} digits")
     return value
 

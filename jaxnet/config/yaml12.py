@@ -118,11 +118,6 @@ class Loader(yaml.SafeLoader):
         self.skip(" \t")
         super().scan_block_scalar_ignored_line(start_mark)
 
-    def scan_directive_ignored_line(self, start_mark: Any) -> None:
-        """Pass over the rest of a directive's line."""
-        self.skip(" \t")
-        super().scan_directive_ignored_line(start_mark)
-
 
 for kind, pattern in SCALARS.items():
     whole = re.compile(f"^(?:{pattern.pattern})$")

@@ -60,7 +60,7 @@ class Kind(Record):
         return rebuilt, (folder, cls.__module__, cls.__qualname__, self.__dict__)
 
     @classmethod
-    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
         """What a config says of one, with what the file at its `path`, from this folder, says too.
 
         Raises KindError.

@@ -3,6 +3,7 @@
 import importlib
 import io
 import re
+import warnings
 from collections.abc import Callable, Iterator
 from textwrap import shorten
 from typing import Annotated, Any, ClassVar
@@ -18,11 +19,11 @@ from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
 Edges = Iterator[tuple[int, int, float]]
-MOST_BYTES = 50_000_000  # of a file
+LARGEST_FILE = 50_000_000  # of a file
 NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
-NODE = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
+NODE_ID = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
 CALLED = ("name", "label", "id")  # attributes of a node that may number it otherwise
-NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, expat.ExpatError)
+NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
 AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
 READ = "no header; commas, semicolons or blanks between them"
 
@@ -60,7 +61,7 @@ class File(Graph):
     )
 
     @classmethod
-    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
         """With the file's edges, unless they are there already."""
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):
@@ -97,12 +98,12 @@ def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
     """The edges (i, j, w) that a file holds; raises KindError."""
     try:
         with file.open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
+            content = stream.read(LARGEST_FILE + 1)
     except (OSError, ValueError, ImportError) as error:
         reason = getattr(error, "strerror", None) or error
         raise KindError(f"{name} cannot be read: {reason}") from error
-    if len(content) > MOST_BYTES:
-        raise KindError(f"{name} has more than {MOST_BYTES:,} bytes")
+    if len(content) > LARGEST_FILE:
+        raise KindError(f"{name} has more than {LARGEST_FILE:,} bytes")
     edges = list(graphml(content, name) if name.endswith(".graphml") else table(content, name))
     if not edges:
         raise KindError(f"{name} has no edge")
@@ -162,7 +163,9 @@ def graphml(content: bytes, name: str) -> Edges:
         raise KindError(f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'") from error
     try:
         refuse_entities(content)
-        network = networkx.read_graphml(io.BytesIO(content))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # of networkx, for what it passes over
+            network = networkx.read_graphml(io.BytesIO(content))
         numbers = {node: node_of(node, data) for node, data in network.nodes(data=True)}
         if len({*numbers.values()}) < len(numbers):
             raise ValueError("two nodes have one number")
@@ -187,7 +190,7 @@ def refuse_entities(content: bytes) -> None:
 
 def node_of(node: str, data: dict[str, Any]) -> int:
     """The number of a node by its id, as 3 or n3; raises ValueError."""
-    found = NODE.fullmatch(node)
+    found = NODE_ID.fullmatch(node)
     if not found:
         raise ValueError(f"a node is called 3 or n3, got {node!r}")
     called = next((str(data[key]) for key in CALLED if key in data), node)
