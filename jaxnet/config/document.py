@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 import yaml
 from upath import UPath
 
-from jaxnet.config.yaml12 import MOST_CHARACTERS, MOST_DEPTH, SCALARS, TOO_DEEP, Excess, Loader, constructed
+from jaxnet.config.yaml12 import (
+    MOST_CHARACTERS,
+    MOST_DEPTH,
+    SCALARS,
+    TOO_DEEP,
+    ExcessError,
+    Loader,
+    constructed,
+)
 
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
 Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
@@ -60,9 +68,8 @@ class Reader:
         try:
             node = yaml.compose(text, Loader)
             return None if node is None else self.build(node, (), [])
-        except Excess as error:
-            place, reason = self.at(error.problem_mark.line, error.problem_mark.column), error.problem
-            raise ConfigError([Problem(place, dotted(self.within), reason)]) from error
+        except ExcessError as error:
+            raise ConfigError([Problem(self.at(*error.place), dotted(self.within), error.excess)]) from error
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self.at(mark.line, mark.column) if mark else self.source

@@ -31,12 +31,16 @@ BREAKS = "\r\n\x85\u2028\u2029"
 ENDS = "\0" + BREAKS  # of a line
 
 
-class Excess(yaml.MarkedYAMLError):
-    """A text that is larger or deeper than the limits."""
+class ExcessError(ValueError):
+    """A text that is larger or deeper than the limits, at this line and column."""
+
+    def __init__(self, excess: str, mark: Any):
+        super().__init__(excess)
+        self.excess, self.place = excess, (mark.line, mark.column)
 
 
 class Loader(yaml.SafeLoader):
-    """PyYAML's parser for YAML 1.2. A text beyond the limits raises Excess."""
+    """PyYAML's parser for YAML 1.2. A text beyond the limits raises ExcessError."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
 
@@ -50,13 +54,13 @@ class Loader(yaml.SafeLoader):
         self.depth += 1
         mark, alias = self.peek_event().start_mark, self.check_event(yaml.AliasEvent)
         if self.depth > MOST_DEPTH and self.check_event(yaml.CollectionStartEvent):
-            raise Excess(problem=TOO_DEEP, problem_mark=mark)
-        node = super().compose_node(parent, index)
+            raise ExcessError(TOO_DEEP, mark)
+        node: Any = super().compose_node(parent, index)
         self.depth -= 1
         if not alias:
             self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in inside(node))
         if self.sizes.get(node, 0) - len(self.sizes) > MOST_REPEATED:
-            raise Excess(problem=TOO_MANY, problem_mark=mark)
+            raise ExcessError(TOO_MANY, mark)
         return node
 
     def scan_to_next_token(self) -> None:
