@@ -192,6 +192,12 @@ KINDS = [
     Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),
     Bad("attack: {kind: envelope, →of: 3}", "attack.of", "must be a mapping, or one of bias, chirp, "),
     Bad("→attack: envelope", "attack.of", "required"),
+    Bad("attack: {kind: envelope, →of: bia}", "attack.of", "did you mean 'bias'?"),
+    Bad("topology: {kind: circulant, →offsets: [9223372036854775808, -4]}", "topology.offsets", "around 12"),
+    Bad("→topology: {navigator_weight: 1e-16}", "topology.navigator", "less than 1e-15 of the weights"),
+    Bad("defence: {kind: w_msr, →F: 9223372036854775808}", "defence.F", "at most 10000"),
+    Bad("defence: {kind: ms_norm, →F: 9223372036854775808}", "defence.F", "at most 10000"),
+    Bad("defence: {trusted: {→nearest: 9223372036854775808}}", "defence.trusted.nearest", "at most 10000"),
     Bad("attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "'direction'?"),
     Bad(
         "→defence: trim",

@@ -19,6 +19,7 @@ from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 
+LEAST_WEIGHT = 1e-15  # of a link, in proportion: with less, 1 - w is 1 and L is singular
 TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
 
 
@@ -83,10 +84,13 @@ class Graph(Kind):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """The navigator must reach everybody, otherwise L is singular."""
-        lost = unreachable(Itself(self), scenario.vehicles)
+        lost, least = reached(Itself(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))
             yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
+        elif least < LEAST_WEIGHT:
+            message = f"a link has less than {LEAST_WEIGHT:g} of the weights of its listener"
+            yield Fault((self.linked_by, "topology"), message)
 
     @classmethod
     def adopted(cls, value: Any) -> "Graph | None":
@@ -110,9 +114,13 @@ class Itself:
 
 
 @functools.lru_cache(maxsize=16)
-def unreachable(graph_itself: Itself, vehicles: int) -> list[int]:
-    """Vehicles that the navigator does not reach; remembered, because cells of a sweep share their graph."""
-    return graph.unreachable(graph_itself.one.normalised(vehicles))
+def reached(itself: Itself, vehicles: int) -> tuple[list[int], float]:
+    """Vehicles that the navigator does not reach, and the least weight of a link.
+
+    Remembered, because cells of a sweep share their graph.
+    """
+    found = itself.one.normalised(vehicles)
+    return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
 
 class ShareOfVehicles(Record):
