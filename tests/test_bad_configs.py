@@ -4,8 +4,11 @@ An arrow → stands just before what is at fault, in a text or in an override; i
 the config is read. Two arrows, or two keys with a | between, mean that either will do.
 """
 
+import re
+import time
 from itertools import accumulate
 from pathlib import Path
+from random import Random
 from textwrap import dedent
 from typing import Any, NamedTuple
 
@@ -14,6 +17,7 @@ import pytest
 
 import jaxnet
 from jaxnet.cli import main
+from jaxnet.config import study
 
 ARROW = "→"
 
@@ -188,6 +192,12 @@ KINDS = [
     Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),
     Bad("attack: {kind: envelope, →of: 3}", "attack.of", "must be a mapping, or one of bias, chirp, "),
     Bad("→attack: envelope", "attack.of", "required"),
+    Bad("attack: {kind: envelope, →of: bia}", "attack.of", "did you mean 'bias'?"),
+    Bad("topology: {kind: circulant, →offsets: [9223372036854775808, -4]}", "topology.offsets", "around 12"),
+    Bad("→topology: {navigator_weight: 1e-16}", "topology.navigator", "less than 1e-15 of the weights"),
+    Bad("defence: {kind: w_msr, →F: 9223372036854775808}", "defence.F", "at most 10000"),
+    Bad("defence: {kind: ms_norm, →F: 9223372036854775808}", "defence.F", "at most 10000"),
+    Bad("defence: {trusted: {→nearest: 9223372036854775808}}", "defence.trusted.nearest", "at most 10000"),
     Bad("attack: {kind: envelope, of: {kind: bias, →directon: 1}}", "attack.of.directon", "'direction'?"),
     Bad(
         "→defence: trim",
@@ -402,6 +412,12 @@ GRAPHS = [
         "topology.edges.1",
         "(got [0, 1])",
     ),
+    Bad(
+        "attack: none\n→vehicles: 9\ntopology: {kind: edges, edges: [[1, 0, 1], [2, 1, 1]]}",
+        "vehicles",
+        "the graph has 2 vehicles (got 9)",
+    ),
+    Bad("topology: {kind: file, path: a, content: {→a: b}}", "topology.content.a", "must be edges i,j,w"),
     Bad("→topology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
     Bad("→vehicles: 12\ntopology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
     Bad("attack: none\n→vehicles: 2", "vehicles", "at least 3 vehicles (got 2)"),
@@ -507,6 +523,21 @@ SWEEPS = [
         "(got -5), in cell 1 (attack=bias, attack.magnitude=-5)",
     ),
     Bad("sweep: {attack.magnitude: [5, →big]}", "attack.magnitude", 'must be a number (got "big")'),
+    Bad("sweep: {→gain.3: [1]}", "sweep.gain.3", "unknown key (known here: 0, 1, 2)"),
+    Bad("sweep: {→gain.k0: [1]}", "sweep.gain.k0", "unknown key (known here: 0, 1, 2)"),
+    Bad("sweep: {gain.0: [1, →low]}", "gain.0", 'must be a number (got "low"), in cell 1'),
+    Bad("sweep: {→vehicles.0: [1]}", "sweep.vehicles.0", "unknown key (known here: vehicles)"),
+    Bad("sweep: {→navigator.phase.2: [1]}", "sweep.navigator.phase.2", "has entries 0 to 1"),
+    Bad(
+        "attack: {kind: envelope, of: bias}\nsweep: {→attack" + ".of" * 40 + ": [1]}",
+        "sweep.attack" + ".of" * 40,
+        "more than 32 mappings and lists inside each other",
+    ),
+    Bad(
+        "sweep: {→attack.magnitude: [9223372036854775808, 9223372036854775809]}",
+        "sweep.attack.magnitude",
+        "two values are named 9.22",
+    ),
     Bad("sweep: {→topology.kind: [star, path]}", "sweep.topology.kind", "sweep topology instead"),
     Bad(
         "sweep: {→attack.magnitude.uniform: [[0, 1], [0, 2]]}",
@@ -624,6 +655,17 @@ FILES = [
     Bad("name: x\nattack: →!!python/object:os.system {kind: none}", "attack", "python/object"),
     Bad("name: x\nattack: →!mine {kind: none}", "attack", "!mine"),
     Bad("name: x\nsave: {errors: →!!bool yes}", "save.errors", "bool"),
+    Bad("name: x\nattack:\n  - 1\n→\t- 2", "", "not YAML: found character '\\t'"),
+    Bad("name: x\ngain:\n  -\t→- 1", "", "not YAML: sequence entries are not allowed here"),
+    Bad("name: x\ngain:\n  -\tk0→: 1", "", "not YAML: mapping values are not allowed here"),
+    Bad("name: x\ngain: " + "[" * 31 + "→[" + "]" * 32, "", "more than 32 mappings and lists inside"),
+    Bad("name: x\ngain: " + "[" * 31 + "→[" + "[" * 99_000, "", "more than 32 mappings and lists inside"),
+    Bad("name: x\n" + "→" + "- " * 99_000, "", "not YAML"),
+    Bad('name: x\nattack: {label: →"a\\0b"}', "attack.label", "the character '\\x00' is not allowed"),
+    Bad('name: x\nattack: {label: →"\\ud800"}', "attack.label", "the character '\\ud800' is not allowed"),
+    Bad('name: x\n→"a\\nb": 1', "a\\nb", "unknown key"),
+    Bad(f"name: x\n→seed: {'9' * 400}", "seed", "must be a whole number (got Infinity)"),
+    Bad(f"name: x\n→seed: 0x{'f' * 400}", "seed", "must be a whole number (got Infinity)"),
 ]
 
 CORPUS = [
@@ -782,7 +824,7 @@ ALL_AT_ONCE = [
         """
         name: bad
         vehicles: 3
-        topology: {kind: edges, →edges: [[1, 0, 1], [2, 1, 1]]}
+        topology: {kind: edges, →edges: [[1, 0, 1], [2, 3, 1], [3, 2, 1]]}
         attack: {→vehicles: [4]}
         """,
         ["topology.edges", "attack.vehicles"],
@@ -825,6 +867,107 @@ def test_all_faults_are_told_at_once(faults: Faults, tmp_path: Path):
     missing = [each for each in heads if not any(line.startswith(each) for line in told)]
     assert not missing, "\n".join([*lines, "lacks", *missing])
     assert len(told) == len(heads), "\n".join(lines)
+
+
+BOMB = "\n".join(["a0: &a0 [x, x]", *(f"a{n + 1}: &a{n + 1} [*a{n}, *a{n}]" for n in range(25))])
+CHAIN = "\n".join(["a0: &a0 [x]", *(f"a{n + 1}: &a{n + 1} [*a{n}]" for n in range(100))])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (BOMB, "aliases repeat more than 100,000 values"),
+        (BOMB.replace("&a24 [", "&a24 !mine ["), "aliases repeat more than 100,000 values"),
+        (CHAIN, "more than 32 mappings and lists inside each other"),
+        ("attack: " + "{kind: envelope, of: " * 90 + "bias" + "}" * 90, "more than 32 mappings"),
+        ("a: &a !mine [*a]", "the tag !mine has no meaning here"),
+        ("attack: {label: " + "x" * 10**6 + ", lable: 1}", "unknown key"),
+        ("x" * 10**6, "a config is a mapping"),
+        ("? " + "x" * 10**6 + "\n: 1", "unknown key"),
+    ],
+    ids=lambda text: text[:30],
+)
+def test_what_is_nested_or_repeated_is_refused_in_a_second(text: str, says: str, tmp_path: Path):
+    """Processor time, of one line that is not long."""
+    (tmp_path / "bad.yaml").write_text(text)
+    began = time.process_time()
+    with pytest.raises(jaxnet.ConfigError, match=says) as raised:
+        jaxnet.load(tmp_path / "bad.yaml", ["name=bad"])
+    assert time.process_time() - began < 2  # a second on a machine that has nothing else to do
+    assert "\n" not in str(raised.value.problems[0])
+    assert len(str(raised.value.problems[0])) < 5000
+
+
+def nested(depth: int) -> list[Any]:
+    """A list of one list of one list …"""
+    return [nested(depth - 1)] if depth else []
+
+
+CYCLE: list[Any] = []
+CYCLE.append(CYCLE)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"gain": nested(40)}, "more than 32 mappings and lists"),
+        ({"gain": CYCLE}, "more than 32 mappings and lists"),
+        ({"seed": 10**5000}, "at most 300 digits"),
+        ({"seed": -(10**5000)}, "at most 300 digits"),
+        ({"seed": 2**63}, "less than"),
+        ({"defence": {"theta": {("a", 1): 2}}}, "must be a number, text"),
+        ({"gain": {1, 2, 3}}, "must be a number, text"),
+        ({"name": "a\0b"}, "not allowed"),
+        ("a\0b", "cannot be read: embedded null byte"),
+        ("nothing://there/study.yaml", "cannot be read"),
+    ],
+)
+def test_what_a_script_gives_is_refused_as_a_config_error(given: Any, says: str):
+    with pytest.raises(jaxnet.ConfigError, match=says):
+        jaxnet.load(given)
+
+
+def test_a_script_gives_so_many_values(monkeypatch):
+    """Counted before any text is made of them."""
+    monkeypatch.setattr(study, "MOST_VALUES", 1000)
+    with pytest.raises(jaxnet.ConfigError, match=r"gain.0.9.*more than 1,000 values"):
+        jaxnet.load({"gain": [[[0] * 100] * 100] * 100})
+
+
+WORDS = [
+    *("0", "-0.0", "-1", "1e309", "-1e308", ".inf", ".nan", "9223372036854775808", "9" * 400, "1e-320"),
+    *("null", "true", "''", "[]", "{}", "[[[]]]", "&a [*a]", "{uniform: [0, 1]}", "{each: 1}", "٣", '"\\0"'),
+    *("{<<: {a: 1}}", "{linspace: [0, 1, 3]}", "0x" + "f" * 99, "!!str 1", "{share: 0.5}", "{1: 2}", "none"),
+    *("[1, 0, 1]", "{random: 3}", "'\\ud800'", "\t", "star", "rotating", "{kind: file, path: /dev/null}"),
+]
+SEEDS = [path.read_text() for path in sorted((Path(__file__).parents[1] / "configs").glob("*.yaml"))]
+
+
+def mutated(random: Random) -> str:
+    """A config that ships, with one to three words, lines or characters replaced."""
+    text = random.choice(SEEDS)
+    for _ in range(random.randint(1, 3)):
+        words = list(re.finditer(r"(?<=: )[^\n#]+|[\w.]+", text))
+        found = random.choice(words)
+        new = random.choice([*WORDS, random.choice(words)[0], ""])
+        text = text[: found.start()] + new + text[found.end() :]
+    return text
+
+
+def test_whatever_is_in_a_config_it_loads_or_is_a_config_error(tmp_path: Path):
+    """Of configs that ship, with a few words replaced at random."""
+    random, outcomes = Random(38), {True: 0, False: 0}
+    for _ in range(150):
+        text = mutated(random)
+        (tmp_path / "bad.yaml").write_text(text)
+        try:
+            jaxnet.load(tmp_path / "bad.yaml")
+        except jaxnet.ConfigError as error:
+            outcomes[False] += len(str(error).splitlines()) == len(error.problems)
+        else:
+            outcomes[True] += 1
+    assert sum(outcomes.values()) == 150
+    assert min(outcomes.values()) > 10
 
 
 # --- good ones ------------------------------------------------------------------------------------
@@ -875,6 +1018,17 @@ def value_at(study: Any, key: str) -> Any:
         ("%YAML 1.2\n---\nname: x\n...\n", "name", "x"),
         ("\ufeffname: x\r\nseed: 3\r\n", "seed", 3),
         ('{"name": "x", "gain": [1, 2, 3]}', "gain", [1.0, 2.0, 3.0]),
+        ("name:\tx\nseed:\t3\t# three", "seed", 3),
+        ("name: x\t\nseed: 3 \t \n\t\n \t# nothing\n", "name", "x"),
+        ("name\t: x\n'seed'\t:\t3\n", "seed", 3),
+        ("name: x\ngain:\n  -\t1\n  - \t2\n  -\t3", "gain", [1.0, 2.0, 3.0]),
+        ("name: x\ngain:\t[1,\n\t2\t,\t3]", "gain", [1.0, 2.0, 3.0]),
+        ("---\tx\n...\t# end\n".replace("x", "{name: x}"), "name", "x"),
+        ("name: x\nattack: {label: 'a\tb'}", "attack.label", "a\tb"),
+        ('name: x\nattack: {label: "a\tb"}', "attack.label", "a\tb"),
+        ("name: x\nattack: {label: a\tb }", "attack.label", "a\tb"),
+        ("name: x\nattack: {label: a\n\tb}", "attack.label", "a b"),
+        ("name: x\nattack:\n  label: | \t# text\n    a\tb\n    \tc\n", "attack.label", "a\tb\n\tc\n"),
         ("name: x\ngain: &g [1, 2, 3]\nsweep: {gain: [*g]}", "gain", [1.0, 2.0, 3.0]),
     ],
 )

@@ -2,18 +2,18 @@
 
 import contextlib
 import functools
+import gc
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ValidationError, create_model
 
-from jaxnet.config import faults, ranges, wording
+from jaxnet.config import faults, ranges, spacings, wording
 from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
 from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
 from jaxnet.kinds import registry
@@ -23,6 +23,12 @@ from jaxnet.kinds.kind import Fault, Kind, KindError
 Locate = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
 
 MOST_CELLS = 1_000_000
+DEFAULTS = Scenario()
+ALONE: dict[str, type[BaseModel]] = {  # models of one key each
+    key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
+    for key, field in Scenario.model_fields.items()
+}
+UNTOLD = ("kind", "label", "edges", "content")  # keys of kinds that no label tells
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,8 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_CELLS:
         base = document.data if settled is None else plain(settled)
-        cells, found = cells_of(document, base, spanned, known=set(problems))
+        with uncollected():
+            cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None and judges:
         problems += [
@@ -66,6 +73,18 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
+
+
+@contextlib.contextmanager
+def uncollected() -> Iterator[None]:
+    """Have Python look for no garbage while many objects are made that all stay."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def line_order(problem: Problem) -> tuple[int, ...]:
@@ -135,7 +154,7 @@ def complete(document: Document, field: str, holder: Any, at: Keys) -> None:
             document.problems.append(Problem(document.place(key, at), dotted(key), str(error)))
 
 
-def validate(model: type[Any], data: Mapping[str, Any], place: Locate) -> tuple[Any, list[Problem]]:
+def validate(model: type[Any], data: Mapping[Any, Any], place: Locate) -> tuple[Any, list[Problem]]:
     """The model, or what is wrong with each key."""
     try:
         return model.model_validate(dict(data)), []
@@ -160,10 +179,10 @@ def swept_values(given: Any) -> list[Any]:
     """Values of one swept key; a spacing of whole numbers gives whole numbers."""
     if isinstance(given, list):
         return given
-    with np.errstate(all="ignore"):
-        spaced = (
-            np.linspace(*given.linspace) if isinstance(given, Linspace) else np.geomspace(*given.geomspace)
-        ).tolist()
+    if isinstance(given, Linspace):
+        spaced = spacings.linspace(*given.linspace)
+    else:
+        spaced = spacings.geomspace(*given.geomspace)
     return [int(value) for value in spaced] if all(map(float.is_integer, spaced)) else spaced
 
 
@@ -184,22 +203,22 @@ def refuse_sweep(
         elif root in KINDS and key == f"{root}.kind":
             yield key, f"sweep {root} instead: a kind comes with keys of its own"
         elif not known.has(key):
-            yield key, "unknown key" + wording.suggestion(key.split(".")[1], known.inside(root))
+            yield key, f"unknown key{known.hint(root, key.split('.')[1])}"
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
-        named = names(key, listed)
-        twice = [name for n, name in enumerate(named) if name in named[:n]]
+        twice = [name for name, times in Counter(names(key, listed)).items() if times > 1]
         if twice:
             remedy = "; give each a label" if key in KINDS else ""
+            remedy += ", a networkx graph a name" if key == "topology" else ""
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
 class Known:
     """Dotted keys that some cell of a study has: those of the kinds that it names, or sweeps."""
 
-    def __init__(self, data: Mapping[str, Any], values: Mapping[str, list[Any]]):
+    def __init__(self, data: Mapping[Any, Any], values: Mapping[str, list[Any]]):
         self.given = {
             root: [with_kind(root, value) for value in (data.get(root, {}), *values.get(root, []))]
             for root in KINDS
@@ -215,10 +234,19 @@ class Known:
         )
         return root in Scenario.model_fields and (open_ended or not inside or inside[0] in self.inside(root))
 
+    def hint(self, root: str, word: str) -> str:
+        """The key inside a key that was probably meant by a word, or all that can be swept."""
+        found = self.inside(root)
+        if root in KINDS or root == "initial":
+            return wording.suggestion(word, found)
+        return f" (known here: {', '.join(found or [root])})"
+
     def inside(self, root: str) -> list[str]:
-        """Keys besides `kind` inside a key; none inside a plain value."""
+        """Keys besides `kind` inside a key, of a list its entries; none inside a plain value."""
         if root == "initial":
             return list(Initial.model_fields)
+        if root == "gain":
+            return list(map(str, range(len(Scenario.model_fields[root].default))))
         models = [model_of(root, value) for value in self.given.get(root, [])]
         return list(dict.fromkeys(key for model in models if model for key in model.model_fields))
 
@@ -238,10 +266,24 @@ def names(key: str, listed: list[Any]) -> list[Any]:
     """
     if key not in KINDS:
         if all(isinstance(value, int | float) for value in listed):
-            return listed
+            fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
+            return listed if fits else list(map(float, listed))  # a column of tables holds 64 bits
         return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
-    return [kind_label(kind, kinds) for kind in kinds]
+    telling = telling_keys(kinds)
+    return [kind_label(kind, telling) for kind in kinds]
+
+
+def telling_keys(kinds: list[Any]) -> dict[str, list[Any]]:
+    """By name of a kind, the keys by which swept kinds of this name differ."""
+    found: dict[str, list[Any]] = {}
+    first: dict[str, dict[Any, Any]] = {}
+    for kind in filter(lambda each: isinstance(each, dict), kinds):
+        name = wording.in_full(kind["kind"])
+        other, keys = first.setdefault(name, kind), found.setdefault(name, [])
+        differing = (key for key in {**other, **kind} if other.get(key) != kind.get(key))
+        keys += [key for key in differing if key not in (*UNTOLD, *keys)]
+    return found
 
 
 def full_kind(field: str, value: Any) -> Any:
@@ -254,49 +296,95 @@ def full_kind(field: str, value: Any) -> Any:
     return {key: tidy(each) for key, each in (defaults | value).items()}
 
 
-def kind_label(kind: Any, among: list[Any]) -> str:
-    """Name of one swept kind among the others."""
+def kind_label(kind: Any, telling: Mapping[str, list[Any]]) -> str:
+    """Name of one swept kind, with the keys that tell it apart from others of its name."""
     if not isinstance(kind, dict):
         return wording.shown(kind)
     if isinstance(kind.get("label"), str):
         return kind["label"]
-    alike = [other for other in among if isinstance(other, dict) and other["kind"] == kind["kind"]]
-    telling = [
-        f"{key}={wording.shown(value)}"
-        for key, value in kind.items()
-        if key not in ("kind", "label", "edges", "content")
-        and any(other.get(key) != value for other in alike)
-    ]
+    keys = telling[wording.in_full(kind["kind"])]
+    words = [f"{key}={wording.shown(value)}" for key, value in kind.items() if key in keys]
     name = str(kind["kind"]).rpartition(":")[2]
-    return name + (f"({', '.join(telling)})" if telling else "")
+    return name + (f"({', '.join(words)})" if words else "")
 
 
-def cells_of(
-    document: Document, study: Mapping[str, Any], values: Mapping[str, list[Any]], known: set[Problem]
-) -> tuple[tuple[Cell, ...], list[Problem]]:
-    """The cells, first key slowest, and what is wrong with them but was not known, each fault once.
+class Parts:
+    """What the cells of a study are made of. A value of a key is validated once, for all cells that have it.
 
     The values are set into the study, with its defaults written out if nothing is wrong with it, as it is
     stored: so that the stored study has the same cells.
     """
-    base = {key: value for key, value in study.items() if key in Scenario.model_fields}
+
+    def __init__(self, document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]]):
+        given = {key: value for key, value in study.items() if key in Scenario.model_fields}
+        kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
+        self.document, self.values = document, values
+        self.base: dict[str, Any] = plain(DEFAULTS) | given | kinds
+        self.swept: dict[str, list[str]] = {}
+        for key in values:
+            self.swept.setdefault(key.split(".")[0], []).append(key)
+        self.found: dict[Any, tuple[Any, list[Problem]]] = {}
+        fixed = {root: self.made(root, {}) for root in self.base if root not in self.swept}
+        self.problems = [problem for _, wrong in fixed.values() for problem in wrong]
+        self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
+        right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
+        self.shared = DEFAULTS.model_copy(update=right)
+
+    def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
+        """A cell's scenario by the indices of its swept values, or all that is wrong with it.
+
+        Where single keys are wrong, what several must fulfil together is still asked of the others.
+        """
+        problems, wrong, right = list(self.problems), set(self.wrong), {}
+        for root, keys in self.swept.items():
+            right[root], found = self.part(root, {key: chosen[key] for key in keys})
+            problems += found
+            if found:
+                wrong.add(root)
+                del right[root]
+        made = self.shared.model_copy(update=right)
+        place = functools.partial(place_in_cell, self.document, chosen)
+        if registry.scope().judges:
+            problems += [
+                located(fault, place)
+                for fault in faults.of_scenario(made)
+                if not wrong & {key.split(".")[0] for key in fault.keys}
+            ]
+        return None if wrong else made, problems
+
+    def part(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
+        """The value of a key by the indices of the swept values in it, or what is wrong with it."""
+        mine = root, *chosen.values()
+        if mine not in self.found:
+            self.found[mine] = self.made(root, chosen)
+        return self.found[mine]
+
+    def made(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
+        """The same, validated."""
+        data = {root: self.base[root]}
+        for key, index in chosen.items():
+            try:
+                set_swept(data, key, self.values[key][index])
+            except LookupError as error:
+                place = self.document.place(("sweep", key))
+                return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
+        found, problems = validate(ALONE[root], data, functools.partial(place_in_cell, self.document, chosen))
+        return getattr(found, root, None), problems
+
+
+def cells_of(
+    document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]], known: set[Problem]
+) -> tuple[tuple[Cell, ...], list[Problem]]:
+    """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
+    parts = Parts(document, study, values)
     labels = {key: names(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
     found: dict[Problem, list[str]] = {}
     grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
     for number, indices in enumerate(grid):
         chosen = dict(zip(values, indices, strict=True))
-        data = deepcopy(base)
         named = {key: labels[key][index] for key, index in chosen.items()}
-        try:
-            for key, index in chosen.items():
-                set_swept(data, key, deepcopy(values[key][index]))
-        except LookupError as error:
-            key, reason = error.args
-            problem = Problem(document.place(("sweep", key)), f"sweep.{key}", reason)
-            found.setdefault(problem, []).append(cell_name(number, named))
-            continue
-        scenario, problems = judge(data, functools.partial(place_in_cell, document, chosen))
+        scenario, problems = parts.scenario(chosen)
         if scenario is not None:
             cells.append(Cell(number, named, scenario))
         for problem in dict.fromkeys(problems):
@@ -311,25 +399,6 @@ def cells_of(
     ]
 
 
-def judge(data: Mapping[str, Any], place: Locate) -> tuple[Scenario | None, list[Problem]]:
-    """A cell's scenario, or all that is wrong with it.
-
-    Where single keys are wrong, what several must fulfil together is still asked of the others.
-    """
-    scenario, problems = validate(Scenario, data, place)
-    wrong = {problem.key.split(".")[0] for problem in problems}
-    rest = scenario
-    if rest is None:
-        rest, _ = validate(Scenario, {key: each for key, each in data.items() if key not in wrong}, place)
-    if rest is not None and registry.scope().judges:
-        problems += [
-            located(fault, place)
-            for fault in faults.of_scenario(rest)
-            if not wrong & {key.split(".")[0] for key in fault.keys}
-        ]
-    return scenario, problems
-
-
 def cell_name(number: int, labels: Mapping[str, Any]) -> str:
     """How messages name a cell."""
     swept = ", ".join(f"{key}={value}" for key, value in labels.items())
@@ -337,12 +406,12 @@ def cell_name(number: int, labels: Mapping[str, Any]) -> str:
 
 
 def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it."""
+    """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it.
+
+    Raises LookupError where there is nothing to set into.
+    """
     root = key.split(".")[0]
-    try:
-        put(data, split(key), value)
-    except LookupError as error:
-        raise LookupError(key, error.args[0]) from error
+    put(data, split(key), value)
     if root in KINDS:
         data[root] = with_kind(root, data[root])
 

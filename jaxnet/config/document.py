@@ -1,8 +1,4 @@
-"""YAML 1.2 text as plain data, remembering where every key stands.
-
-PyYAML parses YAML 1.1, where `1e-3` is text, `on` is true and a key given twice silently wins; the core
-schema of YAML 1.2 is put in its place here, and a repeated key is an error.
-"""
+"""YAML 1.2 text as plain data, remembering where every key stands. A repeated key is an error."""
 
 import re
 from collections.abc import Iterator
@@ -12,8 +8,22 @@ from typing import Any, NamedTuple
 import yaml
 from upath import UPath
 
+from jaxnet.config.yaml12 import (
+    MOST_CHARACTERS,
+    MOST_DEPTH,
+    SCALARS,
+    TOO_DEEP,
+    ExcessError,
+    Loader,
+    constructed,
+)
+
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
 Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
+
+LONGEST_PART = 2000  # characters of each part of a problem's line
+CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # that no file name and no UTF-8 text has
 
 
 class Problem(NamedTuple):
@@ -24,8 +34,11 @@ class Problem(NamedTuple):
     message: str
 
     def __str__(self) -> str:
-        """The line a user sees."""
-        return ": ".join(part for part in self if part)
+        """The line a user sees, without control characters."""
+        line = ": ".join(
+            part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…" for part in self if part
+        )
+        return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), line)
 
 
 class ConfigError(ValueError):
@@ -34,35 +47,6 @@ class ConfigError(ValueError):
     def __init__(self, problems: list[Problem]):
         self.problems = problems
         super().__init__("\n".join(map(str, problems)))
-
-
-class Loader(yaml.SafeLoader):
-    """PyYAML's parser with the scalars of YAML 1.2's core schema."""
-
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
-
-
-FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
-SCALARS = {
-    "null": re.compile(r"~|null|Null|NULL|"),
-    "bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
-    "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
-    "float": re.compile(FLOAT),
-}
-FIRST = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
-FIRST["float"] = [*FIRST["int"], "."]
-for kind, pattern in SCALARS.items():
-    whole = re.compile(f"^(?:{pattern.pattern})$")
-    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
-
-
-class Dumper(yaml.SafeDumper):
-    """Quotes text that YAML 1.2 would read as something else."""
-
-    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
-
-
-LONGEST_INT = 300  # digits; a longer one is a float that is not finite
 
 
 class Reader:
@@ -78,9 +62,14 @@ class Reader:
 
     def read(self, text: str) -> Any:
         """The value that the text holds, None if it holds nothing; raises ConfigError if it is not YAML."""
+        if len(text) > MOST_CHARACTERS:
+            reason = f"more than {MOST_CHARACTERS:,} characters"
+            raise ConfigError([Problem(self.at(0, 0), dotted(self.within), reason)])
         try:
             node = yaml.compose(text, Loader)
             return None if node is None else self.build(node, (), [])
+        except ExcessError as error:
+            raise ConfigError([Problem(self.at(*error.place), dotted(self.within), error.excess)]) from error
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self.at(mark.line, mark.column) if mark else self.source
@@ -89,8 +78,6 @@ class Reader:
             before = text[: error.position]
             place = self.at(before.count("\n"), len(before) - before.rfind("\n") - 1)
             reason = f"the character {error.character!r} is not allowed"
-        except RecursionError:
-            place, reason = self.at(0, 0), "nested too deeply"
         raise ConfigError([Problem(place, dotted(self.within), f"not YAML: {reason}")])
 
     def build(self, node: yaml.Node, keys: Keys, above: list[yaml.Node]) -> Any:
@@ -98,12 +85,16 @@ class Reader:
         self.places.setdefault(spot(keys), self.at_node(node))
         if node in above:
             raise ConfigError([self.problem(node, keys, "an alias inside its own anchor")])
+        if isinstance(node, yaml.ScalarNode):
+            return self.scalar(node, keys)
+        if len(self.within) + len(keys) >= MOST_DEPTH:
+            raise ConfigError([self.problem(node, keys, TOO_DEEP)])
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
         if isinstance(node, yaml.SequenceNode) and kind == "seq":
             return [self.build(item, (*keys, n), [*above, node]) for n, item in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode) and kind == "map":
             return dict(self.items(node, keys, [*above, node]))
-        return self.scalar(node, keys)
+        raise ConfigError([self.problem(node, keys, f"the tag {node.tag} has no meaning here")])
 
     def items(self, node: yaml.MappingNode, keys: Keys, above: list[yaml.Node]) -> Iterator[tuple[Any, Any]]:
         """Keys and values of a mapping, each key once."""
@@ -119,9 +110,11 @@ class Reader:
             self.places[spot((*keys, key))] = self.at_node(key_node)
             yield key, self.build(value_node, (*keys, key), above)
 
-    def scalar(self, node: yaml.Node, keys: Keys) -> Any:
+    def scalar(self, node: yaml.ScalarNode, keys: Keys) -> Any:
         """A null, bool, int, float or text by YAML 1.2."""
-        kind, text = node.tag.removeprefix("tag:yaml.org,2002:"), str(node.value)
+        kind, text = node.tag.removeprefix("tag:yaml.org,2002:"), node.value
+        if found := NO_CHARACTERS.search(text):
+            raise ConfigError([self.problem(node, keys, f"the character {found[0]!r} is not allowed")])
         if kind == "str":
             return text
         if kind in SCALARS and SCALARS[kind].fullmatch(text):
@@ -142,17 +135,6 @@ class Reader:
         return Problem(self.at_node(node), dotted((*self.within, *keys)), message)
 
 
-def constructed(kind: str, text: str) -> Any:
-    """The value of a scalar that fits its pattern."""
-    if kind == "null":
-        return None
-    if kind == "bool":
-        return text.lower() == "true"
-    if kind == "float" or len(text) > LONGEST_INT:
-        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
-
-
 class Document:
     """A config as it was written: `data`, the place of everything in it, what is wrong already.
 
@@ -168,16 +150,19 @@ class Document:
         self.source, self.places, self.problems = source, reader.places, reader.problems
         self.folder = folder or UPath()
         self.overridden: list[str] = []  # dotted keys set from the command line
-        self.data: dict[str, Any] = data or {}
+        self.data: dict[Any, Any] = data or {}
 
     @classmethod
     def read(cls, path: str | Path | UPath) -> "Document":
         """The document in a file."""
         try:
-            return cls(UPath(path).read_text(encoding="utf-8"), str(path), UPath(path).parent)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = (error.strerror or str(error)) if isinstance(error, OSError) else "not UTF-8 text"
+            with UPath(path).open(encoding="utf-8") as file:
+                text = file.read(MOST_CHARACTERS + 1)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reason
             raise ConfigError([Problem(str(path), "", f"cannot be read: {reason}")]) from error
+        return cls(text, str(path), UPath(path).parent)
 
     def place(self, *candidates: Keys) -> str:
         """Where the first of these stands that was written, or else something in it, or around it."""
@@ -217,6 +202,7 @@ class Document:
 
 
 DOTTED = ("sweep", "search.over")  # keys that hold dotted names
+INDEX = re.compile(r"[0-9]{1,9}")
 
 
 def split(key: str) -> Keys:
@@ -224,7 +210,7 @@ def split(key: str) -> Keys:
     for before in DOTTED:
         if key.startswith(f"{before}."):
             return (*before.split("."), key.removeprefix(f"{before}."))
-    return tuple(int(part) if part.isascii() and part.isdigit() else part for part in key.split("."))
+    return tuple(int(part) if INDEX.fullmatch(part) else part for part in key.split("."))
 
 
 def spot(keys: Keys) -> Spot:
@@ -242,6 +228,8 @@ def put(data: Any, keys: Keys, value: Any) -> None:
 
     The bare name of a kind becomes a mapping. Raises LookupError where there is nothing to set into.
     """
+    if len(keys) > MOST_DEPTH:
+        raise LookupError(TOO_DEEP)
     for depth, key in enumerate(keys[:-1], start=1):
         inner = data[key] if isinstance(data, list) else data.get(key)
         if isinstance(inner, str):

@@ -45,7 +45,11 @@ def quantity(key: str) -> str:
 
 @functools.cache
 def unit(key: str) -> str:
-    """The unit that the config's models give a dotted key in brackets; nothing where none of them does."""
+    """The unit that the config's models give a dotted key in brackets; nothing where none of them does.
+
+    An entry of a list has the unit of the list.
+    """
+    key = re.sub(r"(\.[0-9]+)+$", "", key)
     root, name = key.partition(".")[0], key.rpartition(".")[2]
     base: Any = Scenario
     if name != key:

@@ -14,12 +14,17 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import ConfigError, Document, Dumper, Keys, Problem, dotted
+from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted
 from jaxnet.config.keys import Config
+from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Dumper
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import Edges
-from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
+
+TOO_GREAT = 10**LONGEST_INT
+SCALAR_TYPES = (bool, int, float, str, NoneType)
+MOST_VALUES = 1_000_000  # of a script's mapping
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,7 +84,7 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
 def read(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
     """The study of a document whose names mean what they do in a scope; raises ConfigError."""
     for word in overrides:
-        document.override(word)
+        document.override(str(word))
     with scope():
         config, found = cells.read_document(document)
     return Study(config.within(scope), found)
@@ -94,26 +99,48 @@ def yaml_of(data: Any, inline: bool) -> str:
 def native(value: Any, *keys: Any) -> Any:
     """Plain data of what a script holds at these keys: arrays and tuples become lists, paths text.
 
-    Raises ConfigError for anything that YAML has no word for.
+    Raises ConfigError for anything that YAML has no word for, and beyond the limits of `yaml12`.
     """
-    value = value.tolist() if hasattr(value, "tolist") else written(value)  # of NumPy, pandas or JAX
-    if isinstance(value, Mapping):
-        return {plain_scalar(key, keys): native(inner, *keys, key) for key, inner in value.items()}
-    if isinstance(value, list | tuple | range):
-        return [native(inner, *keys, number) for number, inner in enumerate(value)]
-    return plain_scalar(value, keys)
+    return Native().plain(value, keys)
 
 
-def written(value: Any) -> Any:
-    """A kind, a class of one, a metric or a graph of networkx as a config writes it; anything else as it
-    is.
+class Native:
+    """Turns a script's values into plain data, and counts these."""
+
+    def __init__(self):
+        self.count = 0
+
+    def plain(self, value: Any, keys: Keys) -> Any:
+        """Plain data of the value at these keys; raises ConfigError."""
+        self.count += 1
+        if self.count > MOST_VALUES:
+            raise refused(keys, f"more than {MOST_VALUES:,} values")
+        if type(value) in SCALAR_TYPES:
+            return plain_scalar(value, keys)
+        value = value.tolist() if hasattr(value, "tolist") else written(value, keys)  # of NumPy, pandas, JAX
+        if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
+            raise refused(keys, TOO_DEEP)
+        if isinstance(value, Mapping):
+            return {plain_scalar(key, keys): self.plain(inner, (*keys, key)) for key, inner in value.items()}
+        if isinstance(value, list | tuple | range):
+            return [self.plain(inner, (*keys, number)) for number, inner in enumerate(value)]
+        return plain_scalar(value, keys)
+
+
+def written(value: Any, keys: Keys) -> Any:
+    """A kind, a class of one, a metric or a graph of networkx as a config writes it.
+
+    Anything else stays as it is. Raises ConfigError for a graph of networkx that is none of ours.
     """
     if isinstance(value, Kind):
         return {"kind": registry.adopt(type(value)), **cells.tidy(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
-    graph = Edges.adopted(value)
-    return value if graph is None else written(graph)
+    try:
+        graph = Edges.adopted(value)
+    except KindError as error:
+        raise refused(keys, str(error)) from error
+    return value if graph is None else written(graph, keys)
 
 
 def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
@@ -121,7 +148,14 @@ def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, PurePath | UPath):
         return str(value)
-    if type(value) not in (bool, int, float, str, NoneType):
+    if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
-        raise ConfigError([Problem("study", dotted(keys), f"{allowed} (got {value!r})")])
+        raise refused(keys, f"{allowed} (got {value!r})")
+    if isinstance(value, int) and abs(value) >= TOO_GREAT:
+        raise refused(keys, f"a whole number has at most {LONGEST_INT} digits")
     return value
+
+
+def refused(keys: Keys, message: str) -> ConfigError:
+    """The error of a value that a script gives."""
+    return ConfigError([Problem("study", dotted(keys), message)])

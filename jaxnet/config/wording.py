@@ -47,8 +47,8 @@ def explain(error: Any, data: Any) -> str:
     if kind == "metric":
         return context["error"]
     if kind == "kind_name":
-        hint = suggestion(str(given.get("kind")), registry.names(context["family"]), fallback=False)
-        return context["error"] + hint
+        name = given.get("kind") if isinstance(given, dict) else given
+        return context["error"] + suggestion(str(name), registry.names(context["family"]), fallback=False)
     if kind in ("too_short", "too_long"):
         word, number = (
             ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])

@@ -54,7 +54,7 @@ class Kind(Record):
         return rebuilt, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
-    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
         """What a config says of one, with what the file at its `path`, from this folder, says too.
 
         Raises KindError.

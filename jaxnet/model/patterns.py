@@ -20,7 +20,7 @@ def of_pairs(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
 
 def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:
     """Who hears whom where i hears i + o for each offset o, around the ring."""
-    around = np.unique(np.array([*offsets], int) % vehicles)
+    around = np.unique(np.array([offset % vehicles for offset in offsets], int))
     listeners = np.arange(vehicles).repeat(len(around))
     return of_pairs(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
 

@@ -23,8 +23,8 @@ from upath import UPath
 
 import jaxnet
 from jaxnet.config.cells import plain
-from jaxnet.config.document import Dumper
 from jaxnet.config.keys import Config
+from jaxnet.config.yaml12 import Dumper
 from jaxnet.kinds.looking import described
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock

@@ -60,7 +60,7 @@ def slots_of(cells: Sequence[Cell]) -> int:
     alike = {}
     for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
         several = scenario.attack.identities() + scenario.attack.splits() > 1  # slots of an attacked source
-        alike[repr((scenario.topology, several and scenario.attack))] = scenario
+        alike[id(scenario.topology), several and id(scenario.attack)] = scenario
     return max((len(sources_of(each)) for each in alike.values()), default=0)
 
 

@@ -1,6 +1,9 @@
 """Robustness by trying all sets on small digraphs, and of graphs whose robustness is known."""
 
+import json
+import re
 from itertools import combinations, product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,3 +110,34 @@ def test_percolation_that_bears_one_liar():
     leaders = np.arange(9) < 4
     network = of_matrix(heard)
     assert followers(network, slotwise(network, trusted), leaders).tolist() == [True] * 6 + [False] * 2
+
+
+# Graphs of the literature: `hears` lists [i, j], i hears j, from 1; `claims` is what the source says.
+PUBLISHED = json.loads((Path(__file__).parent / "published_robustness.json").read_text())
+
+
+@pytest.mark.parametrize("published", PUBLISHED, ids=lambda each: each["name"])
+def test_published_graphs_are_as_robust_as_claimed(published):
+    """The greatest s for each r, by brute force of another program, and the source's own claims."""
+    heard = np.zeros((published["nodes"], published["nodes"]), bool)
+    listeners, sources = np.array(published["hears"]).T - 1
+    heard[listeners, sources] = True
+    found = robustness(heard)
+    assert found == published["greatest_s_for_r"]
+    claims = published["claims"]
+    if claims == "exactly 1-robust":
+        assert len(found) == 1
+        return
+    for r, s in re.findall(r"\((\d),(\d)\)", claims):
+        holds = len(found) >= int(r) and found[int(r) - 1] >= int(s)
+        assert holds != claims.startswith("not")
+
+
+@pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 13) for k in range(1, n)])
+def test_circulant_digraphs_are_as_robust_as_proved(n, k):
+    """Each node hears the k before it: ⌈k/2⌉ for even n, ⌊k/2⌋ + 1 for odd n and even k."""
+    heard = sum(np.roll(np.eye(n, dtype=int), step, axis=0) for step in range(1, k + 1)) > 0
+    if n % 2 == 0:
+        assert len(robustness(heard)) == -(-k // 2)
+    elif k % 2 == 0:
+        assert len(robustness(heard)) == k // 2 + 1

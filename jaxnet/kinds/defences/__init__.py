@@ -141,7 +141,7 @@ class ShareOfLinks(Record):
 class NearestSources(Record):
     """So many sources of each vehicle, those fewest links from the navigator, which is one itself."""
 
-    nearest: int = Field(ge=1, description="sources, of those equally far the lowest numbers")
+    nearest: int = Field(ge=1, le=10_000, description="sources, of those equally far the lowest numbers")
 
     def links(self, graph: Digraph) -> Links:
         """By the graph alone."""

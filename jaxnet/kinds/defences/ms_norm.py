@@ -22,7 +22,9 @@ class MSNorm(Sparing):
         " most F untrusted sources are heard, who are all dropped"
     )
 
-    F: int = Field(default=1, ge=0, description="most attacked sources that a vehicle reckons with")
+    F: int = Field(
+        default=1, ge=0, le=10_000, description="most attacked sources that a vehicle reckons with"
+    )
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

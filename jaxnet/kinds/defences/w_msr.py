@@ -22,7 +22,9 @@ class WMSR(Sparing):
         " derivatives drive them, and are believed unseen"
     )
 
-    F: int = Field(default=1, ge=0, description="most attacked sources that a vehicle reckons with")
+    F: int = Field(
+        default=1, ge=0, le=10_000, description="most attacked sources that a vehicle reckons with"
+    )
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

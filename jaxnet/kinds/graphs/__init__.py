@@ -4,6 +4,7 @@ A graph of m vehicles is given as an array (m, m + 1), dense or a sparse one of 
 vehicle i hears, column j the weight of source j, the navigator's first; or as a `model.graph.Digraph`.
 """
 
+import functools
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,6 +19,7 @@ from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 
+LEAST_WEIGHT = 1e-15  # of a link, in proportion: with less, 1 - w is 1 and L is singular
 TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
 
 
@@ -82,15 +84,43 @@ class Graph(Kind):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """The navigator must reach everybody, otherwise L is singular."""
-        lost = graph.unreachable(self.normalised(scenario.vehicles))
+        lost, least = reached(Itself(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))
             yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
+        elif least < LEAST_WEIGHT:
+            message = f"a link has less than {LEAST_WEIGHT:g} of the weights of its listener"
+            yield Fault((self.linked_by, "topology"), message)
 
     @classmethod
     def adopted(cls, value: Any) -> "Graph | None":
         """A graph that another library's object means, None if it means none (`edges` knows networkx's)."""
         return None
+
+
+class Itself:
+    """An object that equals no other one, as a key of a cache."""
+
+    def __init__(self, one: Any):
+        self.one = one
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both are one object."""
+        return isinstance(other, Itself) and self.one is other.one
+
+    def __hash__(self) -> int:
+        """By identity."""
+        return id(self.one)
+
+
+@functools.lru_cache(maxsize=16)
+def reached(itself: Itself, vehicles: int) -> tuple[list[int], float]:
+    """Vehicles that the navigator does not reach, and the least weight of a link.
+
+    Remembered, because cells of a sweep share their graph.
+    """
+    found = itself.one.normalised(vehicles)
+    return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
 
 class ShareOfVehicles(Record):

@@ -1,5 +1,7 @@
 """Any weighted digraph, edge by edge."""
 
+import numbers
+import operator
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar
 
@@ -9,7 +11,7 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
@@ -47,21 +49,55 @@ class Edges(Graph):
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """Every edge joins two that exist and differ, once; then the navigator must reach everybody."""
         found = list(edge_faults(self.edges, scenario.vehicles))
-        yield from found or super().faults(scenario)
+        yield from found or size_faults(self.edges, scenario.vehicles) or super().faults(scenario)
 
     @classmethod
     def adopted(cls, value: Any) -> "Edges | None":
-        """Of a networkx graph, as `edges_of` says."""
+        """Edges of a networkx graph, whose name is the label; raises KindError as `edges_of` does."""
         if not (hasattr(value, "edges") and hasattr(value, "is_directed")):
             return None
-        return cls(edges=edges_of(value))
+        edges = edges_of(value)
+        if not edges:
+            raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
+        return cls(edges=edges, label=value.graph.get("name") or None)
 
 
-def edges_of(network: Any) -> list[Any]:
-    """The edges of a networkx graph: (i, j) is "i hears j", 0 the navigator, weight 1 if it says none."""
-    given = [(int(i), int(j), float(weight)) for i, j, weight in network.edges(data="weight", default=1.0)]
-    back = [] if network.is_directed() else [(j, i, weight) for i, j, weight in given]
+def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[Any]:
+    """Edges (i, j, w) of a networkx graph: i hears j, 0 is the navigator, w is 1 without a weight.
+
+    Attributes of edges other than `weight` and those `unread` raise KindError, as do nodes that are not
+    numbered or have no edge.
+    """
+    for node in network.nodes:
+        if isinstance(node, bool | np.bool_) or not hasattr(node, "__index__") or operator.index(node) < 0:
+            raise KindError(f"nodes are whole numbers, 0 the navigator (got {node!r})")
+        if not network.degree[node]:
+            raise KindError(f"node {node} has no edge")
+    given = []
+    for listener, source, data in network.edges(data=True):
+        ends = operator.index(listener), operator.index(source)
+        if other := [name for name in data if name not in ("weight", *unread)]:
+            raise KindError(f"edge {ends} has the attribute {other[0]!r}; only 'weight' is read")
+        given.append((*ends, weight_of(data.get("weight", 1.0), ends)))
+    back = [] if network.is_directed() else [(j, i, weight) for i, j, weight in given if i != j]
     return [edge for edge in [*given, *back] if edge[0] > 0]
+
+
+def weight_of(given: Any, ends: tuple[int, int]) -> float:
+    """The weight of an edge; raises KindError."""
+    number = isinstance(given, numbers.Real) and not isinstance(given, bool)
+    if not number or not given <= GREATEST or not float(given) > 0:
+        raise KindError(f"edge {ends}: a weight is a number > 0, at most {GREATEST:g} (got {given!r})")
+    return float(given)
+
+
+def size_faults(edges: list[Any], vehicles: int) -> list[Fault]:
+    """Whether the edges name fewer vehicles than there are."""
+    last = max(max(listener, source) for listener, source, _ in edges)
+    if last >= vehicles:
+        return []
+    noun = "vehicle" if last == 1 else "vehicles"
+    return [Fault(("vehicles", "topology"), f"the graph has {last} {noun} (got {vehicles})")]
 
 
 def edge_faults(edges: list[Any], vehicles: int) -> Iterator[Fault]:

@@ -1,25 +1,51 @@
 """A weighted digraph from a file."""
 
-import csv
 import importlib
-from collections.abc import Iterator
-from typing import Any, ClassVar
+import io
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from textwrap import shorten
+from typing import Annotated, Any, ClassVar
+from xml.parsers import expat
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from upath import UPath
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.graphs.edges import GREATEST, edge_faults, edges_of
+from jaxnet.kinds.graphs.edges import GREATEST, edge_faults, edges_of, size_faults
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-Edges = Iterator[tuple[Any, Any, Any]]
+Edges = Iterator[tuple[int, int, float]]
+LARGEST_FILE = 50_000_000  # of a file
+NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+NODE_ID = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
+CALLED = ("name", "label", "id")  # attributes of a node that may number it otherwise
+NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
 AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
+READ = "no header; commas, semicolons or blanks between them"
+
+
+def edges_in(content: str) -> list[tuple[int, int, float]]:
+    """Edges i,j,w between blanks; raises ValueError."""
+    return [edge(*row.split(",")) for row in content.split()]
+
+
+def edges_told(content: str) -> str:
+    """The content of a file as a study stores it, if that is edges; raises ValueError."""
+    try:
+        edges = edges_in(content)
+    except (TypeError, ValueError):
+        edges = []
+    if not edges:
+        raise ValueError("must be edges i,j,w between blanks")
+    return content
 
 
 class File(Graph):
-    """Any weighted digraph from a file: lines i, j or i, j, w of a CSV, or GraphML, which networkx reads.
+    """Any weighted digraph from a file: rows i, j or i, j, w of a table, or GraphML, which networkx reads.
 
     Vehicle i hears j, 0 the navigator, with weight w, 1 if there is none; the weights of each listener are
     normalised to sum 1. What the file holds becomes part of the study, so that its results need no file and
@@ -30,12 +56,12 @@ class File(Graph):
     linked_by: ClassVar[str] = "topology.path"
 
     path: str = Field(description="of the file, from the config's folder; GraphML if it ends with .graphml")
-    content: dict[str, str] = Field(
+    content: dict[str, Annotated[str, AfterValidator(edges_told)]] = Field(
         default={}, description="edges i,j,w of the file at a path, as read by jaxnet"
     )
 
     @classmethod
-    def completed(cls, given: dict[str, Any], folder: Any) -> dict[str, Any]:
+    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
         """With the file's edges, unless they are there already."""
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):
@@ -47,8 +73,7 @@ class File(Graph):
         """What the file held when the study was loaded; raises KindError if that is not known."""
         if self.path not in self.content:
             raise KindError(f"{self.path} was not read: a study reads it where topology names it")
-        rows = (edge.split(",") for edge in self.content[self.path].split())
-        return [(int(i), int(j), float(weight)) for i, j, weight in rows]
+        return edges_in(self.content[self.path])
 
     def weights(self, vehicles: int) -> Digraph:
         """The edges' weights."""
@@ -62,47 +87,113 @@ class File(Graph):
                     ("topology.path",), f"{self.path} was not read: sweep topology, each with its path"
                 )
             return
-        found = list(edge_faults(self.edges(), scenario.vehicles))
+        edges = self.edges()
+        found = list(edge_faults(edges, scenario.vehicles))
         yield from (Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found)
         if not found:
-            yield from super().faults(scenario)
+            yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
 
 
-def read(file: UPath, name: str) -> Edges:
+def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
     """The edges (i, j, w) that a file holds; raises KindError."""
     try:
-        yield from graphml(file, name) if name.endswith(".graphml") else table(file, name)
-    except OSError as error:
-        raise KindError(f"{name} cannot be read: {error.strerror or error}") from error
+        with file.open("rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+    except (OSError, ValueError, ImportError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise KindError(f"{name} cannot be read: {reason}") from error
+    if len(content) > LARGEST_FILE:
+        raise KindError(f"{name} has more than {LARGEST_FILE:,} bytes")
+    edges = list(graphml(content, name) if name.endswith(".graphml") else table(content, name))
+    if not edges:
+        raise KindError(f"{name} has no edge")
+    return edges
 
 
-def table(file: UPath, name: str) -> Edges:
-    """The lines of a CSV, empty ones left out."""
-    with file.open(encoding="utf-8", newline="") as lines:
-        reader = csv.reader(lines)
-        for row in filter(None, reader):
-            try:
-                yield edge(*row)
-            except (TypeError, ValueError) as error:
-                got = ",".join(row)
-                raise KindError(f"{name}:{reader.line_num}: must be {AN_EDGE} (got {got})") from error
+def table(content: bytes, name: str) -> Edges:
+    """The edges in the rows of a table. Empty rows and rows that begin with # do not count."""
+    try:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise KindError(f"{name} is not UTF-8 text") from error
+    rows = [
+        (number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"
+    ]
+    fields = fields_by(next((line for _, line in rows), ""))
+    for place, line in rows:
+        try:
+            yield edge(*fields(line))
+        except (TypeError, ValueError) as error:
+            got = shorten(line, 60, placeholder=" …")
+            raise KindError(f"{name}:{place}: must be {AN_EDGE}; {READ} (got {got})") from error
 
 
-def edge(listener: Any, source: Any, weight: Any = 1.0) -> tuple[int, int, float]:
-    """An edge of numbers; raises ValueError."""
-    if not 0 < float(weight) <= GREATEST:
-        raise ValueError("a weight is positive")
-    return int(listener), int(source), float(weight)
+def fields_by(first: str) -> Callable[[str], list[str]]:
+    """What parts the rows of a table into numbers, as its first row shows.
+
+    Where semicolons do, a comma is a decimal point.
+    """
+    if ";" in first:
+        return lambda line: [field.strip(' "').replace(",", ".") for field in line.split(";")]
+    if "," in first:
+        return lambda line: [field.strip(' "') for field in line.split(",")]
+    return str.split
 
 
-def graphml(file: UPath, name: str) -> Edges:
+def edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
+    """An edge of numbers as text; raises ValueError."""
+    given = [number(listener), number(source)]
+    if not all(map(float.is_integer, given)) or not 0 < number(weight) <= GREATEST:
+        raise ValueError("ends are whole, and a weight is positive")
+    return int(given[0]), int(given[1]), number(weight)
+
+
+def number(text: str) -> float:
+    """A decimal number; raises ValueError."""
+    if not NUMBER.fullmatch(text.strip()):
+        raise ValueError("no number")
+    return float(text)
+
+
+def graphml(content: bytes, name: str) -> Edges:
     """The edges of a GraphML file, those of an undirected graph both ways."""
     try:
         networkx = importlib.import_module("networkx")
     except ImportError as error:
         raise KindError(f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'") from error
     try:
-        with file.open("rb") as stream:
-            yield from (edge(*each) for each in edges_of(networkx.read_graphml(stream, node_type=int)))
-    except (networkx.NetworkXException, SyntaxError, ValueError) as error:
-        raise KindError(f"{name}: must be GraphML with edges {AN_EDGE} ({error})") from error
+        refuse_entities(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # of networkx, for what it passes over
+            network = networkx.read_graphml(io.BytesIO(content))
+        numbers = {node: node_of(node, data) for node, data in network.nodes(data=True)}
+        if len({*numbers.values()}) < len(numbers):
+            raise ValueError("two nodes have one number")
+        yield from edges_of(networkx.relabel_nodes(network, numbers), unread=("id",))
+    except KindError as error:
+        raise KindError(f"{name}: {error}") from error
+    except (networkx.NetworkXException, *NOT_GRAPHML) as error:
+        reason = str(error) or type(error).__name__
+        raise KindError(f"{name}: must be GraphML with edges {AN_EDGE} ({reason})") from error
+
+
+def refuse_entities(content: bytes) -> None:
+    """Raise ValueError for XML that declares entities, which may stand for gigabytes or other files."""
+
+    def refuse(*_: Any) -> None:
+        raise ValueError("entities are not read")
+
+    parser = expat.ParserCreate()
+    parser.EntityDeclHandler = refuse
+    parser.Parse(content, True)
+
+
+def node_of(node: str, data: dict[str, Any]) -> int:
+    """The number of a node by its id, as 3 or n3; raises ValueError."""
+    found = NODE_ID.fullmatch(node)
+    if not found:
+        raise ValueError(f"a node is called 3 or n3, got {node!r}")
+    called = next((str(data[key]) for key in CALLED if key in data), node)
+    if called not in (node, found[1]):
+        raise ValueError(f"node {node!r} is also called {called!r}")
+    return int(found[1])

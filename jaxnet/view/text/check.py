@@ -79,8 +79,9 @@ def wrapped(text: str) -> str:
 def alike(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Cells that share a network, in the order of the first of each."""
     groups: dict[Any, list[Cell]] = {}
+    networks = Networks()
     for cell in cells:
-        groups.setdefault(network_key(cell), []).append(cell)
+        groups.setdefault(networks.key(cell.scenario), []).append(cell)
     return list(groups.values())
 
 
@@ -121,19 +122,40 @@ def guarantees(cells: Sequence[Cell]) -> str:
     return wrapped(network_text("guarantees", rows))
 
 
-def network_key(cell: Cell) -> Any:
-    """What cells share that have one network, one kind of attack and of defence, and one navigator.
+class Networks:
+    """Keys of the networks of cells. What cells share is looked at once, by the objects that they share."""
 
-    Where a jerk is held, one law, gain and tick as well.
-    """
-    scenario = cell.scenario
-    graph, attacked, trusted, _ = situation_of(scenario)
-    attack, links = scenario.attack, graph.edges()
-    network = links[0], *(each[links] for each in (*graph, attacked, trusted))
-    words = scenario.navigator.model_dump_json(), scenario.defence.model_dump_json(), attack.kind
-    threat = attack.replaces(), attack.falsified(), attack.identities()
-    held = (scenario.law.model_dump_json(), scenario.tick, repr(scenario.gain)) if scenario.law.holds else ()
-    return scenario.vehicles, *(each.tobytes() for each in network), words, threat, scenario.horizon, held
+    def __init__(self):
+        self.graphs: dict[Any, Any] = {}
+        self.known: dict[Any, Any] = {}
+
+    def key(self, scenario: Scenario) -> Any:
+        """What cells share that have one network, one kind of attack and of defence, and one navigator.
+
+        Where a jerk is held, one law, gain and tick as well.
+        """
+        attack, law = scenario.attack, scenario.law
+        graph, links, shared = self.without_attack(scenario)
+        attacked = attack.links(graph)[links].tobytes()
+        threat = attack.kind, attack.replaces(), attack.falsified(), attack.identities()
+        held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
+        return shared, attacked, threat, scenario.horizon, held
+
+    def without_attack(self, scenario: Scenario) -> tuple[Digraph, Any, Any]:
+        """The graph, its links, and the part of the key that no attack changes."""
+        topology, vehicles = scenario.topology, scenario.vehicles
+        navigator, defence = scenario.navigator, scenario.defence
+        by = id(topology), vehicles, id(navigator), id(defence)  # objects that the cells hold
+        if by not in self.known:
+            if by[:2] not in self.graphs:
+                self.graphs[by[:2]] = topology.normalised(vehicles)
+            graph = self.graphs[by[:2]]
+            links = graph.edges()
+            network = links[0], *(each[links] for each in (*graph, defence.trusts(graph)))
+            words = navigator.model_dump_json(), defence.model_dump_json()
+            shared = vehicles, *(each.tobytes() for each in network), *words
+            self.known[by] = graph, links, shared
+        return self.known[by]
 
 
 def title(cells: Sequence[Cell], most: int) -> str:

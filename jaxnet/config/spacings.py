@@ -1,0 +1,34 @@
+"""Spaced values: the doubles nearest to the exact ones, so that `linspace` and a list give the same numbers.
+
+A bound is the decimal number that its double is written as.
+"""
+
+import decimal
+from fractions import Fraction
+
+DIGITS = 60  # of a factor that is multiplied up to 100,000 times
+
+
+def linspace(low: float, high: float, count: int) -> list[float]:
+    """`count` values `low + k (high - low)/(count - 1)`, each rounded once."""
+    if count == 1:
+        return [low]
+    first, last = Fraction(repr(low)), Fraction(repr(high))
+    whole = first.denominator * last.denominator
+    a, b = int(first * whole), int(last * whole)
+    steps = count - 1
+    return [(a * (steps - k) + b * k) / (whole * steps) for k in range(count)]
+
+
+def geomspace(low: float, high: float, count: int) -> list[float]:
+    """`count` values `low (high/low)^(k/(count - 1))`, to 60 digits and then rounded."""
+    if count == 1:
+        return [low]
+    with decimal.localcontext(decimal.Context(prec=DIGITS)):
+        value, last = decimal.Decimal(repr(low)), decimal.Decimal(repr(high))
+        factor = (last / value) ** (decimal.Decimal(1) / (count - 1))
+        spaced = []
+        for _ in range(count - 1):
+            spaced.append(float(value))
+            value *= factor
+    return [*spaced, high]

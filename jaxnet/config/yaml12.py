@@ -1,0 +1,153 @@
+"""YAML 1.2 by PyYAML: the scalars of the core schema, tabs between tokens, and limits on size and depth.
+
+PyYAML parses YAML 1.1, where `1e-3` is text, `on` is true, and a tab separates nothing.
+"""
+
+import math
+import re
+from typing import Any
+
+import yaml
+
+MOST_CHARACTERS = 50_000_000  # of a text
+MOST_DEPTH = 32  # mappings and lists inside each other
+MOST_REPEATED = 100_000  # values that aliases repeat
+LONGEST_INT = 300  # digits; a longer one is a float that is not finite
+
+TOO_DEEP = f"more than {MOST_DEPTH} mappings and lists inside each other"
+TOO_MANY = f"aliases repeat more than {MOST_REPEATED:,} values"
+
+FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
+SCALARS = {
+    "null": re.compile(r"~|null|Null|NULL|"),
+    "bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
+    "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
+    "float": re.compile(FLOAT),
+}
+FIRST = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
+FIRST["float"] = [*FIRST["int"], "."]
+
+BREAKS = "\r\n\x85\u2028\u2029"
+ENDS = "\0" + BREAKS  # of a line
+
+
+class ExcessError(ValueError):
+    """A text that is larger or deeper than the limits, at this line and column."""
+
+    def __init__(self, excess: str, mark: Any):
+        super().__init__(excess)
+        self.excess, self.place = excess, (mark.line, mark.column)
+
+
+class Loader(yaml.SafeLoader):
+    """PyYAML's parser for YAML 1.2. A text beyond the limits raises ExcessError."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
+
+    def __init__(self, text: str):
+        super().__init__(text)
+        self.depth = 0
+        self.sizes: dict[yaml.Node, int] = {}  # values of each node, its aliases written out
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """PyYAML's node of the next events, within the limits."""
+        self.depth += 1
+        mark, alias = self.peek_event().start_mark, self.check_event(yaml.AliasEvent)
+        if self.depth > MOST_DEPTH and self.check_event(yaml.CollectionStartEvent):
+            raise ExcessError(TOO_DEEP, mark)
+        node: Any = super().compose_node(parent, index)
+        self.depth -= 1
+        if not alias:
+            self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in inside(node))
+        if self.sizes.get(node, 0) - len(self.sizes) > MOST_REPEATED:
+            raise ExcessError(TOO_MANY, mark)
+        return node
+
+    def scan_to_next_token(self) -> None:
+        """Skip blanks, comments and line breaks, and tabs where they do not indent.
+
+        No block mapping or list begins after a tab on its line.
+        """
+        if self.index == 0 and self.peek() == "\ufeff":
+            self.forward()
+        while True:
+            first = self.column == 0
+            self.skip(" ")
+            if self.peek() == "\t" and self.separates(first):
+                self.skip(" \t")
+                self.allow_simple_key = self.allow_simple_key and bool(self.flow_level)
+            if self.peek() == "#":
+                while self.peek() not in ENDS:
+                    self.forward()
+            if not self.scan_line_break():
+                return
+            self.allow_simple_key = self.allow_simple_key or not self.flow_level
+
+    def separates(self, first: bool) -> bool:
+        """Whether a tab comes after a token, within brackets, or before the end of an empty line."""
+        length = 1
+        while self.peek(length) in " \t":
+            length += 1
+        return bool(self.flow_level) or not first or self.peek(length) in ENDS + "#"
+
+    def skip(self, characters: str) -> None:
+        """Pass over some characters."""
+        while self.peek() in characters:
+            self.forward()
+
+    def scan_plain_spaces(self, indent: int, start_mark: Any) -> Any:
+        """White space inside or after plain text. A line break with what is around it is one space."""
+        length = 0
+        while self.peek(length) in " \t":
+            length += 1
+        white = self.prefix(length)
+        self.forward(length)
+        if self.peek() not in BREAKS:
+            return [white] if white else []
+        first, breaks = self.scan_line_break(), []
+        self.allow_simple_key = True
+        while not self.ends_document():
+            self.skip(" \t" if self.flow_level else " ")
+            if self.peek() not in BREAKS:
+                return [*([] if first == "\n" else [first]), *(breaks or [" "] * (first == "\n"))]
+            breaks.append(self.scan_line_break())
+        return None
+
+    def ends_document(self) -> bool:
+        """Whether a line begins with a document's marker."""
+        return self.prefix(3) in ("---", "...") and self.peek(3) in ENDS + " \t"
+
+    def scan_block_scalar_ignored_line(self, start_mark: Any) -> None:
+        """Pass over the rest of the line on which a block scalar begins."""
+        self.skip(" \t")
+        super().scan_block_scalar_ignored_line(start_mark)
+
+
+for kind, pattern in SCALARS.items():
+    whole = re.compile(f"^(?:{pattern.pattern})$")
+    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
+
+
+class Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.2 would read as something else."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+
+
+def inside(node: Any) -> list[yaml.Node]:
+    """Nodes directly inside a mapping or a list."""
+    if isinstance(node, yaml.MappingNode):
+        return [each for pair in node.value for each in pair]
+    return node.value if isinstance(node, yaml.SequenceNode) else []
+
+
+def constructed(kind: str, text: str) -> Any:
+    """The value of a scalar that fits its pattern."""
+    if kind == "null":
+        return None
+    if kind == "bool":
+        return text.lower() == "true"
+    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+    if kind == "float" or (base == 10 and len(text) > LONGEST_INT):
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    return math.inf if len(text) > LONGEST_INT else int(text, base)

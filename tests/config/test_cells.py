@@ -1,0 +1,62 @@
+"""Cells of a sweep: what they share is validated once, and twice as many cells take twice as long."""
+
+import time
+
+import jaxnet
+from jaxnet.config import naming
+from jaxnet.config.cells import plain
+from jaxnet.view.text import check
+
+STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack": {"vehicles": [2]}}
+
+
+def load(**sweep):
+    """A study that sweeps dotted keys, given with _ for the dot."""
+    return jaxnet.load(STUDY | {"sweep": {key.replace("_", ".", 1): each for key, each in sweep.items()}})
+
+
+def test_entries_of_lists_are_swept():
+    """Of the gain, of a navigator's path and of attacked vehicles; the other entries stay."""
+    cells = load(
+        gain_0=[0.5, 1], **{"navigator_amplitude.1": [60, 70]}, **{"attack_vehicles.0": [1, 3]}
+    ).cells
+    assert [cell.scenario.gain for cell in cells[::4]] == [[0.5, 3.0, 3.0], [1.0, 3.0, 3.0]]
+    assert [cell.scenario.navigator.amplitude for cell in cells[:4:2]] == [[100.0, 60.0], [100.0, 70.0]]
+    assert [cell.scenario.attack.vehicles for cell in cells[:2]] == [[1], [3]]
+    assert naming.called("gain.0", 0.5).split() == ["gain.0", "=", "0.5"]
+    assert naming.quantity("gain.0") == "gain.0"
+    assert naming.quantity("navigator.amplitude.1") == "navigator.amplitude.1 [m]"
+
+
+def test_cells_are_the_studies_that_their_keys_make():
+    """Each one loaded alone, without a sweep."""
+    topologies, magnitudes = ["star", {"kind": "path"}, {"navigator_weight": 0.3}], [1, 2.5]
+    study = load(topology=topologies, attack_magnitude=magnitudes, attack_phase=[0.5, {"uniform": [0, 1]}])
+    for cell in study.cells:
+        topology, rest = divmod(cell.number, 4)
+        attack = {"vehicles": [2], "magnitude": magnitudes[rest // 2]}
+        attack["phase"] = [0.5, {"uniform": [0, 1]}][rest % 2]
+        alone = jaxnet.load(STUDY | {"topology": topologies[topology], "attack": attack}).cells[0]
+        assert plain(cell.scenario) == plain(alone.scenario)
+        assert cell.scenario == alone.scenario
+
+
+def test_whole_numbers_beyond_64_bits_are_told_as_decimals():
+    """A column of a table holds no greater ones."""
+    study = load(attack_magnitude=[1, 9223372036854775808])
+    assert [cell.labels["attack.magnitude"] for cell in study.cells] == [1.0, 9223372036854775808.0]
+    assert {type(cell.labels["attack.magnitude"]) for cell in study.cells} == {float}
+
+
+def test_a_long_sweep_takes_a_time_like_its_length():
+    """Eight times as many cells take less than sixteen times as long to load and to be told."""
+
+    def seconds(count):
+        began = time.process_time()
+        study = load(attack_magnitude={"linspace": [0.1, 1.1, count]})
+        told = check.text(study)
+        assert f"{count:,} cells" in told
+        return time.process_time() - began
+
+    seconds(10)
+    assert seconds(1600) < 16 * seconds(200)

@@ -1,0 +1,72 @@
+"""Spaced values are the doubles that the decimal numbers would be, written one by one."""
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jaxnet
+from jaxnet.config.spacings import geomspace, linspace
+
+BOUNDS = st.decimals(-1000, 1000, allow_nan=False, places=3).map(float)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "count", "listed"),
+    [
+        (0.1, 1.1, 11, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]),
+        (1.1, 0.8, 4, [1.1, 1.0, 0.9, 0.8]),
+        (-0.3, 0.3, 3, [-0.3, 0.0, 0.3]),
+        (-1e308, 1e308, 3, [-1e308, 0.0, 1e308]),
+        (0.7, 5.0, 1, [0.7]),
+    ],
+)
+def test_linspace_is_the_list_that_somebody_writes(low, high, count, listed):
+    assert linspace(low, high, count) == listed
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "count", "listed"),
+    [
+        (1e-3, 1e3, 7, [1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0]),
+        (0.3, 2.4, 4, [0.3, 0.6, 1.2, 2.4]),
+        (100.0, 1e-2, 5, [100.0, 10.0, 1.0, 0.1, 0.01]),
+        (1e-300, 1e300, 3, [1e-300, 1.0, 1e300]),
+        (7.0, 9.0, 1, [7.0]),
+    ],
+)
+def test_geomspace_is_the_list_that_somebody_writes(low, high, count, listed):
+    assert geomspace(low, high, count) == listed
+
+
+@given(BOUNDS, BOUNDS, st.integers(2, 40))
+def test_each_value_is_the_nearest_double(low, high, count):
+    """No neighbour is nearer to `low + k (high - low)/(count - 1)` of the decimal bounds."""
+    first, last = Fraction(repr(low)), Fraction(repr(high))
+    exact = [first + k * (last - first) / (count - 1) for k in range(count)]
+    assert linspace(low, high, count) == [float(each) for each in exact]
+
+
+@given(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300), st.integers(2, 60))
+def test_ratios_are_constant_and_bounds_exact(low, high, count):
+    """As `(high/low)^(1/(count - 1))`; the last value is the bound itself, the longest way round."""
+    spaced = geomspace(low, high, count)
+    assert (spaced[0], spaced[-1], len(spaced)) == (low, high, count)
+    for k, value in enumerate(spaced):
+        exact = low ** (1 - k / (count - 1)) * high ** (k / (count - 1))
+        assert value == pytest.approx(exact, rel=1e-12)
+
+
+def test_a_spacing_and_a_list_share_their_cells():
+    """So `compare` pairs them, and tables find 0.3."""
+
+    def labels(values):
+        study = jaxnet.load(
+            {"vehicles": 4, "attack": {"vehicles": [2]}, "sweep": {"attack.magnitude": values}}
+        )
+        return [cell.labels["attack.magnitude"] for cell in study.cells]
+
+    spaced = labels({"linspace": [0.1, 1.1, 11]})
+    assert set(labels([0.1, 0.3, 0.7])) <= set(spaced)
+    assert labels({"linspace": [0, 4, 3]}) == [0, 2, 4]
