@@ -77,8 +77,9 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         with registry.Scope(known=registry.scope().known)() as scope:
             document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
             return read(document, overrides, scope)
+    document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read(Document.read(source), overrides, scope)
+        return read(document, overrides, scope)
 
 
 def read(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
