@@ -13,11 +13,11 @@ from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.study import Source, Study, load
-from jaxnet.kinds.looking import known_or
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
 from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, arrays_at, whole
 from jaxnet.view.text import progress as reports
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxnet.config.keys import Config
-from jaxnet.config.schema import DEFAULTS, schema
+from jaxnet.config.schema import DEFAULT_KINDS, schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
 
@@ -38,7 +38,7 @@ def current(page: str) -> str:
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
     parts = [section("Keys of a study", whole, Config.model_fields)]
     parts += [section(key, each, each["properties"]) for key, each in inner.items()]
-    parts += [part for family in DEFAULTS for part in of_family(family, whole["$defs"])]
+    parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
     metrics = (registry.find("metrics", name) for name in registry.names("metrics"))
     parts += ["## metrics\n", *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics)]
     return "\n".join([prose + mark, *parts])

@@ -71,6 +71,7 @@ def user_errors() -> Iterator[None]:
 def remedy() -> str:
     """What to do where a command cannot write: the same again if it resumes, or another place."""
     names = {option.name for option in click.get_current_context().command.params}
+    resumes = "config" in names and "results" not in names
     options = {"out": "--out", "mat": "--mat"}
     elsewhere = [f"give another place with {options[name]}" for name in options if name in names]
-    return " or ".join([KEPT] * ("config" in names) + elsewhere)
+    return " or ".join([KEPT] * resumes + elsewhere)

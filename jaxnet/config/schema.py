@@ -18,7 +18,7 @@ def schema() -> dict[str, Any]:
     string.
     """
     whole = Config.model_json_schema()
-    for family, default in DEFAULTS.items():
+    for family, default in DEFAULT_KINDS.items():
         kinds = {name: registry.find(family, name) for name in registry.names(family)}
         for name, kind in kinds.items():
             whole["$defs"] |= definitions(kind, name, default)
@@ -31,7 +31,7 @@ def schema() -> dict[str, Any]:
             ],
         }
     for family in KINDS:
-        whole["properties"][family] |= {"family": family, "default": DEFAULTS[family]}
+        whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
     whole["properties"]["metrics"]["items"] = {
         "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
     }
@@ -39,8 +39,8 @@ def schema() -> dict[str, Any]:
 
 
 # Families by the kind that stands where none is named: those of a study's keys, and of an attack's.
-DEFAULTS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
-DEFAULTS["announcement"] = Attack.model_fields["announces"].default.reference()
+DEFAULT_KINDS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
+DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.reference()
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 

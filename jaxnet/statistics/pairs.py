@@ -18,11 +18,11 @@ from scipy import special
 
 from jaxnet.config.cells import Cell, plain
 from jaxnet.config.keys import Config
-from jaxnet.kinds.looking import known_or
 from jaxnet.statistics.curves import alike
 from jaxnet.statistics.recovery import threshold
 from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED, spread, units
 from jaxnet.store.folder import FolderError
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")

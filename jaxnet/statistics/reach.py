@@ -5,8 +5,8 @@ The module needs no JAX, so that a config is checked at once.
 
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import differs_by_lane, situation_of
-from jaxnet.theory import bounds
-from jaxnet.theory.bounds import Spread
+from jaxnet.theory import spread
+from jaxnet.theory.spread import Spread
 
 
 def spread_of(scenario: Scenario) -> Spread | None:
@@ -24,4 +24,4 @@ def spread_of(scenario: Scenario) -> Spread | None:
     if not attack.bounded or attack.identities() > 1 or scenario.law.holds:
         return None
     smooth = attack.consistent() and not attack.strategic and not attack.splits()
-    return bounds.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
+    return spread.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 import pandas as pd
 from upath import UPath
 
-from jaxnet.kinds.looking import known_or
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.statistics.steps import Steps, untold
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 

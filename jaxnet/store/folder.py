@@ -25,9 +25,9 @@ import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import Dumper
-from jaxnet.kinds.looking import described
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
+from jaxnet.store.looking import described
 
 UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked

@@ -13,11 +13,11 @@ from upath import UPath
 
 from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read
-from jaxnet.kinds.looking import Looking, MissingKindError
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import Shard
+from jaxnet.store.looking import Looking, MissingKindError
 
 if TYPE_CHECKING:
     import xarray

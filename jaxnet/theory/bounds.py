@@ -23,14 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxnet.model import graph
-from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import AnySubset
-from jaxnet.model.signal import ORDERS
-from jaxnet.theory import lyapunov, response, spread
-from jaxnet.theory.certificate import MOST_INVERTED
+from jaxnet.theory import lyapunov, response
 from jaxnet.theory.response import Gain
-from jaxnet.theory.spread import Gains
+from jaxnet.theory.spread import Gains, Spread
 
 
 class Bound(NamedTuple):
@@ -46,41 +41,6 @@ class Bound(NamedTuple):
 
 
 NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
-
-
-class Spread(NamedTuple):
-    """How far attacks spread through a network."""
-
-    gains: Gains  # γ
-    fixed: Digraph | None  # in force for good; None where retained neighbours, or attacks, may jump
-    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else, or of large fleets, not-a-number
-    orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
-
-    def disturbance(self, gain: Gain) -> float:
-        """β, what attacks of size 1 on these orders come to in ρ."""
-        return float(np.append(gain, 1.0)[list(self.orders)].sum())
-
-
-def spread_of(
-    retained: AnySubset,
-    attacked: Links,
-    carried: Links,
-    smooth: bool = True,
-    orders: tuple[int, ...] = ORDERS,
-) -> Spread:
-    """How far attacks on some links spread, `carried` those that carry what their source says.
-
-    `smooth` attacks are paths with their derivatives; `orders` are those that they falsify.
-    """
-    gains = spread.worst_gains(retained, attacked, carried)
-    fixed = retained.fixed if smooth else None
-    if fixed is None:
-        return Spread(gains, None, np.nan, orders)
-    if graph.unreachable(fixed):
-        return Spread(gains, fixed, np.inf, orders)
-    inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
-    added = fixed.only(attacked).weights.sum(axis=1)
-    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 
 def bounds(reach: Spread, gain: Gain) -> dict[str, Bound]:
@@ -125,21 +85,6 @@ def harmonic(reach: Spread, gain: Gain) -> Bound:
     retained (O2b).
     """
     slopes = response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains
-    return Bound(slopes, float(np.linalg.norm(slopes)))
-
-
-def between_ticks(reach: Spread, gain: Gain, fastest: float, tick: float, one_frequency: bool) -> Bound:
-    """`‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), Λ the greatest rate of R(a) within a tick, per ā.
-
-    `fastest` is the highest angular frequency Ω of the signal [rad/s], `tick` h [s]. With k3 = 1,
-    `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified orders k. ‖a^(k+1)‖ is within Ωā (Bernstein's inequality), and
-    within ā if order k + 1 is falsified too. A signal of one frequency has `Λ ≤ Ω η ā` besides.
-    """
-    rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
-    most = float(np.append(gain, 1.0)[list(reach.orders)] @ np.minimum(rates, fastest))
-    if one_frequency:
-        most = min(most, fastest * response.harmonic_norm(gain))
-    slopes = response.impulse_norm(gain) * reach.gains * most * tick
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 

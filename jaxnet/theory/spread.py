@@ -6,17 +6,57 @@ weights in force: a Markov decision process that ends at the navigator. Where an
 static gain `s = L⁻¹ W_a 1`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxnet.model import graph
-from jaxnet.model.graph import Links
+from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset
+from jaxnet.model.signal import ORDERS
+from jaxnet.theory.certificate import MOST_INVERTED
+from jaxnet.theory.response import Gain
 
 Gains = Float[np.ndarray, " m"]
 ROUNDING = 1e-12  # relative; less is no improvement
 NOTHING = 1e-15  # of the greatest gain; less is not made better, as it is far from every attack
 LEAST_NORMAL = float(np.finfo(float).tiny)  # what is smaller has no relative precision
+
+
+class Spread(NamedTuple):
+    """How far attacks spread through a network."""
+
+    gains: Gains  # γ
+    fixed: Digraph | None  # in force for good; None where retained neighbours, or attacks, may jump
+    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else, or of large fleets, not-a-number
+    orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
+
+    def disturbance(self, gain: Gain) -> float:
+        """β, what attacks of size 1 on these orders come to in ρ."""
+        return float(np.append(gain, 1.0)[list(self.orders)].sum())
+
+
+def spread_of(
+    retained: AnySubset,
+    attacked: Links,
+    carried: Links,
+    smooth: bool = True,
+    orders: tuple[int, ...] = ORDERS,
+) -> Spread:
+    """How far attacks on some links spread, `carried` those that carry what their source says.
+
+    `smooth` attacks are paths with their derivatives; `orders` are those that they falsify.
+    """
+    gains = worst_gains(retained, attacked, carried)
+    fixed = retained.fixed if smooth else None
+    if fixed is None:
+        return Spread(gains, None, np.nan, orders)
+    if graph.unreachable(fixed):
+        return Spread(gains, fixed, np.inf, orders)
+    inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
+    added = fixed.only(attacked).weights.sum(axis=1)
+    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 
 def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:

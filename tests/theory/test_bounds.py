@@ -13,7 +13,9 @@ from scipy.optimize import brentq
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
-from jaxnet.theory.bounds import NAMES, Spread, between_ticks, bounds, harmonic, spread_of
+from jaxnet.theory.announced import between_ticks
+from jaxnet.theory.bounds import NAMES, bounds, harmonic
+from jaxnet.theory.spread import Spread, spread_of
 from tests.matrices import matrix_of
 from tests.theory.test_spread import ATTACKED, CUT_OFF, CYCLIC, TRIO, hearing, networks, of
 
@@ -236,7 +238,7 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
 def test_the_drive_changes_no_faster_within_a_tick_than_theorem_3_is_told(frequency, orders):
     """Λ of a turning attack as great as ā allows, by its exact derivative; attained by one order alone."""
     reach = Spread(np.array([1.0]), None, np.nan, orders)
-    bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3)).worst
+    bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3))[0]
     size = 1.0 / max(frequency**order for order in orders) if frequency else 1.0
     rate = abs(sum(np.append(GAIN, 1.0)[k] * (1j * frequency) ** (k + 1) for k in orders)) * size
     assert rate * 0.1 <= bound * (1 + 1e-12)

@@ -12,12 +12,12 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import courses
 from jaxnet.explore.sensitivity import FILE
-from jaxnet.kinds.looking import MissingKindError
 from jaxnet.statistics.choice import Where, chosen, listed
 from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.statistics.tiles import outcomes, tiling
 from jaxnet.store.folder import FolderError
+from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.figures import (
     COLUMNS,

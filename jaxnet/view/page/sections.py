@@ -10,7 +10,6 @@ import pandas as pd
 
 from jaxnet.explore.courses import courses
 from jaxnet.explore.sensitivity import FILE
-from jaxnet.kinds.looking import MissingKindError, known_or
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
@@ -28,6 +27,7 @@ from jaxnet.statistics.curves import (
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.statistics.summary import units_told
 from jaxnet.statistics.tiles import tiling
+from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded, sortable

@@ -21,7 +21,7 @@ from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.reach import spread_of
 from jaxnet.store import layout
-from jaxnet.theory import bounds, certificate, robustness, rounds
+from jaxnet.theory import announced, certificate, robustness, rounds
 from jaxnet.view.text.width import WIDTH, clipped
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -223,8 +223,8 @@ def theorem_line(scenario: Scenario, majority: Vehicles) -> str:
     if reach is None or not np.isfinite(fastest):
         return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ASSUMED}"
     gain = np.array([median(each) for each in scenario.gain])
-    slopes = bounds.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
-    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes.vehicles[majority].max():.3g} ā; {ASSUMED}"
+    slopes = announced.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
+    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes[majority].max():.3g} ā; {ASSUMED}"
 
 
 def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:

@@ -11,10 +11,10 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
-from jaxnet.kinds.looking import known_or
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.summary import units_told
 from jaxnet.store.folder import FolderError
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
 
