@@ -9,7 +9,7 @@ import pandas as pd
 
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
-from jaxnet.statistics.fits import envelope_share, whole_draws
+from jaxnet.statistics.fits import ENVELOPE, UNTOLD, envelope_share, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.store.results import Results
@@ -57,6 +57,8 @@ def slopes(results: Results) -> str:
         LEAST_SLOPES,
         "fit.csv",
     )
+    if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
+        text += f"\n{fill(UNTOLD, WIDTH)}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
@@ -90,7 +92,11 @@ def interval(found: tuple[float, float, float] | None) -> str:
     if found is None:
         return "-"
     estimate, low, high = found
-    return f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(low) else f"{estimate:.4g}"
+    if not np.isfinite(low):
+        return f"{estimate:.4g}"
+    return (
+        f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(high) else f"{estimate:.4g} ({low:.4g} -)"
+    )
 
 
 def ratios(results: Results) -> pd.DataFrame:

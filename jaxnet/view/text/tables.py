@@ -12,7 +12,8 @@ import pandas as pd
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.summary import units_told
+from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.summary import UNTOLD, units_told
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, Results
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
@@ -62,9 +63,19 @@ def summary(results: Results) -> str:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
         over = units_told(results.study.config)
-        lines.append(f"mean low, mean high: 95 % t interval of the mean over {over}")
+        sure = 100 * confidence_told(results.study.config.samples)
+        lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
+        lines += [fill(each, WIDTH) for each in blank_ends(results)]
     lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
     return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
+
+
+def blank_ends(results: Results) -> list[str]:
+    """Why means of some cells have no interval, or one end alone, and which cells; nothing where all have."""
+    cells: Any = results.cells
+    blank = cells["tail_mean_mean"].notna() & cells[["tail_mean_low", "tail_mean_high"]].isna().any(axis=1)
+    where = cells.index[blank].tolist()
+    return [f"{UNTOLD}: {cells_named(where)}"] if where else []
 
 
 def caveats(cells: Sequence[Cell]) -> list[str]:
