@@ -5,8 +5,8 @@ the greatest, with an interval, and where it is. Then attacks that have no frequ
 no attack at all: how long the fleet takes until its mean error is below 1 m, and what it costs on the ring
 that all who judge do so with noise of 1 m.
 
-The greatest of k shares has no exact interval of its own. Each of the k exact intervals has an error of 5 % / k
-here, so all of them hold at once with 95 % confidence, and that of the greatest with them (Bonferroni).
+The greatest of k shares has no exact interval of its own. Each of the k exact intervals has an error of
+5 % / k here, so all of them hold at once with 95 % confidence (Bonferroni), that of the greatest included.
 The lanes of a sample have the same drawn graph in every cell. Failures are therefore counted as graphs: a
 graph counts once if a lane on it failed in any cell.
 
@@ -106,15 +106,16 @@ def worst(question: str, results: Results) -> None:
 
 
 def greatest(cells: Any) -> str:
-    """The greatest share [%] of some cells, with the interval that holds for all of them at once, and where."""
+    """The greatest share [%] of some cells, with the interval that holds for all at once, and where."""
     if cells["unrecovered"].isna().all():
         return "none ended"
     row = cells.loc[cells["unrecovered"].idxmax()]
     over = np.array([round(row["unrecovered"] * row["ok"])])
     ends = clopper_pearson(over, np.array([row["ok"]]), 1 - (1 - CONFIDENCE) / len(cells))
     low, high = (f"{100 * end[0]:.3g}" for end in ends)
-    where = " ".join(str(row[key]) for key in ("attack", "attack.frequency") if key in row)
-    return f"{100 * row['unrecovered']:.3g} ({low} to {high}), {where}"
+    share = f"{100 * row['unrecovered']:.3g} ({low} to {high})"
+    where = [str(row[key]) for key in ("attack", "attack.frequency") if key in row]
+    return f"{share}, {' '.join(where)}" if row["unrecovered"] else share
 
 
 def failed(results: Results, cells: Any) -> str:

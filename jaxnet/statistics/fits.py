@@ -6,8 +6,8 @@ intervals is the sample and not the row, for sample s is the same random draw in
 least squares is a mean of errors per ā, and has the interval of `means`. Other intervals are the 2.5 and
 97.5 % points of fits to samples drawn again with replacement, where `enough` samples make up the sum: few
 lanes off among many that recovered give a bootstrap that covers too little. The envelope has none, as the
-bootstrap fails for a maximum: `envelope_share` says what is known of it. Nor are there any of Sobol's
-sequences, whose points are not independent and whose number is small.
+bootstrap fails for a maximum: `recovery.below_greatest` says what is known of it. Nor are there any of
+Sobol's sequences, whose points are not independent and whose number is small.
 """
 
 from collections.abc import Iterable, Iterator
@@ -277,15 +277,6 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     if not max(EXACT_FIT * scale, ROUNDING / size) <= spread < np.inf:
         return np.nan
     return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
-
-
-def envelope_share(draws: int) -> float:
-    """Share of draws that, with 95 % confidence, stay below the envelope s·ā at every ā: 0.05^(1/n).
-
-    Samples are the independent units, for cells share their draws: the envelope is the greatest of their n
-    independent maxima (an order statistic; Wilks, 1941).
-    """
-    return float((1 - CONFIDENCE) ** (1 / draws))
 
 
 def whole_draws(results: Results, group: Group) -> int:

@@ -10,6 +10,8 @@ D is proportional to independent exponential numbers e, so P(Σ D_i z_i ≥ t) =
 saddlepoint approximation (Barndorff-Nielsen, 1986) gives that probability to four digits.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from scipy import special
@@ -59,7 +61,9 @@ def upper(sums: Terms, counts: Terms, most: float, confidence: float) -> float:
         return float(most)
     middle = gaps.sum() / weights.sum()
     wanted = special.ndtri((1 + confidence) / 2)
-    gap = brentq(lambda gap: root(gap * weights - gaps) - wanted, CLOSE * middle, middle, xtol=CLOSE * middle)
+    gap: Any = brentq(
+        lambda gap: root(gap * weights - gaps) - wanted, CLOSE * middle, middle, xtol=CLOSE * middle
+    )
     return float(size * (most / size - gap))
 
 
@@ -68,7 +72,7 @@ def root(terms: Terms) -> float:
     terms = terms / terms.max()
     if terms.sum() >= 0:
         return 0.0
-    tilt = brentq(lambda s: ((1 - s) * terms / (1 - s * terms)).sum(), 0.0, 1.0 - 1e-15)
+    tilt: Any = brentq(lambda s: ((1 - s) * terms / (1 - s * terms)).sum(), 0.0, 1.0 - 1e-15)
     tilted = terms / (1 - tilt * terms)
     plain = np.sqrt(2 * np.log1p(-tilt * terms).sum())
     if plain < FLAT:

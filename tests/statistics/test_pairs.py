@@ -118,10 +118,10 @@ def test_the_interval_of_a_difference_of_shares_holds_as_often_as_it_says():
     random = np.random.default_rng(0)
     for chances in ([0.7, 0.3, 0.0, 0.0], [0.6, 0.1, 0.25, 0.05], [0.9, 0.02, 0.06, 0.02]):
         true = chances[2] - chances[1]
-        draws = random.choice(4, (1000, 40), p=chances)
+        draws = random.choice(4, (400, 40), p=chances)
         found = [pairs.shift(np.isin(each, (1, 3)), np.isin(each, (2, 3))) for each in draws]
         held = np.mean([each.unrecovered_low <= true <= each.unrecovered_high for each in found])
-        assert held >= 0.95 - 0.01, (chances, held)
+        assert held >= 0.95 - 0.025, (chances, held)
 
 
 def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():

@@ -122,12 +122,12 @@ def summary_section(results: Results) -> Section:
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     note = (
         f"<p>Mean over lanes of the tail's mean error, with its {sure:g} % interval over {over}"
-        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle in"
-        " any lane."
+        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle."
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
-    notes = [*tables.blank_ends(results), *tables.caveats(results.study.cells)]
+    notes = [*tables.greatest_told(results), *tables.blank_ends(results)]
+    notes += [*tables.caveats(results.study.cells)]
     note += "".join(f"<p>{escape(each)}.</p>" for each in notes)
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"

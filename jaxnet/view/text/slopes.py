@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
-from jaxnet.statistics.fits import ENVELOPE, UNTOLD, envelope_share, whole_draws
+from jaxnet.statistics.curves import Curve, curves, no_magnitudes, of_group, stored_table
+from jaxnet.statistics.fits import ENVELOPE, UNTOLD, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
 from jaxnet.view.text.tables import lane_named
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
@@ -37,7 +38,9 @@ BOUNDS = {
 
 def text(results: Results) -> str:
     """All of it."""
-    return "\n\n".join([slopes(results), conservatism(results), violations(results)])
+    undrawn = fill(no_magnitudes(curves(results)), WIDTH)
+    parts = [slopes(results), conservatism(results), violations(results), undrawn]
+    return "\n\n".join(filter(None, parts))
 
 
 def slopes(results: Results) -> str:
@@ -63,7 +66,7 @@ def slopes(results: Results) -> str:
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
         words = (
-            f"envelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
+            f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
         )
         text += f"\n{fill(words, WIDTH)}"

@@ -12,6 +12,7 @@ import pandas as pd
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
+from jaxnet.statistics import recovery
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import UNTOLD, units_told
 from jaxnet.store.folder import FolderError
@@ -66,8 +67,20 @@ def summary(results: Results) -> str:
         sure = 100 * confidence_told(results.study.config.samples)
         lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
         lines += [fill(each, WIDTH) for each in blank_ends(results)]
+    if "worst [m]" in shown:
+        lines += [fill(each, WIDTH) for each in greatest_told(results)]
     lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
     return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
+
+
+def greatest_told(results: Results) -> list[str]:
+    """What the greatest of independent lanes bounds, in the cell that has fewest; nothing without lanes."""
+    ended = [count for count in results.cells["ok"].tolist() if count]
+    if not ended or results.study.config.draws != "random":
+        return []
+    share = 1 - recovery.below_greatest(min(ended))
+    words = f"worst is the greatest of the lanes simulated: with 95 % confidence at most {share:.2%} of all"
+    return [f"{words} lanes of a cell are over it"]
 
 
 def blank_ends(results: Results) -> list[str]:
