@@ -173,7 +173,8 @@ def test_one_figure_is_drawn_by_name(finished, tmp_path):
         assert repr(name) in unknown.stderr
     lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
     assert lacking.exit_code == 2
-    assert "has no sweep of attack.magnitude" in lacking.stderr
+    assert "No two cells differ in ā > 0 alone" in lacking.stderr
+    assert "sweep.attack.magnitude={geomspace" in lacking.stderr
 
 
 def test_report_draws_the_figures(finished, monkeypatch):

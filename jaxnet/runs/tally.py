@@ -5,22 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import special
 
 from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
 from jaxnet.statistics.recovery import Counts, attacked, threshold
-from jaxnet.statistics.summary import CONFIDENCE
 
 
 class Sums(NamedTuple):
-    """Counts of lanes, and sums over those that are ok of their mean errors [m]."""
+    """Counts of lanes, and the sum over those that are ok of their mean errors [m]."""
 
     lanes: int
     ok: int
     unrecovered: int
     errors: float
-    squares: float
 
 
 class Done(NamedTuple):
@@ -32,15 +29,14 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """A cell on the way: its mean error and half the t interval of that [m], and the share unrecovered.
+    """A cell on the way: its mean error [m], and the share unrecovered.
 
-    `half` is not-a-number of one lane, `unrecovered` where nobody is attacked or recovery is not asked for.
+    `unrecovered` is not-a-number where nobody is attacked or recovery is not asked for.
     """
 
     cell: int
     lanes: int
     mean: float
-    half: float
     unrecovered: float
 
 
@@ -48,8 +44,7 @@ def sums_of(cell: Cell, rows: pd.DataFrame, tau: float | None) -> Sums:
     """Of a cell's rows: their `status` and `tail_mean`; without τ nobody counts as unrecovered."""
     errors = rows["tail_mean"].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = 0 if tau is None else np.count_nonzero(errors > threshold(cell, tau))
-    with np.errstate(over="ignore"):
-        return Sums(len(rows), len(errors), int(over), float(errors.sum()), float(np.square(errors).sum()))
+    return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 
 
 class Tally:
@@ -85,7 +80,7 @@ class Tally:
     def there(self, found: Iterable[Done]) -> None:
         """Of these shards these lanes are there; of each what was told last holds."""
         for shard, cell, sums in found:
-            before = self.shards.get(shard, Sums(0, 0, 0, 0.0, 0.0))
+            before = self.shards.get(shard, Sums(0, 0, 0, 0.0))
             with np.errstate(invalid="ignore"):  # infinite ones
                 self.sums[cell] += np.subtract(sums, before)
             self.under_way = max(0, self.under_way - (sums.lanes - before.lanes))
@@ -93,13 +88,10 @@ class Tally:
 
     def standing(self) -> list[Standing]:
         """Of each cell that has ok lanes."""
-        lanes, ok, over, errors, squares = self.sums.T
+        lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
-            mean = errors / ok
-            spread = np.sqrt(np.maximum(squares / ok - mean**2, 0.0) / np.where(ok > 1, ok - 1, np.nan))
-            half = special.stdtrit(np.maximum(ok - 1, 1), (1 + CONFIDENCE) / 2) * spread
             share = np.where(attacked(self.cells) & self.recovery, over / ok, np.nan)
-        columns = np.stack([mean, half, share], axis=1).tolist()
+            columns = np.stack([errors / ok, share], axis=1).tolist()
         return [
             Standing(number, int(lanes[number]), *columns[number]) for number in np.flatnonzero(ok).tolist()
         ]

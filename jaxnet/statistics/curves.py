@@ -23,6 +23,7 @@ MOST_TIMES = 300  # of a band
 FEWEST_TIMES = 60  # of a band where there are many
 MOST_NUMBERS = 180_000  # of all bands together, so that a page of hundreds of cells stays small
 FLOOR = 1e-9  # [m] below it a log axis shows rounding
+VAST = 1e100  # [m] a log axis ends there, and at 1 over it: farther out its ticks overflow
 FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
 SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
@@ -168,14 +169,21 @@ def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
-    """The powers of ten around a range."""
+    """The powers of ten around a range, as far as an axis goes."""
+    low, high = np.clip([low, high], 1 / VAST, VAST)
     first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
     return float(10.0**first), float(10.0 ** max(last, first + 1))
 
 
-def magnitude_is_swept(found: Sequence[Curve]) -> bool:
-    """Whether some curve has more than one point."""
-    return any(len(curve.cells) > 1 for curve in found)
+def no_magnitudes(found: Sequence[Curve]) -> str:
+    """Why there is no axis for ā, in a sentence; nothing where there is one."""
+    if not any(len(curve.cells) > 1 for curve in found):
+        return "No two cells differ in ā > 0 alone: there is no δ̂(ā) to draw."
+    sizes = np.concatenate([curve.sizes for curve in found])
+    if sizes.min() < 1 / VAST or sizes.max() > VAST:
+        ends = f"{sizes.min():.3g} to {sizes.max():.3g} m"
+        return f"ā is {ends}: an axis has room for {1 / VAST:g} to {VAST:g} m, so δ̂(ā) is not drawn."
+    return ""
 
 
 def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
@@ -210,7 +218,7 @@ def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | N
     times = tracking.sizes["time"]
     chosen = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
     values = tracking.isel(cell=cell.number).values[:, chosen]
-    values = values[~np.isnan(values).any(axis=1)]
+    values = np.minimum(values[~np.isnan(values).any(axis=1)], VAST, dtype=float)
     if not len(values):
         return None
     return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))

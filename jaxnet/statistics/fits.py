@@ -1,11 +1,13 @@
 """δ̂(ā), the fleet's ultimate error against the size of the attack: `fit.csv`.
 
 Each group of cells that differ in ā alone, and each of tail_mean and tail_max, is fitted with the curves of
-`curves` by the estimators of `regression`; cells with ā = 0 and failed lanes take no part. Intervals are the
-2.5 and 97.5 % points of fits to samples drawn again with replacement: samples and not rows, for sample s is
-the same random draw in every cell. The envelope has none, as the bootstrap fails for a maximum:
-`envelope_share` says what is known of it. Nor are there any of Sobol's sequences, whose points are not
-independent and whose number is small.
+`curves` by the estimators of `regression`; cells with ā = 0 and failed lanes take no part. The unit of all
+intervals is the sample and not the row, for sample s is the same random draw in every cell. The slope of
+least squares is a mean of errors per ā, and has the interval of `means`. Other intervals are the 2.5 and
+97.5 % points of fits to samples drawn again with replacement, where `enough` samples make up the sum: few
+lanes off among many that recovered give a bootstrap that covers too little. The envelope has none, as the
+bootstrap fails for a maximum: `recovery.below_greatest` says what is known of it. Nor are there any of
+Sobol's sequences, whose points are not independent and whose number is small.
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,11 +20,14 @@ import pandas as pd
 from scipy.sparse import csr_array
 
 from jaxnet.engine.cores import cores
+from jaxnet.statistics import means
 from jaxnet.statistics.families import MODELS, value
 from jaxnet.statistics.groups import Group, attacked_groups
+from jaxnet.statistics.limits import ceilings
+from jaxnet.statistics.recovery import CONFIDENCE
 from jaxnet.statistics.regression import Data, Effort, least_squares, quantile_regression
 from jaxnet.statistics.steps import Steps, untold
-from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED
+from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
@@ -37,9 +42,14 @@ RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interv
 BINS = 4096  # of lanes of one magnitude with a weight of their own; of more lanes, neighbours share one
 ROWS = 25  # resamples fitted side by side
 ROOM = 2**22  # weights of theirs
-FEWEST, FEWEST_BEYOND = 30, 10  # draws for an interval of a mean; draws beyond a quantile for one of it
-EXACT_FIT = 1e-9  # of the errors: what the transient and rounding leave, so no residuals to compare models by
+FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the scatter of a mean; draws beyond a quantile
+EXACT_FIT = 1e-9  # of the errors, or of ā: what the transient and rounding leave, which is no scatter
 ROUNDING = 1e-12
+
+UNTOLD = (
+    "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
+    " error"
+)
 
 Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model: a row per resample
 
@@ -99,12 +109,13 @@ def table(results: Results, told: Steps = untold) -> pd.DataFrame:
     """
     groups = [(group, group.attacked) for group in fitted_groups(results)]
     asked = [(group.labels, cells, metric) for group, cells in groups for metric in SUMMARISED]
+    alone = results.study.config.draws == "random"
 
     def of(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
         labels, cells, metric = one
         errors = observed(results, cells, metric)
-        alone = results.study.config.draws == "random"
-        return [labels | {"metric": metric} | row for row in fits(errors, alone)]
+        most = greatest_slope(results, cells, metric)
+        return [labels | {"metric": metric} | row for row in fits(errors, alone, most)]
 
     found = []
     told("curves fitted", 0, len(asked))
@@ -125,6 +136,16 @@ def fitted_groups(results: Results) -> list[Group]:
     return groups
 
 
+def greatest_slope(results: Results, cells: dict[int, float], metric: str) -> float:
+    """The greatest error per ā that theory allows in any lane of some cells; infinite where it allows all."""
+    samples = range(results.manifest["samples"])
+    slopes = [
+        ceilings(results.study.config, results.study.cells[cell], samples)[metric] / size
+        for cell, size in cells.items()
+    ]
+    return float(np.max(slopes))
+
+
 def observed(results: Results, cells: dict[int, float], metric: str) -> Errors:
     """Errors of some cells' lanes."""
     place = {cell: row for row, cell in enumerate(cells)}
@@ -142,8 +163,10 @@ def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
         yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
 
 
-def fits(errors: Errors, alone: bool = True) -> Iterator[dict[str, Any]]:
-    """Rows on one set of errors; without intervals if no sample is `alone`, independent of others."""
+def fits(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[dict[str, Any]]:
+    """Rows on one set of errors of `most` per ā; without intervals if no sample is `alone`, independent of
+    others.
+    """
     if not errors.models:
         return
     samples, models, ranked = errors.y.shape[1], errors.models, errors.ranked()
@@ -151,15 +174,19 @@ def fits(errors: Errors, alone: bool = True) -> Iterator[dict[str, Any]]:
     points = estimates(ranked, once, (*QUANTILES, ENVELOPE), models, EXACT)
     at_once = max(1, min(ROWS, ROOM // ranked.data.ratios[:, :, 0].size))
     drawn = bootstrap(ranked, resamples(samples, at_once), models) if alone else {}
+    known = {quantile: enough(errors, quantile) for quantile in drawn}
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
-            blank = np.full_like(estimate, np.nan)
-            known = quantile in drawn and enough(errors, quantile)
-            low, high = interval(drawn[quantile][model]) if known else (blank, blank)
-            low, high = (
-                np.minimum(low, estimate),
-                np.maximum(high, estimate),
-            )  # resamples are searched coarser
+            low, high = np.full((2, len(estimate)), np.nan)
+            if alone and quantile is None and model == "proportional":
+                low[:], high[:] = mean_ratio(errors, most)
+            elif (
+                quantile in drawn
+                and known[quantile]
+                and (model == "proportional" or not jumps(drawn[quantile]))
+            ):
+                low, high = interval(drawn[quantile][model])
+                low, high = np.minimum(low, estimate), np.maximum(high, estimate)  # searched coarser
             score = aicc(errors, model, estimate) if quantile is None else np.nan
             for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
                 row = (model, quantile, name, *numbers, score)
@@ -191,10 +218,39 @@ def estimates(
     return {each: {model: found[model][n] for model in models} for n, each in enumerate((None, *quantiles))}
 
 
+def mean_ratio(errors: Errors, most: float) -> tuple[float, float]:
+    """The interval of the mean error per ā, which is the slope of least squares."""
+    ratios = errors.y / errors.x[:, None]
+    there = np.isfinite(ratios).sum(axis=0)
+    sums = np.nansum(ratios, axis=0)[there > 0]
+    return means.ends(sums, 0.0, most, CONFIDENCE, there[there > 0].astype(float))
+
+
 def enough(errors: Errors, quantile: float | None) -> bool:
-    """Whether the draws suffice for an interval that holds what it says: with fewer it covers too little."""
-    draws = np.isfinite(errors.y).any(axis=0).sum()
-    return bool(draws >= FEWEST if quantile is None else draws * min(quantile, 1 - quantile) >= FEWEST_BEYOND)
+    """Whether the draws suffice for a bootstrap: with fewer its interval covers too little.
+
+    Of a quantile, so many draws must lie beyond it. Of least squares, n over the kurtosis of the draws' mean
+    errors per ā says how many draws make up the scatter: few where few are off. Where all errors are rounding
+    nothing is known of the draws that are off.
+    """
+    ratios = errors.y / errors.x[:, None]
+    there = np.isfinite(ratios)
+    draws = there.any(axis=0)
+    if quantile is not None:
+        return bool(draws.sum() * min(quantile, 1 - quantile) >= FEWEST_BEYOND)
+    each = np.nansum(ratios, axis=0)[draws] / there.sum(axis=0)[draws]
+    size = each.max(initial=0.0)
+    if size < EXACT_FIT:
+        return False
+    apart = each / size - (each / size).mean()
+    squares = np.where(np.abs(apart) > EXACT_FIT, apart**2, 0.0)
+    return bool(len(each) >= FEWEST and squares.sum() ** 2 >= FEWEST * np.square(squares).sum())
+
+
+def jumps(drawn: dict[str, np.ndarray]) -> bool:
+    """Whether draws leave open if a quantile is rounding or an error: its curve may then be either."""
+    low, high = interval(drawn["proportional"])
+    return bool(low[0] < EXACT_FIT <= high[0])
 
 
 def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -210,21 +266,17 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     `n log(RSS/n) + 2k + 2k(k + 1)/(n − k − 1)`, k counting the variance too (Hurvich and Tsai 1989).
     """
     ratios = errors.y / errors.x[:, None]
-    residuals = ratios - (value(model, errors.x, parameters) / errors.x)[:, None]
-    n, k = np.isfinite(ratios).sum(), len(parameters) + 1
-    spread, size = np.sqrt(np.nanmean(residuals**2)), np.sqrt(np.nanmean(ratios**2))
-    if n <= k + 1 or spread < max(EXACT_FIT * size, ROUNDING):
+    there, k = np.isfinite(ratios), len(parameters) + 1
+    n = there.sum()
+    size = np.nanmax(ratios)
+    if n <= k + 1 or size < ROUNDING:
         return np.nan
-    return float(2 * n * np.log(spread) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
-
-
-def envelope_share(draws: int) -> float:
-    """Share of draws that, with 95 % confidence, stay below the envelope s·ā at every ā: 0.05^(1/n).
-
-    Samples are the independent units, for cells share their draws: the envelope is the greatest of their n
-    independent maxima (an order statistic; Wilks, 1941).
-    """
-    return float((1 - CONFIDENCE) ** (1 / draws))
+    with np.errstate(over="ignore", invalid="ignore"):  # a curve may leave all numbers, and is no model then
+        residuals = (ratios - (value(model, errors.x, parameters) / errors.x)[:, None]) / size
+        spread, scale = (np.sqrt(np.mean(each[there] ** 2)) for each in (residuals, ratios / size))
+    if not max(EXACT_FIT * scale, ROUNDING / size) <= spread < np.inf:
+        return np.nan
+    return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
 
 
 def whole_draws(results: Results, group: Group) -> int:

@@ -4,7 +4,8 @@ frozen.
 `first_i = mean(b (ab_i - a)) / var` and `total_i = mean((a - ab_i)²) / (2 var)`, where a and b are of
 independent draws and ab_i is of the draws of a but for group i, which is that of b (Saltelli and others,
 2010). So SciPy has it, but for numbers of rows that are a power of two, which they no longer are where a lane
-failed. Intervals are those of `fits`: rows are drawn again with replacement.
+failed. Intervals are those of `fits`: rows are drawn again with replacement. There are none where few rows
+make up the variance, as where few lanes do not recover.
 """
 
 from typing import NamedTuple
@@ -12,10 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxnet.statistics.fits import FEWEST, interval, resamples
+from jaxnet.statistics.fits import interval, resamples
 
 ROUNDING = 1e-9  # of the values, or of 1 m if they are less: what varies by no more does not vary
 TOGETHER = 50  # resamples
+FEWEST = 30  # rows for an index
+FEWEST_VARYING = 75  # rows that make up the variance, for an interval
 
 
 class Indices(NamedTuple):
@@ -29,9 +32,14 @@ class Indices(NamedTuple):
 def indices(
     a: Float[np.ndarray, " rows"], b: Float[np.ndarray, " rows"], mixed: Float[np.ndarray, "groups rows"]
 ) -> Indices:
-    """Of values at the draws a, b and ab_i; not-a-number where there are few rows, or nothing varies."""
+    """Of values at the draws a, b and ab_i; not-a-number where there are few rows, or nothing varies.
+
+    Ends of intervals are not-a-number also where few rows vary.
+    """
     if len(a) < FEWEST or not np.ptp([a, b]) > ROUNDING * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
+    size = np.abs(np.concatenate([a[None], b[None], mixed])).max()  # squares of great values have no room
+    a, b, mixed = a / size, b / size, mixed / size
     centre = np.mean([a, b])
     a, b, mixed = a - centre, b - centre, mixed - centre
     terms = np.concatenate([b * (mixed - a), (a - mixed) ** 2 / 2, [(a + b) / 2, (a**2 + b**2) / 2]])
@@ -43,6 +51,16 @@ def indices(
             variance > 0, variance, np.nan
         )  # where rows drawn again are all alike
 
+    found = ratios(np.ones((1, len(a))))[0]
+    blank = np.full_like(found, np.nan)
+    if varying(np.concatenate([a, b])) < 2 * FEWEST_VARYING:
+        return Indices(*(each.reshape(2, -1) for each in (found, blank, blank)))
     resampled = np.concatenate([ratios(counts.astype(float)) for counts in resamples(len(a), TOGETHER)])
-    found = ratios(np.ones((1, len(a))))[0], *interval(resampled)
+    found = found, *interval(resampled)
     return Indices(*(each.reshape(2, -1) for each in found))
+
+
+def varying(values: Float[np.ndarray, " n"]) -> float:
+    """How many of some values with mean 0 make up their variance: n over the kurtosis."""
+    squares = np.square(values / np.abs(values).max())
+    return float(squares.sum() ** 2 / np.square(squares).sum())

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Scenario
+from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
@@ -130,8 +130,28 @@ def limits_of(
     found = {}
     for name, (bound, response) in holding(scenario).items():
         free = error - response(attack)
-        transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
+        with np.errstate(over="ignore"):  # an infinite limit is over every error
+            transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
         found[name] = allowed(scenario, bound, magnitudes(scenario, draw), transient)
+    return found
+
+
+def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
+    """Greatest tail_mean and tail_max [m] that theory allows in any of these lanes of a cell.
+
+    The least of the bounds that hold, transient included; infinite or not-a-number where theory says nothing.
+    """
+    scenario = cell.scenario
+    if spread_of(scenario) is None:
+        return {"tail_mean": np.inf, "tail_max": np.inf}
+    source, times = source_of(config, scenario), tail_of(scenario)
+    at_once = max(1, NUMBERS // (len(times) * scenario.vehicles))
+    found = {"tail_mean": 0.0, "tail_max": 0.0}
+    for first in range(0, len(samples), at_once):
+        limits = limits_of(scenario, source, samples[first : first + at_once], times)
+        least = functools.reduce(np.fmin, limits.values())
+        lanes = {"tail_mean": least.mean(axis=(0, 1)), "tail_max": least.max(axis=(0, 1))}
+        found = {metric: float(np.maximum(most, lanes[metric].max())) for metric, most in found.items()}
     return found
 
 

@@ -3,8 +3,8 @@
 The same seed and sample give the same draw, so the difference of two lanes of a sample is that of their
 studies, and its mean varies far less than the means themselves. Of the share unrecovered only the lanes that
 changed sides count. If either way were as likely, the number of those that went one way would be binomial
-with p = 1/2, which is McNemar's exact test; the interval of the difference is that of Bonett and Price
-(2012), Wald's with one lane added to either way.
+with p = 1/2, which is McNemar's exact test. Intervals are those of `means`, of the share too: a lane counts
+-1, 0 or 1. The interval of the share leaves out 0 where McNemar's p is below 0.05, and nowhere else.
 """
 
 import functools
@@ -17,10 +17,11 @@ from jaxtyping import Bool
 from scipy import special
 
 from jaxnet.config.cells import Cell, plain
-from jaxnet.config.keys import Config
+from jaxnet.statistics import means
 from jaxnet.statistics.curves import alike
-from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.summary import CONFIDENCE, SUMMARISED, spread, units
+from jaxnet.statistics.limits import ceilings
+from jaxnet.statistics.recovery import CONFIDENCE, threshold
+from jaxnet.statistics.summary import SUMMARISED, spread, units
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
@@ -53,7 +54,7 @@ def held_against(first: Results, second: Results) -> Comparison:
     changed = [
         lanes[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna() for lanes in judged
     ]
-    rows = [row_of(pair, lanes, first.study.config) for pair, lanes in zip(pairs, judged, strict=True)]
+    rows = [row_of(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
     return Comparison(
         (str(first.path), str(second.path)),
         settings(first, second),
@@ -149,13 +150,18 @@ def taus(first: Results, second: Results) -> list[float]:
     return [np.nan if each is None else each.tau for each in asked]
 
 
-def row_of(pair: Pair, lanes: pd.DataFrame, study: Config) -> dict[str, Any]:
+def row_of(pair: Pair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
     """What the lanes of a pair of cells come to."""
     ok: Any = lanes[lanes["ok"]]
     row = numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
-    drawn = units(study, ok["sample"].to_numpy())
+    drawn = units(studies[0].study.config, ok["sample"].to_numpy())
+    a, b = (
+        ceilings(each.study.config, cell, ok["sample"].tolist())
+        for each, cell in zip(studies, pair, strict=True)
+    )
     for metric in SUMMARISED:
-        found = spread((ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float), -np.inf, drawn)
+        apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
+        found = spread(apart, (-a[metric], b[metric]), drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
     if ok[["unrecovered_A", "unrecovered_B"]].isna().to_numpy().any() or not len(ok):
         return row | dict.fromkeys(Shift._fields, np.nan)
@@ -177,13 +183,10 @@ class Shift(NamedTuple):
 def shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) -> Shift:
     """Of lanes unrecovered in A and in B."""
     saved, lost, count = int((a & ~b).sum()), int((b & ~a).sum()), len(a)
-    ways = np.array([lost + 1, saved + 1]) / (count + 2)
-    middle = ways[0] - ways[1]
-    half = special.ndtri((1 + CONFIDENCE) / 2) * np.sqrt((ways.sum() - middle**2) / (count + 2))
     changed = saved + lost
     p = min(1.0, 2 * special.bdtr(min(saved, lost), changed, 0.5)) if changed else 1.0
-    low, high = max(-1.0, middle - half), min(1.0, middle + half)
-    return Shift(saved, lost, (lost - saved) / count, float(low), float(high), float(p))
+    low, high = means.ends(b.astype(float) - a, -1.0, 1.0, CONFIDENCE)
+    return Shift(saved, lost, (lost - saved) / count, low, high, float(p))
 
 
 def numbers(pair: Pair) -> dict[str, int]:

@@ -62,6 +62,15 @@ def clopper_pearson(
     return np.where(successes == 0, 0.0, low), np.where(successes == trials, 1.0, high)
 
 
+def below_greatest(draws: int) -> float:
+    """Share of all draws that, with 95 % confidence, stay below the greatest of so many: 0.05^(1/n).
+
+    About 1 - 3/n (an order statistic; Wilks, 1941). Of the envelope s·ā the draws are samples, for cells
+    share them: it is the greatest of their independent maxima.
+    """
+    return float((1 - CONFIDENCE) ** (1 / draws))
+
+
 def samples_at(look: int) -> int:
     """Samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
     return -(-FIRST * 3 ** (look - 1) // 2 ** (look - 1))

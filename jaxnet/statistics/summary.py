@@ -6,18 +6,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from jaxtyping import Int
-from scipy import special
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
-from jaxnet.statistics import recovery
+from jaxnet.statistics import means, recovery
+from jaxnet.statistics.limits import ceilings
+from jaxnet.statistics.recovery import CONFIDENCE
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
-SUMMARISED = ("tail_mean", "tail_max")  # norms, so their means are not negative
-CONFIDENCE = 0.95
+SUMMARISED = ("tail_mean", "tail_max")  # norms, so not negative
+UNTOLD = "no interval of a mean holds without a bound on every lane: an end is blank where theory gives none"
+
+Range = tuple[float, float]  # least and greatest of a metric
+UNBOUNDED = -np.inf, np.inf
 
 
 def summarise(
@@ -28,12 +32,14 @@ def summarise(
     And, if asked for, the share that did not recover; `samples` of a cell are those that all shards have.
     """
     table, counts, metrics = [], recovery.nobody(cells), summarised(study)
+    confidence = recovery.confidence_of(study.samples, samples)
     for number, lanes in rows.scan(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
+        ranges = ranges_of(study, cells[number], ok["sample"].tolist())
+        drawn = units(study, ok["sample"].to_numpy())
         for metric in metrics:
-            least = 0.0 if metric in SUMMARISED else -np.inf
-            found = spread(ok[metric].to_numpy(), least, units(study, ok["sample"].to_numpy()))
+            found = spread(ok[metric].to_numpy(), ranges.get(metric, UNBOUNDED), drawn, confidence)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         table.append(row)
         if study.recovery is not None:
@@ -41,7 +47,12 @@ def summarise(
     cells_table = pd.DataFrame(table)
     if study.recovery is None:
         return cells_table
-    return cells_table.join(recovery.shares(counts, cells, recovery.confidence_of(study.samples, samples)))
+    return cells_table.join(recovery.shares(counts, cells, confidence))
+
+
+def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, Range]:
+    """Range [m] of the tail errors of some lanes of a cell: from 0 to the greatest that theory allows."""
+    return {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
 
 
 def summarised(study: Config) -> list[str]:
@@ -62,32 +73,24 @@ def units_told(study: Config) -> str:
 
 
 def spread(
-    values: np.ndarray, least: float, units: Int[np.ndarray, " lanes"] | None = None
+    values: np.ndarray,
+    within: Range,
+    units: Int[np.ndarray, " lanes"] | None = None,
+    confidence: float = CONFIDENCE,
 ) -> dict[str, float]:
-    """Mean with its t interval, median, quantiles and maximum; not-a-number where there is no lane.
+    """Mean with its interval, median, quantiles and maximum; not-a-number where there is no lane.
 
-    `least` is what a mean can be at least: the interval does not go below it. Where lanes are of
-    `units`, the means of these are what is independent.
+    The interval rests on the range that values are `within`: an end whose bound is infinite is not-a-number.
+    Lanes of one of the `units` are not independent of each other; the units are.
     """
-    count = len(values)
-    if count == 0:
+    if not len(values):
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
-    mean, half = values.mean(), np.nan
+    sums, counts = values, None
     with np.errstate(invalid="ignore"):  # infinite ones have no spread
-        means = values
         if units is not None:
-            _, number = np.unique(units, return_inverse=True)
-            means = np.bincount(number, values) / np.bincount(number)
-        if len(means) > 1:
-            quantile = special.stdtrit(len(means) - 1, (1 + CONFIDENCE) / 2)
-            half = quantile * means.std(ddof=1) / np.sqrt(len(means))
+            _, number, counts = np.unique(units, return_inverse=True, return_counts=True)
+            sums, counts = np.bincount(number, values), counts.astype(float)
+        low, high = means.ends(sums, *within, confidence, counts)
         q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
-    return {
-        "mean": mean,
-        "low": np.maximum(mean - half, least),
-        "high": mean + half,
-        "median": median,
-        "q05": q05,
-        "q95": q95,
-        "max": values.max(),
-    }
+    ends = {"mean": values.mean(), "low": low, "high": high}
+    return ends | {"median": median, "q05": q05, "q95": q95, "max": values.max()}

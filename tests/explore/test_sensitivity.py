@@ -121,8 +121,8 @@ def test_a_failed_lane_takes_its_sample_with_it_and_is_named():
     """The others' rows are those that there would be without it."""
     study = jaxnet.load(RING)
     names = ["x", "y"]
-    values = np.random.default_rng(1).uniform(0, 2, (4, 100))
-    status = np.zeros((4, 100), int)
+    values = np.random.default_rng(1).uniform(0, 2, (4, 200))
+    status = np.zeros((4, 200), int)
     status[3, 7] = Status.disconnected
 
     def outcomes(kept):
@@ -134,8 +134,8 @@ def test_a_failed_lane_takes_its_sample_with_it_and_is_named():
 
     with pytest.warns(UserWarning, match="sample 7 with the later y: disconnected"):
         found = rows_of(study.cells[0], names, outcomes(slice(None)), 0.3)
-    known = rows_of(study.cells[0], names, outcomes(np.arange(100) != 7), 0.3)
-    counted = {"samples": 100, "left_out": 1}
+    known = rows_of(study.cells[0], names, outcomes(np.arange(200) != 7), 0.3)
+    counted = {"samples": 200, "left_out": 1}
     assert found == [row | counted for row in known]
     assert np.isfinite(pd.DataFrame(found)["first"]).all()
 

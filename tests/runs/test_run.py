@@ -26,6 +26,8 @@ from jaxnet.config.document import ConfigError
 from jaxnet.config.scenario import situation_of
 from jaxnet.model.graph import dense
 from jaxnet.runs.replay import replay
+from jaxnet.statistics import means
+from jaxnet.statistics.limits import ceilings
 from jaxnet.store import layout
 from jaxnet.store.admission import admit
 from jaxnet.store.folder import Folder, FolderError
@@ -111,8 +113,11 @@ def test_cells_summarise_the_rows(results):
             assert cell[f"{metric}_mean"] == pytest.approx(mine[metric].mean(), rel=1e-12)
             assert cell[f"{metric}_median"] == pytest.approx(mine[metric].median(), rel=1e-12)
             assert cell[f"{metric}_max"] == mine[metric].max()
-            half = 4.302652729749464 * mine[metric].sem()  # Student's t, 2 degrees of freedom
-            assert cell[f"{metric}_high"] - cell[f"{metric}_mean"] == pytest.approx(half, rel=1e-9)
+            most = ceilings(results.study.config, results.study.cells[number], mine["sample"].tolist())[
+                metric
+            ]
+            ends = means.ends(mine[metric].to_numpy(), 0.0, most, 0.95)
+            assert (cell[f"{metric}_low"], cell[f"{metric}_high"]) == pytest.approx(ends, rel=1e-9)
 
 
 def test_arrays_are_labelled_as_the_contract_says(results):

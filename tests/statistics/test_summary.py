@@ -2,21 +2,30 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
-from jaxnet.statistics.summary import spread
+from jaxnet.statistics.summary import UNBOUNDED, spread
 
 
-def test_the_interval_of_a_mean_that_cannot_be_negative_begins_at_zero():
-    """Its other end stays where Student's t has it; where nothing is known of the mean both do."""
+def test_an_end_without_a_bound_is_not_told():
+    """Nothing holds for all distributions there; the other end stays what it is."""
     values = np.array([0.0, 0.1, 4.0])
-    low, high = stats.t.interval(0.95, 2, values.mean(), stats.sem(values))
-    assert low < 0
-    bounded, free = spread(values, 0.0), spread(values, -np.inf)
-    assert (bounded["low"], bounded["high"]) == (0.0, pytest.approx(high))
-    assert (free["low"], free["high"]) == (pytest.approx(low), pytest.approx(high))
+    both, lower, none = (spread(values, within) for within in ((0.0, 9.0), (0.0, np.inf), UNBOUNDED))
+    assert 0 < both["low"] < both["mean"] < both["high"] < 9
+    assert lower["low"] == both["low"]
+    assert np.isnan([lower["high"], none["low"], none["high"]]).all()
+    assert none["mean"] == both["mean"] == pytest.approx(4.1 / 3)
 
 
-def test_one_lane_has_no_interval():
-    """And none at zero either."""
-    assert np.isnan(spread(np.array([1.0]), 0.0)["low"])
+def test_no_lane_and_lanes_without_end():
+    """Everything blank of no lane; of an infinite one the interval alone."""
+    assert np.isnan(list(spread(np.array([]), (0.0, 9.0)).values())).all()
+    found = spread(np.array([1.0, np.inf]), (0.0, 9.0))
+    assert np.isnan([found["low"], found["high"]]).all()
+    assert found["max"] == np.inf
+
+
+def test_lanes_of_a_unit_count_as_one():
+    """Units that repeat one number have the interval of as many lanes, whatever their size."""
+    few = np.array([1.0, 2.0, 4.0, 8.0])
+    known, found = spread(few, (0.0, 9.0)), spread(np.repeat(few, 5), (0.0, 9.0), np.repeat(np.arange(4), 5))
+    assert (found["low"], found["high"]) == pytest.approx((known["low"], known["high"]), rel=1e-9)

@@ -1,5 +1,7 @@
 """From lanes to fits, bounds, violations and the page, by the commands that a user types."""
 
+import re
+
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -108,3 +110,20 @@ def test_a_study_without_an_attack_has_no_fit(tmp_path):
     assert refused.exit_code == 2
     assert "no cell has an attack with ā > 0" in refused.output
     assert "report.html" in invoke("report", tmp_path / "out")
+
+
+def test_magnitudes_that_no_axis_has_room_for_are_said(tmp_path):
+    """From 1e-300 to 1e300 m: curves and a page, and a sentence in place of δ̂(ā); the tails are drawn."""
+    keys = {"vehicles": 4, "horizon": 3.0, "attack": {"kind": "rotating", "vehicles": [2]}}
+    sweep = {"attack.magnitude": [1e-300, 1e300]}
+    study = systems.study(**KEYS | keys | {"sweep": sweep, "recovery": None, "samples": 2})
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    words = "ā is 1e-300 to 1e+300 m: an axis has room for 1e-100 to 1e+100 m"
+    assert words in " ".join(invoke("fit", results.path).split())
+    with pytest.raises(FolderError, match=re.escape(words)):
+        every.Plots(results).ultimate()
+    for plot in (every.Plots(results).tails(), every.Plots(results).topologies()):
+        plot.draw_without_rendering()
+    text = invoke("report", results.path)
+    assert "report.html" in text
+    assert "δ̂(ā) is not drawn" in (results.path / "report.html").read_text()

@@ -139,7 +139,7 @@ def test_findings_compare_errors_by_their_size(tmp_path):
 
 def test_findings_of_a_single_cell(tmp_path):
     """The tightest bound that is one, as the printed is not; no share and no interval that is not there."""
-    nothing = {"tail_mean_low": [np.nan], "unrecovered": [np.nan]}
+    nothing = {"tail_mean_high": [np.nan], "unrecovered": [np.nan]}
     given = {"static": 8.0, "peak_gain": 12.0, "lyapunov_printed": 1.0, "star_norm": np.inf}
     extremes, _, share, bounds, sure = told(
         tmp_path,
@@ -152,7 +152,7 @@ def test_findings_of_a_single_cell(tmp_path):
     assert extremes == "The tail's mean error, per ā, is <b>2 ā</b> in all lanes."
     assert share == "No share unrecovered: no attacked lane came to its end."
     assert bounds == "The tightest bound over the worst found is <b>2</b>: static, 8 ā, over 4 ā."
-    assert "no interval of the mean, 20 m, from 3 ok lanes" in sure
+    assert "the mean is 20 m, 10 m or more with 97.5 % confidence, of 3 ok lanes; no interval" in sure
 
 
 def test_findings_where_nobody_is_attacked(tmp_path):

@@ -35,7 +35,7 @@ def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, columns):
     named = left_out.removesuffix("; all are in cells.csv").split(", ") if left_out else []
     assert sorted(shown + named) == sorted(columns.values())
     assert "tail mean [m]" in shown
-    legend = "mean low, mean high: 95 % t interval of the mean over lanes"
+    legend = "mean low, mean high: 95 % interval of the mean over lanes"
     assert (legend in lines) == ("mean low" in shown)
 
 

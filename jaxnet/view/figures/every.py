@@ -13,7 +13,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import courses
 from jaxnet.explore.sensitivity import FILE
 from jaxnet.statistics.choice import Where, chosen, listed
-from jaxnet.statistics.curves import all_bands, curves, magnitude_is_swept, shares
+from jaxnet.statistics.curves import all_bands, curves, no_magnitudes, shares
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.statistics.tiles import outcomes, tiling
 from jaxnet.store.folder import FolderError
@@ -158,9 +158,9 @@ def selection(results: Results, where: Where | None, column: str) -> tuple[list[
 def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
     """A metric of the tail against ā."""
     found = curves(results, cells)
-    if not magnitude_is_swept(found):
-        remedy = "an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
-        raise lacking(results, "sweep of attack.magnitude", remedy)
+    if reason := no_magnitudes(found):
+        remedy = "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
+        raise LackingError(f"{results.path}: {reason.removesuffix('.')}: {remedy}")
     return ultimate.figure(found, metric, width)
 
 

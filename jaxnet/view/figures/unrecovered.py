@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import MOST_PANELS, Curve, magnitude_is_swept, shares
+from jaxnet.statistics.curves import MOST_PANELS, Curve, no_magnitudes, shares
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -27,7 +27,7 @@ def figure(
     results: Results, cells: Sequence[Cell], found: Sequence[Curve], width: float = style.WIDTH
 ) -> Figure:
     """Against ā, a panel per group, where ā is swept; else a row per cell; the first there is room for."""
-    if not magnitude_is_swept(found):
+    if no_magnitudes(found):
         return rows(results, cells, width)
     shown = found[: multiples.room([curve.group.labels for curve in found], width, HEIGHT)]
     labels = [curve.group.labels for curve in shown]

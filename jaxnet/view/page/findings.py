@@ -12,6 +12,7 @@ from jaxnet.config.naming import title
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, failed_kinds, scales, shares
+from jaxnet.statistics.summary import UNTOLD
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import ROUNDING, measured
 from jaxnet.view.text.tables import number
@@ -154,7 +155,9 @@ def certainty(results: Results) -> str:
     worst, scale = cells.iloc[place], float(scales(results)[place])
     mean, low, high = (measured(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high"))
     where = "the mean of the worst cell per ā" if len(errors) > 1 else "the mean"
-    if np.isnan(worst["tail_mean_low"]):
-        return f"{samples}: no interval of {where}, {mean} m, from {count(int(worst['ok']), 'ok lane')}."
     lanes = count(int(worst["ok"]), "ok lane")
-    return f"{samples}: {where} is {mean} m, 95 % interval {low} to {high} m, of {lanes}."
+    if np.isnan(worst["tail_mean_high"]):
+        least = "" if np.isnan(worst["tail_mean_low"]) else f", {low} m or more with 97.5 % confidence"
+        return f"{samples}: {where} is {mean} m{least}, of {lanes}; {UNTOLD}."
+    sure = 100 * recovery.confidence_told(results.study.config.samples)
+    return f"{samples}: {where} is {mean} m, {sure:g} % interval {low} to {high} m, of {lanes}."

@@ -7,7 +7,7 @@ const MEAN = { marker: { symbol: "diamond-open", color: "--muted" } };
 const BELOW = { marker: { symbol: "triangle-down", color: "--black" } };
 
 function bars(middle, low, high, color, width = 0) {
-  const above = high.map((value, n) => value - middle[n]), below = low.map((value, n) => middle[n] - value);
+  const above = high.map((value, n) => (value ?? middle[n]) - middle[n]), below = low.map((value, n) => middle[n] - (value ?? middle[n]));
   return { symmetric: false, array: above, arrayminus: below, color, thickness: 1.3, width };
 }
 
@@ -48,12 +48,13 @@ const ultimate = {
 
 function pointsOf(panel, metric, floor, there) {
   const raw = (name) => there.map((n) => panel[metric][name][n]);
-  const above = (name) => raw(name).map((value) => Math.max(floor, value ?? floor));
+  const above = (name) => raw(name).map((value) => (value === null ? null : Math.max(floor, value)));
   const sizes = there.map((n) => panel.size[n]), below = raw("median").map((value) => value <= floor);
   const text = there.map((n) => {
     const size = panel.size[n], told = (name) => measured(panel[metric][name][n], size);
     return `ā = ${short(size)} m<br>median ${told("median")} m<br>5 to 95 %: ${told("q05")} to ${told("q95")} m<br>` +
-      `maximum ${told("max")} m<br>mean ${told("mean")} m (${told("low")} to ${told("high")})`;
+      `maximum ${told("max")} m<br>mean ${told("mean")} m${panel[metric].low[n] === null ? "" : ` (${told("low")} to ${
+        panel[metric].high[n] === null ? "?" : told("high")})`}`;
   });
   const common = { mode: "markers", text, hoverinfo: "text" };
   const median = (name, wanted, symbol) => {

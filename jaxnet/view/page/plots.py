@@ -30,6 +30,7 @@ from jaxnet.statistics.tiles import Tiling, digits, outcomes
 from jaxnet.store.results import Results
 from jaxnet.view.figures import heat
 
+LARGEST = np.finfo(np.float32).max
 SPREAD = ("q05", "median", "q95", "max", "mean", "low", "high")
 FITTED = {"least squares": None, "95 % of lanes": 0.95}
 LOOKS = {
@@ -45,7 +46,9 @@ LOOKS = {
 
 
 def packed(values: Any, kind: str = "<f4") -> str:
-    """Numbers as text, in single precision or as bytes."""
+    """Numbers as text, in single precision, as far as that goes, or as bytes."""
+    if kind == "<f4":
+        values = np.clip(values, -LARGEST, LARGEST)
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 

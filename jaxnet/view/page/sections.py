@@ -20,7 +20,7 @@ from jaxnet.statistics.curves import (
     Curve,
     bands_of,
     curves,
-    magnitude_is_swept,
+    no_magnitudes,
     scales,
     shares,
 )
@@ -132,14 +132,16 @@ def run_section(results: Results) -> Section:
 def summary_section(results: Results) -> Section:
     """The table of all cells."""
     rows, over = tables.summary_rows(results), units_told(results.study.config)
+    sure = 100 * recovery.confidence_told(results.study.config.samples)
     note = (
-        f"<p>Mean over lanes of the tail's mean error, with its 95 % t interval over {over}"
-        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle in"
-        " any lane."
+        f"<p>Mean over lanes of the tail's mean error, with its {sure:g} % interval over {over}"
+        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle."
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
-    note += "".join(f"<p>{escape(each)}.</p>" for each in tables.caveats(results.study.cells))
+    notes = [*tables.greatest_told(results), *tables.blank_ends(results)]
+    notes += [*tables.caveats(results.study.cells)]
+    note += "".join(f"<p>{escape(each)}.</p>" for each in notes)
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     shown = rows.head(MOST_ROWS)
@@ -150,10 +152,8 @@ def summary_section(results: Results) -> Section:
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
     """δ̂(ā), and its slopes as a table."""
     name = "Ultimate error δ̂(ā)"
-    if not magnitude_is_swept(found):
-        return Section(
-            "ultimate", name, "<p>No two cells differ in ā &gt; 0 alone: there is no δ̂(ā) to draw.</p>"
-        )
+    if reason := no_magnitudes(found):
+        return Section("ultimate", name, f"<p>{escape(reason)}</p>")
     note = (
         "<p>Error over the tail against the attack's magnitude. Bounds of the worst vehicle (of the mean over"
         " vehicles for the mean error), where they say something. Cells with ā = 0 have no place on a log"
@@ -205,7 +205,7 @@ def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | N
     note = (
         f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
     )
-    drawn = plots.unrecovered(found) if magnitude_is_swept(found) else plots.unrecovered_rows(results)
+    drawn = plots.unrecovered_rows(results) if no_magnitudes(found) else plots.unrecovered(found)
     return Section("unrecovered", "Lanes that do not recover", note + DRAWN, drawn)
 
 

@@ -29,8 +29,8 @@ FIRST_TO_GO = (
 )
 LEGEND = (
     "All differences are B - A, of the same draws. mean, max: tail_mean and tail_max;"
-    " low, high: 95 % intervals, of the mean of paired"
-    " differences by Student's t, of the share unrecovered by Bonett and Price. saved, lost: lanes"
+    " low, high: 95 % intervals of means of paired differences; an end is blank where theory does not bound"
+    " the errors. saved, lost: lanes"
     " unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
 )
 

@@ -16,7 +16,7 @@ ENDS = ("", "_low", "_high")
 LEAST_WANTED = (("left out",),)
 LEGEND = (
     "parts of the variance over the lanes, with 95 % intervals. first: of the quantity alone; total: with its"
-    " interactions. A dash: nothing varies."
+    " interactions. A dash: nothing varies. No interval: few lanes make up the variance."
 )
 
 
@@ -30,8 +30,10 @@ def plan(lanes: Mapping[int, int], samples: int) -> str:
 
 
 def in_hundredths(estimate: float, low: float, high: float) -> str:
-    """An index with its interval, to hundredths; a dash where there is none."""
-    return "-" if np.isnan(estimate) else f"{estimate:z.2f} ({low:z.2f} to {high:z.2f})"
+    """An index, and its interval if it has one, to hundredths; a dash where there is no index."""
+    if np.isnan(estimate):
+        return "-"
+    return f"{estimate:z.2f}" if np.isnan(low) else f"{estimate:z.2f} ({low:z.2f} to {high:z.2f})"
 
 
 def printed(table: Any, study: Study, metric: str) -> str:

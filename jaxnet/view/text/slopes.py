@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.curves import Curve, curves, of_group, stored_table
-from jaxnet.statistics.fits import envelope_share, whole_draws
+from jaxnet.statistics.curves import Curve, curves, no_magnitudes, of_group, stored_table
+from jaxnet.statistics.fits import ENVELOPE, UNTOLD, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
 from jaxnet.view.text.tables import lane_named
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
@@ -37,10 +38,11 @@ BOUNDS = {
 
 def text(results: Results) -> str:
     """All of it that there is."""
+    undrawn = fill(no_magnitudes(curves(results)), WIDTH)
     parts = [slopes(results)]
     parts += [conservatism(results)] if (results.path / "bounds.csv").exists() else []
     parts += [violations(results)] if (results.path / "violations.csv").exists() else []
-    return "\n\n".join(parts)
+    return "\n\n".join(filter(None, [*parts, undrawn]))
 
 
 def slopes(results: Results) -> str:
@@ -60,11 +62,13 @@ def slopes(results: Results) -> str:
         LEAST_SLOPES,
         "fit.csv",
     )
+    if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
+        text += f"\n{fill(UNTOLD, WIDTH)}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
         words = (
-            f"envelope: with 95 % confidence at least {envelope_share(draws):.2%} of all draws stay"
+            f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
         )
         text += f"\n{fill(words, WIDTH)}"
@@ -93,7 +97,11 @@ def interval(found: tuple[float, float, float] | None) -> str:
     if found is None:
         return "-"
     estimate, low, high = found
-    return f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(low) else f"{estimate:.4g}"
+    if not np.isfinite(low):
+        return f"{estimate:.4g}"
+    return (
+        f"{estimate:.4g} ({low:.4g} to {high:.4g})" if np.isfinite(high) else f"{estimate:.4g} ({low:.4g} -)"
+    )
 
 
 def ratios(results: Results) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxnet.view.text.width import clipped
+from jaxnet.view.text.width import clipped, number
 
 if TYPE_CHECKING:
     from jaxnet.runs.tally import Standing, Tally
@@ -27,7 +27,7 @@ def lines(tally: "Tally", width: int, height: int) -> Iterator[Any]:
     rows = [["so far", "lanes", "tail mean [m]", "unrecovered"]]
     for each in worst(found, room):
         share = f"{each.unrecovered:.3g}" if np.isfinite(each.unrecovered) else "-"
-        rows.append([str(each.cell), f"{each.lanes:,}", estimate(each.mean, each.half), share])
+        rows.append([str(each.cell), f"{each.lanes:,}", number(each.mean), share])
     columns = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)][1 : 4 if asked else 3]
     left = width - sum(columns)
     names = [rows[0][0], *(clipped(tally.cells[int(row[0])], left) for row in rows[1:])]
@@ -48,11 +48,3 @@ def worst(found: "Sequence[Standing]", room: int) -> "list[Standing]":
         found, key=lambda each: (np.nan_to_num(each.unrecovered, nan=-1.0), each.mean), reverse=True
     )
     return sorted(ranked[:room])
-
-
-def estimate(mean: float, half: float) -> str:
-    """A mean with half its interval, to the second digit of that."""
-    if not (np.isfinite(half) and half > 0):
-        return f"{mean:.3g}"
-    digits = max(0, 1 - int(np.floor(np.log10(half))))
-    return f"{mean:.{digits}f} ± {half:.{digits}f}" if digits < 6 else f"{mean:.3g} ± {half:.1e}"

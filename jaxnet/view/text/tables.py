@@ -12,7 +12,9 @@ import pandas as pd
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.summary import units_told
+from jaxnet.statistics import recovery
+from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.summary import UNTOLD, units_told
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -63,9 +65,31 @@ def summary(results: Results) -> str:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
         over = units_told(results.study.config)
-        lines.append(f"mean low, mean high: 95 % t interval of the mean over {over}")
+        sure = 100 * confidence_told(results.study.config.samples)
+        lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
+        lines += [fill(each, WIDTH) for each in blank_ends(results)]
+    if "worst [m]" in shown:
+        lines += [fill(each, WIDTH) for each in greatest_told(results)]
     lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
     return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
+
+
+def greatest_told(results: Results) -> list[str]:
+    """What the greatest of independent lanes bounds, in the cell that has fewest; nothing without lanes."""
+    ended = [count for count in results.cells["ok"].tolist() if count]
+    if not ended or results.study.config.draws != "random":
+        return []
+    share = 1 - recovery.below_greatest(min(ended))
+    words = f"worst is the greatest of the lanes simulated: with 95 % confidence at most {share:.2%} of all"
+    return [f"{words} lanes of a cell are over it"]
+
+
+def blank_ends(results: Results) -> list[str]:
+    """Why means of some cells have no interval, or one end alone, and which cells; nothing where all have."""
+    cells: Any = results.cells
+    blank = cells["tail_mean_mean"].notna() & cells[["tail_mean_low", "tail_mean_high"]].isna().any(axis=1)
+    where = cells.index[blank].tolist()
+    return [f"{UNTOLD}: {cells_named(where)}"] if where else []
 
 
 def caveats(cells: Sequence[Cell]) -> list[str]:
