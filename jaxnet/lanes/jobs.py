@@ -176,15 +176,26 @@ def attack_of(
     `navigator` is the one drawn, `start` the states at t = 0.
     """
     attack, start = scenario.attack, start[:2]
+    first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
     chosen, draw = attack.chosen(draw), Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():
         sources = sources_of(scenario)
         owners = hearing.of_transmitters(sources).T.ravel()
-        chosen, start, draw = chosen[owners], start[:, owners], EachLink(draw, len(sources))
+        chosen, draw = chosen[owners], EachLink(draw, len(sources))
+        start = np.concatenate([first[:, None], start], axis=1)[:, sources.T.ravel()]
+    else:
+        start = np.where(heard_by(scenario)[None, :, None], first[:, None], start)
     if attack.apart():
         return each_alone(scenario, draw, chosen, start)
     signal, vectors, scale = as_one(scenario, draw, navigator, start)
     return signal, vectors * chosen[None, :, None], scale
+
+
+def heard_by(scenario: Scenario) -> np.ndarray:
+    """Listeners (m,) whose link from the navigator is attacked: the source of their signal is the navigator.
+    """
+    linked = scenario.topology.linked(scenario.vehicles)
+    return (scenario.attack.links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def each_alone(

@@ -115,9 +115,10 @@ class AnyAttack(Kind):
         return np.zeros((2, 1, 2, 1))
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """The signal and the unit vectors, which may depend on the navigator and on where vehicles start.
+        """The signal and the unit vectors, which may depend on the navigator and on where sources start.
 
-        `start` are the positions at t = 0 (2, m, lanes) [m]. A strategic attack has no vectors yet.
+        `start` are positions at t = 0 (2, m, lanes) [m]: a vehicle's own, or the navigator's where the attack
+        is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
         """
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
