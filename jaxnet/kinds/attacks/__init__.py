@@ -18,6 +18,8 @@ from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges
 
+MOMENTS = 1_001  # at which a signal of one's own that is not bounded is looked at
+
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 Order = Literal[0, 1, 2, 3]
@@ -127,6 +129,13 @@ class AnyAttack(Kind):
         lanes).
         """
         return np.ones((4, 1))
+
+    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
+        """As `sizes`, of the signal that was told: (4, lanes). Of one that is not bounded, at MOMENTS."""
+        if self.bounded:
+            return np.asarray(self.sizes(horizon))
+        basis = [np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)]
+        return np.linalg.norm(basis, axis=2).max(axis=0)
 
     def describe(self) -> str:
         """The attack in a few words."""
