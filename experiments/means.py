@@ -65,7 +65,7 @@ def main(repeats: int, keep: bool) -> None:
     enable()
     made = simulated()
     if keep:
-        np.savez_compressed(KEPT, **made)
+        np.savez_compressed(KEPT, allow_pickle=False, **made)
     print("coverage [%] and median width [m] of 95 % intervals of the mean tail error")
     print(f"{'lanes':24}{'not 0':>7}{'n':>6}   {'t':>14}   {'bootstrap':>14}   {'jaxnet':>14}")
     for name, population in populations(made).items():

@@ -95,7 +95,7 @@ def simulate(study: jaxnet.Study, name: str) -> Results:
 def worst(question: str, results: Results) -> None:
     """The greatest share over the cells of each graph and defence with its interval, and failed graphs."""
     cells, graphs = results.cells, list(dict.fromkeys(results.cells["topology"]))
-    many = int(cells.groupby(["topology", "defence"]).size().max())
+    many = max(len(each) for _, each in cells.groupby(["topology", "defence"]))
     print(f"\n{question}: greatest share unrecovered of {many} cells, in %, where; graphs with a failed lane")
     print(f"| defence | {' | '.join(graphs)} | {' | '.join(f'failed, {graph}' for graph in graphs)} |")
     print("|---" * (1 + 2 * len(graphs)) + "|")

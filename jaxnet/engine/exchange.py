@@ -14,16 +14,19 @@ import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float, Int
 
-from jaxnet.engine import metrics
+from jaxnet.engine import metrics, standstill
 from jaxnet.engine import tick as ticks
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.subset import for_each, once, picked, put
 from jaxnet.engine.tick import Mind
 from jaxnet.model import plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
+
+FEW = 16  # lanes that are looked at
 
 
 class Fleet(NamedTuple):
@@ -34,6 +37,7 @@ class Fleet(NamedTuple):
     mind: Mind
     signals: Signals  # now
     switches: Int[Array, "lanes"]
+    straight: Any  # lanes where some vehicle may have gone straight on until now
     status: Code
 
 
@@ -45,11 +49,8 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         return signals(lane, jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape))
 
     def tick(number: Int[Array, ""], fleet: Fleet) -> Fleet:
-        moved = fleet._replace(
-            jets=moved_on(fleet.jets, fleet.jerk, clock.interval),
-            signals=barrier(signals_at(number + 1)),
-        )
-        return settle(moved, lane, network, plan, first=False)
+        now = barrier(signals_at(number + 1))
+        return settle(moved(fleet, clock.interval)._replace(signals=now), lane, network, plan, first=False)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
         fleet, gathered, series = carry
@@ -76,7 +77,7 @@ def start(lane: Lane, network: Network, plan: Plan, now: Signals) -> Fleet:
     """The lanes at t = 0; nobody has held a jerk yet."""
     status, jets = ticks.status_at_start(lane), lane.vehicle.output_jets(lane.initial)
     mind, jerk = ticks.begin(lane, network, plan), jnp.zeros_like(jets[0])
-    fleet = Fleet(jets, jerk, mind, now, jnp.zeros_like(status), status)
+    fleet = Fleet(jets, jerk, mind, now, jnp.zeros_like(status), status == Status.ok, status)
     return settle(fleet, lane, network, plan, first=True)
 
 
@@ -105,6 +106,36 @@ def moved_on(jets: Jets, jerk: Float[Array, "2 m lanes"], interval: Any) -> Jets
         velocity + h * (acceleration + h / 2 * jerk),
         acceleration + h * jerk,
     )
+
+
+def moved(fleet: Fleet, interval: Any) -> Fleet:
+    """The fleets at the next tick, but for what is received there.
+
+    Lanes are singular where a vehicle stands still on the way. Only lanes in which some vehicle has gone
+    straight on until then are looked at, as in `between`.
+    """
+    jets = moved_on(fleet.jets, fleet.jerk, interval)
+
+    def some(few: Any, status: Code) -> Code:
+        start, held = jax.tree.map(lambda leaf: picked(leaf, few), (fleet.jets, fleet.jerk))
+        longest = jnp.full(few.shape, interval)
+        still = standstill.stands(
+            lambda jets: jets[1:],
+            lambda jets, step: moved_on(jets, held, step[None, None]),
+            start,
+            plane.length(held),
+            interval,
+            longest,
+        )
+        return put(status, few, fail(picked(status, few), Status.singular, still))
+
+    def work(carry: Any) -> Any:
+        status, straight = carry
+        straight = straight & standstill.straight(*jets[1:]) & (status == Status.ok)
+        return for_each(straight, FEW, some, status), straight
+
+    status, straight = once(fleet.straight.any(), work, (fleet.status, fleet.straight))
+    return fleet._replace(jets=jets, status=status, straight=straight)
 
 
 def errors_of(fleet: Fleet) -> Jets:

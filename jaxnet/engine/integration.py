@@ -162,7 +162,7 @@ def step(
     kept, steps = going & (trial.error < 1.0), fleet.steps + going.astype(int)
     proposed = stepper.next_step(end - time, trial.error, rule)
     state = jnp.where(kept[None, None], trial.state, fleet.state)
-    still = (jnp.abs(state[SPEED]) < LEAST_SPEED).any(axis=0)
+    still = (state[SPEED] * jnp.sign(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
     stuck = going & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
     arrived = kept & (end == goal)
     ticks = fleet.ticks + arrived.astype(int)

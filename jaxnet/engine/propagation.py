@@ -21,29 +21,21 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.lax import optimization_barrier as barrier
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
-from jaxnet.engine import metrics, response
+from jaxnet.engine import between, metrics, response
 from jaxnet.engine import tick as ticks
-from jaxnet.engine.methods.exact import Flow
+from jaxnet.engine.flow import Effect, Lanes, Transition, impulse_responses, passed_on, propagate
 from jaxnet.engine.metrics import Observation
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import once
 from jaxnet.engine.tick import Mind
-from jaxnet.model import control, plane, signal
+from jaxnet.model import plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
-
-NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
-SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
-
-Lanes = Float[Array, "lanes"]
-Transition = Float[Array, "3 3 lanes"]  # expm(A_c h)
-Effect = Float[Array, "3 functions lanes"]  # functions of G, with two derivatives
 
 
 class Fleet(NamedTuple):
@@ -55,6 +47,7 @@ class Fleet(NamedTuple):
     basis: Basis  # the attacks' functions now
     made: Any  # what an axis makes of them now; () where it is they themselves
     switches: Int[Array, "lanes"]
+    straight: Bool[Array, "lanes"]  # where some vehicle may have gone straight on until now
     status: Code
 
     def effect(self) -> Any:
@@ -78,10 +71,12 @@ def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clo
         )
         forcing = barrier(fleet.effect()[:3] - jnp.stack(propagate(flow, before)))
         fleet, decided = go_on(fleet, flow, forcing, time, lane, network, plan)
+        status, straight = between.stopped(fleet, time, ~first, inputs, clock.interval, plan)
+        fleet = fleet._replace(status=status, straight=straight)
         return settle(fleet, decided, first, lane, network, plan) if plan.choosing else fleet
 
     def effect_at(number: Any, before: Any) -> Any:
-        after = passed_on(before, responses, lane, numbers, instant(number - 1), clock.interval)
+        after = passed_on(before, numbers.flow, responses, lane, instant(number - 1), clock.interval)
         return jnp.where(number == 0, before, after)
 
     def output(number: Int[Array, ""], carry: Any) -> Any:
@@ -126,6 +121,7 @@ def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
         basis=basis,
         made=() if plan.consistent else jnp.zeros_like(basis[:3]),
         switches=jnp.zeros_like(status),
+        straight=status == Status.ok,
         status=status,
     )
     if plan.choosing:
@@ -186,43 +182,6 @@ def follow(
 
     forced, status = once(flagged.any(), solve, (fleet.forced, fleet.status))
     return fleet._replace(forced=forced, status=status)
-
-
-def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
-    """`expm(A_c h)` times a signal and its derivatives, each (..., lanes)."""
-    y, velocity, acceleration, *_ = jets
-    alike = (None,) * (y.ndim - 1)
-    rows = ((row[0][alike], row[1][alike], row[2][alike]) for row in flow)
-    a, b, c = (k[0] * y + k[1] * velocity + k[2] * acceleration for k in rows)
-    return a, b, c
-
-
-def impulse_responses(gain: control.Gain, interval: Any) -> Float[Array, "nodes 3 lanes"]:
-    """`expm(A_c (1 - x) h) B` at the NODES x of a tick h."""
-    identity = jnp.broadcast_to(jnp.eye(3)[1:, :, None], (2, *gain.shape))
-    companion = jnp.concatenate([identity, -gain[None]]) * interval
-    rest = companion[None] * (1 - NODES)[:, None, None, None]
-    return jax.vmap(jax.vmap(jax.scipy.linalg.expm, -1, -1))(rest)[:, :, 2]
-
-
-def passed_on(
-    effect: Effect,
-    responses: Float[Array, "nodes 3 lanes"],
-    lane: Lane,
-    numbers: Flow,
-    time: Lanes,
-    interval: Any,
-) -> Effect:
-    """What an axis makes of the attacks' functions one tick on: `g‴ + P(g) = R(β)`, from g now.
-
-    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, exact to rounding for functions that
-    are smooth within a tick.
-    """
-    total = jnp.stack(propagate(numbers.flow, effect))
-    for node, share, answer in zip(NODES, SHARES, responses, strict=True):
-        disturbance = control.driven(lane.gain, lane.signal.basis(time + node * interval))
-        total = total + share * interval * answer[:, None] * disturbance[None]
-    return total
 
 
 def plus(jets: Any, others: Any) -> Jets:

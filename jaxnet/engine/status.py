@@ -12,7 +12,7 @@ class Status(IntEnum):
     """The first that applies, in this order."""
 
     ok = 0
-    singular = 1  # |v| < 1e-9 m/s at the start or at a step of the fleet
+    singular = 1  # |v| < 1e-9 m/s, or v changes its sign
     nonfinite = 2  # a state that is not finite or not found, or a vector field no step is small enough for
     max_steps = 3  # the step limit, or a step too small to move the time
     disconnected = 4  # the weights in force cut a vehicle off from the navigator

@@ -37,7 +37,7 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
-    signal, vectors, amplitude = attack_of(scenario, draw, navigator, start)
+    signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     weights = weights_of(scenario, draw, sources)
     gain = draw.several(scenario.gain, "gain")
     lanes = Lane(
@@ -52,6 +52,7 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         vectors=lanes_first(vectors),
         amplitude=amplitude,
         announces=tree(announcement_of(scenario, draw)),
+        sizes=lanes_first(sizes),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -170,23 +171,37 @@ def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
 
 def attack_of(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
-) -> tuple[Any, np.ndarray, Any]:
-    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, and ā over its size.
+) -> tuple[Any, np.ndarray, Any, np.ndarray]:
+    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, ā over its size, and
+    the greatest norms of the navigator's path and of the signal's functions (2, 4, samples).
 
     Where each listener is told something of its own, vectors are of links instead (`hearing.of_links`).
 
     `navigator` is the one drawn, `start` the states at t = 0.
     """
     attack, start = scenario.attack, start[:2]
+    first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
     chosen, draw = attack.chosen(draw), Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():
         sources = sources_of(scenario)
         owners = hearing.of_transmitters(sources).T.ravel()
-        chosen, start, draw = chosen[owners], start[:, owners], EachLink(draw, len(sources))
+        chosen, draw = chosen[owners], EachLink(draw, len(sources))
+        start = np.concatenate([first[:, None], start], axis=1)[:, sources.T.ravel()]
+    else:
+        start = np.where(heard_by(scenario)[None, :, None], first[:, None], start)
     if attack.apart():
-        return each_alone(scenario, draw, chosen, start)
-    signal, vectors, scale = as_one(scenario, draw, navigator, start)
-    return signal, vectors * chosen[None, :, None], scale
+        signal, vectors, scale, sizes = each_alone(scenario, draw, chosen, start)
+    else:
+        signal, vectors, scale, sizes = as_one(scenario, draw, navigator, start)
+        vectors = vectors * chosen[None, :, None]
+    path = scenario.navigator.sizes(0.0, scenario.horizon)[:, None]
+    return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
+
+
+def heard_by(scenario: Scenario) -> np.ndarray:
+    """Listeners (m,) whose link from the navigator is attacked, so that their signal's source is 0."""
+    linked = scenario.topology.linked(scenario.vehicles)
+    return (scenario.attack.links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
@@ -200,7 +215,7 @@ def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
 
 def each_alone(
     scenario: Scenario, draw: Draw, chosen: np.ndarray, start: np.ndarray
-) -> tuple[Any, np.ndarray, np.ndarray]:
+) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     """The same where attacked vehicles have functions of their own: each is alone in lanes of its own, which
     then stand side by side.
     """
@@ -208,19 +223,25 @@ def each_alone(
     attacked = np.argsort(~chosen, axis=0, kind="stable")[:n]
     alone = Alone(draw, attacked)
     theirs = np.take_along_axis(start, attacked[None], axis=1).reshape(2, 1, -1)
-    signal, given, scale = as_one(scenario, alone, scenario.navigator.drawn(alone, "navigator"), theirs)
+    signal, given, scale, sizes = as_one(
+        scenario, alone, scenario.navigator.drawn(alone, "navigator"), theirs
+    )
     vectors = np.zeros((2, m, given.shape[2], n, count))
     number, lane = np.indices(attacked.shape)
     vectors[:, attacked, :, number, lane] = given.reshape(2, -1, n, count).transpose(2, 3, 0, 1)
     side_by_side = jax.tree.map(lambda leaf: leaf.reshape(*leaf.shape[:-1], n, count), as_pytree(signal))
     vectors = vectors.reshape(2, m, -1, count) * chosen[None, :, None]
-    return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0)
+    together = np.linalg.norm(sizes.reshape(4, n, count), axis=1)
+    return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0), together
 
 
 def as_one(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
-) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Signal, vectors and ā over its size, if all vehicles were attacked, by functions that they share."""
+) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
+    """Signal, vectors, ā over its size, and the greatest norms of the functions.
+
+    All vehicles are taken as attacked, by functions that they share.
+    """
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count = len(draw.samples)
     signal, given = drawn.told(navigator, start)
@@ -230,7 +251,8 @@ def as_one(
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
         scale = np.broadcast_to(scaled(drawn, sizes), count)
     unit = first_vectors(signal, count) if given is None else given
-    return received_of(signal, drawn, count), unit * scale, scale
+    reach = np.broadcast_to(drawn.reach(scenario.navigator, signal, scenario.horizon), (4, count))
+    return received_of(signal, drawn, count), unit * scale, scale, reach
 
 
 def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:

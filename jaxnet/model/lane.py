@@ -25,6 +25,7 @@ class Lane(NamedTuple):
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attacks [m]; strategic ones' at first
     amplitude: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
     announces: Any  # what attacked links announce, a kind with its numbers drawn
+    sizes: Float[Array, "2 4 *lanes"]  # greatest norms, by order: of the navigator's path, of the functions
 
 
 class Network(NamedTuple):

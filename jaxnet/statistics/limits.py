@@ -214,7 +214,7 @@ def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndar
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
         own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))
-        function, vectors, _ = attack_of(scenario, draw, navigator, start)
+        function, vectors, *_ = attack_of(scenario, draw, navigator, start)
         path = np.stack(navigator.jets(zero))
         attack = np.stack(signal.jets(vectors, function.basis(zero))[:3])
     return own - path[:3, :, None], attack

@@ -8,9 +8,10 @@ from jaxnet.engine.methods import Engine
 
 
 class Flow(NamedTuple):
-    """`expm(A_c h)` over one tick h."""
+    """`expm(A_c h)` over one tick h, and how E‴ in a tick depends on E, Ė and Ë at its end."""
 
     flow: Float[Array, "3 3 *lanes"]
+    reach: Float[Array, "3 *lanes"]
 
 
 class Exact(Engine):
@@ -28,9 +29,10 @@ class Exact(Engine):
 
         from jaxnet.theory import exact
 
-        if (gain == gain[0]).all():
-            return Flow(draw.same(expm(exact.companion(gain[0]) * interval)))
-        return Flow(expm(exact.companion(gain) * interval))  # pyright: ignore[reportArgumentType]
+        alike = (gain == gain[0]).all()
+        some = gain[:1] if alike else gain
+        flow, reach = expm(exact.companion(some) * interval), exact.backward_reach(some, interval)
+        return Flow(draw.same(flow[0]), draw.same(reach[0])) if alike else Flow(flow, reach)  # pyright: ignore[reportArgumentType]
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:

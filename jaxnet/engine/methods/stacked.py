@@ -243,7 +243,7 @@ def solved(
         return motion(time, state, held, network, plan)
 
     def stands(time: Any, state: State, held: Held, **_: Any) -> Any:
-        return (jnp.abs(state[SPEED]) < LEAST_SPEED).any()
+        return (state[SPEED] * jnp.sign(held.lane.initial[SPEED]) < LEAST_SPEED).any()
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),

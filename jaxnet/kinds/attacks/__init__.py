@@ -21,6 +21,8 @@ from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges
 
+MOMENTS = 1_001  # at which a signal of one's own that is not bounded is looked at
+
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 Order = Literal[0, 1, 2, 3]
@@ -126,9 +128,10 @@ class AnyAttack(Kind):
         return np.zeros((2, 1, 2, 1))
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """The signal and the unit vectors, which may depend on the navigator and on where vehicles start.
+        """The signal and the unit vectors, which may depend on the navigator and on where sources start.
 
-        `start` are the positions at t = 0 (2, m, lanes) [m]. A strategic attack has no vectors yet.
+        `start` are positions at t = 0 (2, m, lanes) [m]: a vehicle's own, or the navigator's where the attack
+        is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
         """
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
@@ -137,6 +140,13 @@ class AnyAttack(Kind):
         lanes).
         """
         return np.ones((4, 1))
+
+    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
+        """As `sizes`, of the signal that was told: (4, lanes). Of one that is not bounded, at MOMENTS."""
+        if self.bounded:
+            return np.asarray(self.sizes(horizon))
+        basis = [np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)]
+        return np.linalg.norm(basis, axis=2).max(axis=0)
 
     def describe(self) -> str:
         """The attack in a few words."""

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, stepwise
 from jaxnet.kinds.fields import NotNegative
+from jaxnet.model.plane import length
 
 
 class Freeze(Attack):
@@ -23,17 +24,26 @@ class Freeze(Attack):
     )
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """`y_j(0) - y_0(t)`: a constant, and the navigator's two coordinates."""
+        """`y_j(0) - y_0(t)`: a constant, and the navigator's two coordinates.
+
+        The constant is as great as any `y_j(0)`, so that no vector is much longer than another.
+        """
+        far = np.maximum(1.0, length(start).max(axis=0))
         axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (*start.shape[:2], 2, start.shape[2]))
-        return Fixed(navigator), np.concatenate([start[:, :, None], axes], axis=2)
+        return Fixed(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
+
+    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
+        """The constant and the navigator's path."""
+        return navigator.sizes(0.0, horizon)[:, None] + np.eye(4, 1) * signal.far
 
 
 class Fixed(NamedTuple):
-    """1, and where the navigator is."""
+    """A constant, and where the navigator is."""
 
     navigator: Any
+    far: Any  # (lanes,) [m]
 
     def basis(self, time: Any) -> Any:
         """Three functions."""
         xp = time.__array_namespace__()
-        return xp.concatenate([stepwise(time), self.navigator.jets(time)], axis=1)
+        return xp.concatenate([self.far[None, None] * stepwise(time), self.navigator.jets(time)], axis=1)

@@ -30,6 +30,10 @@ class Replay(Attack):
         """One function for each axis."""
         return Delayed(navigator, self.delay), np.eye(2)[:, None, :, None]
 
+    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
+        """The difference of two positions of the path."""
+        return 2 * navigator.sizes(-float(np.max(signal.delay)), horizon)[:, None]
+
 
 class Delayed(NamedTuple):
     """A path of some time ago, relative to where it is now."""

@@ -24,6 +24,11 @@ class Navigator(Kind):
         speed = np.hypot(*np.asarray(self.jets(times))[1])
         return float(speed.min()), float(times[speed.argmin()])
 
+    def sizes(self, start: float, end: float) -> np.ndarray:
+        """Greatest norms of the path and its derivatives in [start, end], at INSTANTS: (4,)."""
+        jets = np.asarray(self.jets(np.linspace(start, end, INSTANTS)))
+        return np.linalg.norm(jets, axis=1).max(axis=1)
+
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """A navigator that stops makes every vehicle singular."""
         slowest, when = self.slowest(scenario.horizon)

@@ -35,6 +35,11 @@ class Lissajous(Navigator):
         """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s]."""
         return slowest(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
 
+    def sizes(self, start: float, end: float) -> np.ndarray:
+        """Bounds at all times."""
+        amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
+        return np.stack([np.linalg.norm(amplitude * frequency**k, axis=0) for k in range(4)])
+
 
 Pair = tuple[float, float]
 

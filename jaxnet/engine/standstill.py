@@ -1,0 +1,75 @@
+"""Vehicles that stand still between ticks, where the law is singular: a bound on the speed, no sampling.
+
+An interval is passed in steps. The velocity, the acceleration and a bound on the jerk give a time in which a
+vehicle cannot stand still, and that time is the step. Near an instant of rest the steps shorten as Newton's.
+
+The lanes are the last axis of every array.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxnet.engine.status import LEAST_SPEED
+from jaxnet.model.plane import Plane, cross, dot, length
+
+State = TypeVar("State")
+Spans = Float[Array, "lanes"]
+
+FLOOR = LEAST_SPEED / 2  # [m/s] so that a step comes under LEAST_SPEED where a vehicle does
+TURNED = 1e-9  # sine of the angle from velocity to acceleration that rounding does not make
+LEAST_PART = 2.0**-40  # of an interval; rounding hides what happens in less
+
+
+def stands(
+    pace: Callable[[State], tuple[Plane, Plane]],
+    advance: Callable[[State, Spans], State],
+    state: State,
+    jerk: Float[Array, "m lanes"],
+    interval: Any,
+    longest: Spans,
+) -> Bool[Array, "lanes"]:
+    """Spans in which a vehicle is slower than LEAST_SPEED at some instant of an interval.
+
+    `pace(state)` are velocity and acceleration, `advance(state, step)` is the state after a step of `longest`
+    at most, and `jerk` bounds the jerk. A speed under FLOOR is always found, one over LEAST_SPEED never.
+    """
+
+    def under_way(carry: Any) -> Any:
+        passed, still, _ = carry
+        return ((passed < interval) & ~still).any()
+
+    def move(carry: Any) -> Any:
+        passed, still, state = carry
+        velocity, acceleration = pace(state)
+        still = still | (length(velocity) < LEAST_SPEED).any(axis=0)
+        step = jnp.clip(safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest)
+        arrives = passed + step >= interval
+        step = jnp.where(arrives, interval - passed, step)
+        return jnp.where(arrives, interval, passed + step), still, advance(state, step)
+
+    zero = jnp.zeros_like(longest)
+    _, still, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, state))
+    return still | (length(pace(state)[0]) < LEAST_SPEED).any(axis=0)
+
+
+def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
+    """Spans in which some vehicle's acceleration is along its velocity, but for rounding."""
+    sizes = (1.0 + length(velocity)) * (1.0 + length(acceleration))
+    return (jnp.abs(cross(velocity, acceleration)) <= TURNED * sizes).any(axis=0)
+
+
+def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
+    """A time in which the speed stays over FLOOR, by `‖v(t) - v - a t‖ ≤ J t²/2`.
+
+    The line `v + a t` is no nearer to 0 than `‖v‖ - ‖a‖ t`, and never nearer than its foot.
+    """
+    speed, size, tiny = length(velocity), length(acceleration), jnp.finfo(float).tiny
+    foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)
+    foot = jnp.where(dot(velocity, acceleration) >= 0, speed, foot)
+    room, beside = jnp.maximum(speed - FLOOR, 0.0), jnp.maximum(foot - FLOOR, 0.0)
+    ahead = 2 * room / jnp.maximum(size + jnp.sqrt(size**2 + 2 * jerk * room), tiny)
+    return jnp.maximum(ahead, jnp.sqrt(2 * beside / jnp.maximum(jerk, tiny)))

@@ -1,0 +1,104 @@
+"""Vehicles that turn round on a line stand still between ticks: status by all engines, and by closed form."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxnet.engine import standstill
+from jaxnet.engine.status import Status
+from tests import reference, systems
+from tests.engine.test_exactness import navigator_at
+
+LANES, TICK, HORIZON = 16, 0.1, 3.0
+PATH = {"kind": "lissajous", "amplitude": [100.0, 0.0], "frequency": [0.2, 0.2]}
+KEYS = {"navigator": PATH, "horizon": HORIZON, "tail": 1.0, "tick": TICK, "attack": "none", "defence": "none"}
+
+
+def on_a_line(engine, reach=75.0, **keys):
+    """Lanes whose vehicles are somewhere on the navigator's line, head along it, and begin at any speed."""
+    one = systems.lanes(systems.study(engine=engine, **{**KEYS, **keys}), LANES, ())
+    rng, lane = np.random.default_rng(0), one.inputs.lane
+    initial = np.zeros_like(lane.initial)
+    initial[:, 0] = rng.uniform(-reach, reach, initial[:, 0].shape)
+    initial[:, 3] = rng.uniform(15.0, 35.0, initial[:, 3].shape)
+    return one._replace(inputs=one.inputs._replace(lane=lane._replace(initial=initial)))
+
+
+def least_speed(one, number):
+    """Of the velocities along the line on a grid of 1 ms, by closed form, the least after its first sign."""
+    lane, navigator = systems.lane(one, number), navigator_at(one, number)
+    times = np.arange(0.0, HORIZON + 5e-4, 1e-3)
+    paths = np.stack([navigator(t)[:2] for t in times])
+    error = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
+    flows = reference._flows(*map(float, lane.gain), *map(float, times))
+    velocity = paths[:, None, 1, 0] + np.einsum("tl,lm->tm", flows[:, 1], error[..., 0])
+    return (velocity * np.sign(velocity[0])).min()
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Least speeds of all lanes, none of them near 0."""
+    one = on_a_line("exact")
+    speeds = np.array([least_speed(one, number) for number in range(LANES)])
+    assert (speeds < -0.05).sum() >= 4
+    assert (speeds > 0.05).sum() >= 4
+    return speeds
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear", "stacked"])
+@pytest.mark.parametrize("vehicle", ["two_wheeled", "car"])
+def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
+    """As the closed form says, lane by lane, whether or not a tick is near the turn."""
+    outcome = systems.simulate(on_a_line(engine, vehicle=vehicle))
+    assert (outcome.status == np.where(known < 0, Status.singular, Status.ok)).all()
+
+
+SPOOF = {"kind": "spoof", "vehicles": [2], "magnitude": 1.0, "direction": 0.0}
+
+
+@pytest.mark.parametrize("keys", [{"attack": SPOOF}, {"defence": "trusted_trim"}])
+def test_engines_agree_whoever_lies_or_decides(keys):
+    """Derivatives that do not belong together, and trimming at ticks."""
+    ours, theirs = (systems.simulate(on_a_line(engine, **keys)).status for engine in ("exact", "nonlinear"))
+    assert ours.tolist() == theirs.tolist()
+    assert {*ours.tolist()} == {Status.ok, Status.singular}
+
+
+def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
+    """By the roots of its velocity, a parabola; the nonlinear engine sees only who has turned at a step."""
+    exact, nonlinear = (on_a_line(engine, 40.0, law="rounds") for engine in ("exact", "nonlinear"))
+    plan = nonlinear.plan._replace(save=systems.EVERYTHING, rows=round(HORIZON / TICK) + 1)
+    theirs = systems.simulate(nonlinear._replace(plan=plan))
+    speed, force = (theirs.series["state"][..., number] for number in (3, 5))
+    jerk = np.diff(force, axis=1) / TICK
+    turn = np.clip(-force[:, :-1] / jerk, 0.0, TICK)
+    within = speed[:, :-1] + turn * force[:, :-1] + turn**2 / 2 * jerk
+    unseen = (theirs.status == Status.ok) & (within < 0).any(axis=(1, 2))
+    known = np.where(unseen, Status.singular, theirs.status)
+    assert unseen.any()
+    assert systems.simulate(exact).status.tolist() == known.tolist()
+    assert {*known.tolist()} == {Status.ok, Status.singular}
+
+
+def test_lanes_in_the_plane_end_alike_in_both_engines():
+    """Nobody stands still there, however fast it turns."""
+    keys = {**KEYS, "navigator": "lissajous"}
+    for engine in ("exact", "nonlinear"):
+        outcome = systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 24, ()))
+        assert (outcome.status == Status.ok).all()
+
+
+@pytest.mark.parametrize("least", [0.0, 4e-10, 1.1e-9, 1e-6, 1e-3])
+def test_a_speed_is_enclosed(least):
+    """A parabola whose least speed is known, at a time that is no end of a step; down to half of 1e-9 m/s."""
+    turn, slope = 0.0376543, 21.0
+
+    def pace(time):
+        velocity = jnp.stack([slope * (time - turn), least + 0.0 * time])[:, None]
+        return velocity, jnp.stack([slope + 0.0 * time, 0.0 * time])[:, None]
+
+    start = jnp.zeros(1)
+    found = standstill.stands(
+        pace, lambda time, step: time + step, start, jnp.full((1, 1), 300.0), 0.1, start + 1.0
+    )
+    assert found.tolist() == [least < 1e-9]
