@@ -23,6 +23,7 @@ ROUNDS = 40  # of Newton's method, at most; some 6 are taken
 SHORTER = tuple(8.0**-number for number in range(1, 11))  # steps that are tried besides a whole one
 ROUNDING = 1e-12  # by which a cost is lower
 RIDGE = 1e-11  # relative, added to the curvature, which is singular where few points count
+TRIFLE = 1e-4  # a weight under which a position may not count at all
 TINY = 1e-14  # and this, where it is 0
 
 Points = Float[Array, "2 slots m lanes"]
@@ -117,8 +118,8 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     They are `λ_j = w_j max(0, a + b·(y_j - point))`, where a and b minimise the convex function
     `½ Σ w_j max(0, a + b·(y_j - point))² - a`, piecewise quadratic: Newton's method, the best of some steps.
-    In a corner of all positions the others have weights of nearly 0 between which Newton's method cannot
-    choose; there only those in the corner count.
+    On the edge of all positions the others keep weights of nearly 0 that rounding hides from it. Without
+    these the weights are found once more, and taken where the mean is nearer to the point.
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
@@ -133,17 +134,19 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     def cost(factors: Any) -> Any:
         return (of * shares(factors) ** 2).sum(axis=0) / 2 - factors[0]
 
+    def solved(counted: SlotWeights, right: Any) -> Any:
+        curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
+        diagonal = jnp.eye(3)[:, :, None, None]
+        damped = curvature + diagonal * (TINY + RIDGE * curvature)
+        return elimination.eliminated(jnp.concatenate([damped, right[:, None]], axis=1))[:, 0]
+
     def off(state: Any) -> Any:
         number, factors = state
         return (number < ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
 
     def better(state: Any) -> Any:
         number, factors = state
-        counted = jnp.where(shares(factors) > 0, of, 0.0)
-        curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
-        diagonal = jnp.eye(3)[:, :, None, None]
-        damped = curvature + diagonal * (TINY + RIDGE * curvature)
-        step = elimination.eliminated(jnp.concatenate([damped, gradient(factors)[:, None]], axis=1))[:, 0]
+        step = solved(jnp.where(shares(factors) > 0, of, 0.0), gradient(factors))
         best = factors - step
         for share in SHORTER:
             trial = factors - share * step
@@ -153,7 +156,10 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     first = jnp.zeros_like(features[:, 0]).at[0].set(1.0)
     found = of * shares(jax.lax.while_loop(off, better, (jnp.asarray(0), first))[1])
     found = found / found.sum(axis=0, keepdims=True)
-    there = jnp.where(length(apart) < CLOSE, of, 0.0)
-    missed = length((found[None] * apart).sum(axis=1)) > CLOSE
-    alone = (missed & (there > 0).any(axis=0))[None]
-    return jnp.where(alone, there / jnp.where(alone, there.sum(axis=0, keepdims=True), 1.0), found)
+    counted = jnp.where(found > TRIFLE, of, 0.0)
+    start = jnp.zeros_like(first).at[0].set(1.0)
+    linear = (solved(counted, start)[:, None] * features).sum(axis=0)
+    again = jnp.maximum(0.0, counted * linear)
+    again = again / again.sum(axis=0, keepdims=True)
+    missed, less = (length((each[None] * apart).sum(axis=1)) for each in (found, again))
+    return jnp.where(((missed > CLOSE) & (less < missed))[None], again, found)

@@ -94,7 +94,7 @@ def least(positions, weights, point):
 
 
 def test_it_is_the_middle_with_the_least_weights():
-    """300 points to a millionth against a polygon cut out, weights of 40 to 1e-5 against all sets of sources."""
+    """300 points to a millionth against a polygon cut out, 40 weights to 1e-5 against all sets of sources."""
     position, weights = drawn(2)
     found = np.asarray(WEIGHTS(position, weights))
     for lane in range(300):
