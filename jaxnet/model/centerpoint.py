@@ -16,12 +16,14 @@ from jaxnet.model import elimination
 from jaxnet.model.plane import dot, length
 
 NEAR = 1e-9  # [m], by which half-planes are widened, against rounding
+SAME = 1e-9  # [m], and as a sine: sides so much alike are one
 PARALLEL = 1e-12  # sine of the angle below which two lines are
 CLOSE = 1e-8  # [m], of a mean to the point that it should be
 ROUNDS = 40  # of Newton's method, at most; some 6 are taken
 SHORTER = tuple(8.0**-number for number in range(1, 11))  # steps that are tried besides a whole one
 ROUNDING = 1e-12  # by which a cost is lower
 RIDGE = 1e-11  # relative, added to the curvature, which is singular where few points count
+TRIFLE = 1e-4  # a weight under which a position may not count at all
 TINY = 1e-14  # and this, where it is 0
 
 Points = Float[Array, "2 slots m lanes"]
@@ -43,18 +45,20 @@ class HalfPlanes(NamedTuple):
 def weights(position: Points, of: SlotWeights) -> SlotWeights:
     """Weights, of the slots with weight, of which the mean of the positions is a centerpoint.
 
-    It is the one nearest to the weighted mean, and the weights are as near to those given as they can be,
-    `Σ λ²/w` being least. Where the mean is one itself they are those given.
+    The centerpoint is the mean of the boundary of all centerpoints, and so an interior one: vehicles that
+    move to a centerpoint on the boundary need not meet. Of three points or fewer it is the weighted mean, for
+    then all points between them are centerpoints. The weights are as near to those given as they can be,
+    `Σ λ²/w` being least.
     """
     of = of / of.sum(axis=0, keepdims=True)
-    mean = (of[None] * position).sum(axis=1)
-    sides = half_planes(position, of > 0)
-    outside = (sides.beyond(mean) > NEAR).any(axis=0)
+    many = (of > 0).sum(axis=0) > 3
 
     def moved(_: None) -> SlotWeights:
-        return jnp.where(outside[None], least(position, of, nearest(sides, mean)), of)
+        mean = (of[None] * position).sum(axis=1)
+        point = jnp.where(many[None], middle(half_planes(position, of > 0), mean), mean)
+        return jnp.where(many[None], least(position, of, point), of)
 
-    return jax.lax.cond(outside.any(), moved, lambda _: of, None)
+    return jax.lax.cond(many.any(), moved, lambda _: of, None)
 
 
 def half_planes(position: Points, heard: Any) -> HalfPlanes:
@@ -79,25 +83,34 @@ def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lane
     return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
 
 
-def nearest(sides: HalfPlanes, to: Point) -> Point:
-    """The point of a polygon nearest to one outside: of each side the nearest, and of these the nearest."""
+def middle(sides: HalfPlanes, beside: Point) -> Point:
+    """The mean of a convex polygon's boundary, in the polygon's interior if it has one.
 
-    def on_side(best: Any, side: Any) -> Any:
-        normal, gap = side
-        foot, along = to - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
+    On each side's line the other sides leave an interval. `beside` is any point; the lines are measured from
+    their points nearest to it.
+    """
+    numbers = jnp.arange(sides.offset.shape[0])
+
+    def add(carry: Any, side: Any) -> Any:
+        moment, total = carry
+        number, normal, offset, gap = side
+        foot, along = beside - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
         rate, room = dot(sides.normal, along[:, None]), NEAR - sides.beyond(foot)
         limit = room / jnp.where(jnp.abs(rate) > PARALLEL, rate, 1.0)
         most = jnp.where(rate > PARALLEL, limit, jnp.inf).min(axis=0)
         fewest = jnp.where(rate < -PARALLEL, limit, -jnp.inf).max(axis=0)
+        same = (dot(sides.normal, normal[:, None]) > 0) & (jnp.abs(rate) < SAME)
+        same = same & (jnp.abs(sides.offset - offset[None]) < SAME) & (numbers < number)[:, None, None]
         fits = (fewest <= most) & ((jnp.abs(rate) > PARALLEL) | (room >= 0)).all(axis=0)
-        shift = jnp.clip(0.0, fewest, most)
-        point, distance = foot + shift[None] * along, jnp.hypot(gap, shift)
-        closer = fits & (distance < best[1])
-        return (jnp.where(closer[None], point, best[0]), jnp.where(closer, distance, best[1])), None
+        fits = fits & ~same.any(axis=0) & (dot(normal, normal) > 0)
+        size = jnp.where(fits, most - fewest + TINY, 0.0)
+        half = jnp.where(fits, (most + fewest) / 2, 0.0)
+        return (moment + size[None] * (foot + half[None] * along), total + size), None
 
-    nowhere = to, jnp.full(to.shape[1:], jnp.inf)
-    each = jnp.moveaxis(sides.normal, 1, 0), sides.beyond(to)
-    return jax.lax.scan(on_side, nowhere, each)[0][0]
+    none = jnp.zeros_like(beside), jnp.zeros(beside.shape[1:])
+    each = numbers, jnp.moveaxis(sides.normal, 1, 0), sides.offset, sides.beyond(beside)
+    moment, total = jax.lax.scan(add, none, each)[0]
+    return jnp.where((total > 0)[None], moment / jnp.where(total > 0, total, 1.0)[None], beside)
 
 
 def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
@@ -105,6 +118,8 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     They are `λ_j = w_j max(0, a + b·(y_j - point))`, where a and b minimise the convex function
     `½ Σ w_j max(0, a + b·(y_j - point))² - a`, piecewise quadratic: Newton's method, the best of some steps.
+    On the edge of all positions the others keep weights of nearly 0 that rounding hides from it. Without
+    these the weights are found once more, and taken where the mean is nearer to the point.
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
@@ -119,17 +134,19 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     def cost(factors: Any) -> Any:
         return (of * shares(factors) ** 2).sum(axis=0) / 2 - factors[0]
 
+    def solved(counted: SlotWeights, right: Any) -> Any:
+        curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
+        diagonal = jnp.eye(3)[:, :, None, None]
+        damped = curvature + diagonal * (TINY + RIDGE * curvature)
+        return elimination.eliminated(jnp.concatenate([damped, right[:, None]], axis=1))[:, 0]
+
     def off(state: Any) -> Any:
         number, factors = state
         return (number < ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
 
     def better(state: Any) -> Any:
         number, factors = state
-        counted = jnp.where(shares(factors) > 0, of, 0.0)
-        curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
-        diagonal = jnp.eye(3)[:, :, None, None]
-        damped = curvature + diagonal * (TINY + RIDGE * curvature)
-        step = elimination.eliminated(jnp.concatenate([damped, gradient(factors)[:, None]], axis=1))[:, 0]
+        step = solved(jnp.where(shares(factors) > 0, of, 0.0), gradient(factors))
         best = factors - step
         for share in SHORTER:
             trial = factors - share * step
@@ -138,4 +155,11 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     first = jnp.zeros_like(features[:, 0]).at[0].set(1.0)
     found = of * shares(jax.lax.while_loop(off, better, (jnp.asarray(0), first))[1])
-    return found / found.sum(axis=0, keepdims=True)
+    found = found / found.sum(axis=0, keepdims=True)
+    counted = jnp.where(found > TRIFLE, of, 0.0)
+    start = jnp.zeros_like(first).at[0].set(1.0)
+    linear = (solved(counted, start)[:, None] * features).sum(axis=0)
+    again = jnp.maximum(0.0, counted * linear)
+    again = again / again.sum(axis=0, keepdims=True)
+    missed, less = (length((each[None] * apart).sum(axis=1)) for each in (found, again))
+    return jnp.where(((missed > CLOSE) & (less < missed))[None], again, found)
