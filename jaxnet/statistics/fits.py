@@ -46,7 +46,7 @@ FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the scatter of a mean; draw
 EXACT_FIT = 1e-9  # of the errors, or of ā: what the transient and rounding leave, which is no scatter
 ROUNDING = 1e-12
 
-UNTOLD = (
+NO_CURVE_INTERVAL = (
     "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
     " error"
 )

@@ -25,6 +25,7 @@ from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics.groups import attacked_groups, shared
 from jaxnet.statistics.reach import spread_of
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
@@ -139,8 +140,15 @@ def limits_of(
 def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
     """Greatest tail_mean and tail_max [m] that theory allows in any of these lanes of a cell.
 
-    The least of the bounds that hold, transient included; infinite or not-a-number where theory says nothing.
+    The least of the bounds that hold, transient included; infinite or not-a-number where theory says nothing,
+    or where the code of a kind is missing.
     """
+    unknown = {"tail_mean": np.inf, "tail_max": np.inf}
+    return known_or(unknown, lambda: known_ceilings(config, cell, samples))
+
+
+def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
+    """`ceilings` of a cell whose kinds are at hand; raises MissingKindError else."""
     scenario = cell.scenario
     if spread_of(scenario) is None:
         return {"tail_mean": np.inf, "tail_max": np.inf}

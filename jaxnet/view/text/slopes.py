@@ -9,7 +9,7 @@ import pandas as pd
 
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.curves import Curve, curves, no_magnitudes, of_group, stored_table
-from jaxnet.statistics.fits import ENVELOPE, UNTOLD, whole_draws
+from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked
 from jaxnet.statistics.recovery import below_greatest
@@ -63,7 +63,7 @@ def slopes(results: Results) -> str:
         "fit.csv",
     )
     if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
-        text += f"\n{fill(UNTOLD, WIDTH)}"
+        text += f"\n{fill(NO_CURVE_INTERVAL, WIDTH)}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
