@@ -86,7 +86,7 @@ TICKS = 0.2, 0.1, 0.05, 0.025
 TRUSTING = {**ANNOUNCED, "trusted": {1: [2], 2: [1]}, "theta": {1: 2, 2: 2}}
 UNJOINED = {
     "topology": [[1, 0], [2, 1], [2, 3], [3, 1], [3, 2], [4, 0], [4, 1], [4, 2]],
-    "defence": {**ANNOUNCED, "theta": {2: 1, 3: 1}},
+    "defence": {**ANNOUNCED, "theta": {2: 1, 3: 1}, "first_announcement": 0.0},
 }
 
 # What is dropped, and what differs from the network, defence and attack above, which nobody fails.

@@ -30,9 +30,7 @@ def test_between_ticks_the_error_is_of_the_order_of_the_tick():
     """A tick half as long, and half the attack, which R(a) that changes no faster allows: half the error."""
     sizes = counterexamples.MAGNITUDE / np.array([1, 2])
     studies = [
-        counterexamples.pair(
-            attack=counterexamples.between_ticks(tick, size), tick=tick, defence=counterexamples.WAKING
-        )
+        counterexamples.pair(attack=counterexamples.between_ticks(tick, size), tick=tick)
         for tick, size in zip((0.1, 0.05), sizes, strict=True)
     ]
     whole, half = (ended(study)[1] for study in studies)

@@ -38,9 +38,9 @@ times = st.floats(0.0, HORIZON)
 def drawn(attack, seed=0):
     """The numbers of an attack in some lanes, its functions and its vectors."""
     draw = Draw(Keyed(seed), range(LANES), FLEET)
-    functions, vectors, _ = attack_of(
-        Scenario(attack=attack, horizon=HORIZON), draw, None, np.zeros((2, 12, 1))
-    )
+    scenario = Scenario(attack=attack, horizon=HORIZON)
+    navigator = scenario.navigator.drawn(draw, "navigator")
+    functions, vectors, *_ = attack_of(scenario, draw, navigator, np.zeros((2, 12, 1)))
     return attack.drawn(draw, "attack"), tree(functions, LANES), jnp.asarray(vectors)
 
 
