@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.model import xla
+from jaxnet.model import ties, xla
 from jaxnet.model.plane import length
 
 Mask = Bool[Array, "slots m lanes"]
@@ -51,7 +51,7 @@ def filtered(
 
 
 def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
-    """The ϑ candidates with the greatest scores, of equal ones those in lower slots.
+    """The ϑ candidates with the greatest scores, of equal ones (`ties`) those in lower slots.
 
     The farthest is taken ϑ times over. The scores enter that loop as numbers already computed: left to
     itself, a compiler may evaluate a score twice and round it differently.
@@ -61,7 +61,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
 
     def farther(best: tuple[Any, Any], slot: tuple[Any, Any]) -> tuple[tuple[Any, Any], None]:
         number, score = slot
-        beats = score > best[1]
+        beats = ties.over(score, best[1])
         return (jnp.where(beats, number, best[0]), jnp.where(beats, score, best[1])), None
 
     def take(carry: tuple[Any, Mask]) -> tuple[Any, Mask]:

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.model import ties
 from jaxnet.model.plane import length
 
 
@@ -45,5 +46,7 @@ class Greedy(Attack):
             return length(pulled).sum(axis=0)
 
         unit = jnp.asarray(along(2 * np.pi * np.arange(self.directions) / self.directions).T)
-        worst = unit[jax.lax.map(harm, unit).argmax(axis=0)].T  # (2, lanes)
+        harms = jax.lax.map(harm, unit)
+        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # of equal ones
+        worst = unit[first].T  # (2, lanes)
         return jnp.broadcast_to(worst[:, None], shape)[:, :, None], memory

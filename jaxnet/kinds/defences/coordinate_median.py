@@ -3,6 +3,7 @@
 from typing import Any
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.model import ties
 
 HALF = 0.5 + 1e-12  # of the weight, and what adding it up may be off
 
@@ -10,9 +11,9 @@ HALF = 0.5 + 1e-12  # of the weight, and what adding it up may be off
 class CoordinateMedian(Sparing):
     """Retain, axis by axis, the sources at the weighted median of the positions received, and trusted ones.
 
-    No more than half of the weight is below it, and no more than half above. Without the trusted ones a
-    vehicle would soon hear nobody by whom the navigator reaches it. Source of the median: Yin, Chen,
-    Ramchandran and Bartlett, Byzantine-robust distributed learning, 2018.
+    No more than half of the weight is below it, and no more than half above. What is equal but for rounding
+    is neither. Without the trusted ones a vehicle would soon hear nobody by whom the navigator reaches it.
+    Source of the median: Yin, Chen, Ramchandran and Bartlett, Byzantine-robust distributed learning, 2018.
     """
 
     kind = "coordinate_median"
@@ -31,7 +32,7 @@ class CoordinateMedian(Sparing):
                 xp.where(beside(position[:, k : k + 1], position), weight[None, None], 0.0)
                 for k, weight in enumerate(weights)
             )
-            for beside in (xp.less, xp.greater)
+            for beside in (lambda a, b: ties.apart(b, a), ties.apart)
         )
         most = (HALF * weights.sum(axis=0))[None, None]
         median = (below <= most) & (above <= most) & (weights > 0)[None]

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, any_untrusted
@@ -29,14 +30,14 @@ class MSNorm(Sparing):
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
     ) -> tuple[Any, Any]:
-        """By counting who is farther out; of equal distances the one in the lower slot is dropped first."""
+        """By counting who is farther out; of equal ones (`ties`) the one in the lower slot goes first."""
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])
         order = xp.arange(len(distance))
         first = (order[:, None] < order[None])[:, :, None, None]  # the other slot before this one
         other, this = distance[:, None], distance[None]
-        beyond = candidate[:, None] & ((other > this) | ((other == this) & first))
+        beyond = candidate[:, None] & (ties.over(other, this) | (~ties.over(this, other) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
     def retained(self, graph: Digraph, trusted: Links) -> AnySubset:

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, any_untrusted
 
@@ -31,19 +32,21 @@ class WMSR(Sparing):
     ) -> tuple[Any, Any]:
         """By counting, of those who are farther out on the same side, whether they are less than F.
 
-        Of equal values the one in the lower slot is dropped first.
+        Of equal values (`ties`) the one in the lower slot is dropped first; one equal to one's own is kept.
         """
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]
         candidate = ((around.weights > 0) & ~self.spared(around))[None]
-        size, side = xp.abs(above), xp.where(candidate, xp.sign(above), 0.0)
+        size, mine = xp.abs(above), own[0][:, None]
+        sides = ties.apart(received[0], mine).astype(float) - ties.apart(mine, received[0]).astype(float)
+        side = xp.where(candidate, sides, 0.0)
         order = xp.arange(above.shape[1])[None, :, None, None]
 
         def beyond(k: int) -> Any:
             """Who has the one in this slot farther out on the same side."""
             other = slice(k, k + 1)
-            first = (above[:, other] == above) & (k < order)
-            return (side[:, other] == side) & ((size[:, other] > size) | first)
+            first = ~ties.over(size, size[:, other]) & (k < order)
+            return (side[:, other] == side) & (ties.over(size[:, other], size) | first)
 
         before = sum(xp.where(beyond(k), 1, 0) for k in range(above.shape[1]))
         return ~((side != 0) & (before < self.F)), memory
