@@ -50,6 +50,7 @@ ATTACKS: list[dict[str, Any]] = [
     {"kind": "mimic"},
     {"kind": "greedy"},
 ]
+ANNOUNCES = ["consistent"] * 5 + ["zero", "honest", {"kind": "free", "size": {"uniform": [0.0, 10.0]}}]
 RULES: list[dict[str, Any]] = [
     *[{"kind": "trusted_trim", "score": "announced", "label": "announced"}] * 5,
     *[{"kind": "trusted_only"}] * 2,
@@ -102,7 +103,12 @@ def study_of(number: int) -> jaxnet.Study:
     if rule["kind"] == "trusted_trim":
         rule["theta"] = {int(i): int(random.choice([0, 1, 1, 2])) for i in everyone}
     liars = random.choice(everyone, random.integers(1, 3), replace=False)
-    attack = {**ATTACKS[number % len(ATTACKS)], "magnitude": 10.0, "vehicles": sorted(liars.tolist())}
+    attack = {
+        **ATTACKS[number % len(ATTACKS)],
+        "magnitude": 10.0,
+        "vehicles": sorted(liars.tolist()),
+        "announces": ANNOUNCES[random.integers(len(ANNOUNCES))],
+    }
     return jaxnet.load(
         {
             "name": "safe",
