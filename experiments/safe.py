@@ -7,6 +7,7 @@ which vehicles end on the navigator, and why; one of them fails that is over a h
 is next to nothing, for none of these is made to announce just what passes.
 
 A lane that ends because somebody is cut off fails for who is certified if nobody can be; else it is stopped.
+Somebody can be cut off with sybils counted as sources of their own, or without them.
 
 Run it with `python experiments/safe.py`; it goes on where it was stopped. With `--batches 4` to try it.
 """
@@ -19,7 +20,7 @@ import click
 import numpy as np
 
 import jaxnet
-from jaxnet.config.scenario import safe_in
+from jaxnet.config.scenario import safe_in, with_sybils
 from jaxnet.engine import batch
 from jaxnet.kinds.graphs import Graph
 from jaxnet.lanes.jobs import job
@@ -145,11 +146,18 @@ def tally_of(number: int) -> dict[str, list[float]]:
 
 def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, off: Any, ended: bool) -> None:
     """Count one lane, each vehicle under the strongest reason for which it is safe."""
-    drops = scenario.defence.may_drop(heard, scenario.defence.trusts(heard))
-    joined = safety.stay_joined(drops, np.ones(VEHICLES, bool)).all()
+    attacked, trusted = scenario.attack.links(heard), scenario.defence.trusts(heard)
+    networks = [(heard, trusted)]
+    if scenario.attack.identities() > 1:
+        wider, _, also = with_sybils(heard, attacked, trusted, scenario.attack.identities() - 1)
+        networks.append((wider, also))
+    joined = all(
+        safety.stay_joined(scenario.defence.may_drop(each, spared), np.ones(each.vehicles, bool)).all()
+        for each, spared in networks
+    )
     left = np.ones(VEHICLES, bool)
     for why, vehicles, _ in [
-        *safe_in(scenario, heard, scenario.attack.links(heard)),
+        *safe_in(scenario, heard, attacked),
         safety.Safe("not known", left),
     ]:
         these, left = vehicles & left, left & ~vehicles
