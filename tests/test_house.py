@@ -309,19 +309,12 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
 ONE_MEANING = {
     "simulate": "outcomes of lanes, of a study (api), a job (batch) and a load (the engines)",
     "field": "the vector field of a lane",
-    "feedback": "P(y) = k0 y + k1 ẏ + k2 ÿ, as the paper writes it and as the programs need it",
     "figure": "what a file of view/figures draws",
     "legend": "that of a figure",
     "text": "what a command prints",
     "ROUNDING": "what rounding may amount to, of the numbers that a module has",
 }
-ENGINES = {
-    "engine.integration",
-    "engine.propagation",
-    "engine.exchange",
-    "engine.methods.stacked",
-    "engine.tick",
-}
+ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked"}
 
 
 def defined(tree: ast.Module) -> set[str]:
@@ -336,7 +329,7 @@ def defined(tree: ast.Module) -> set[str]:
 
 
 def homes_of_names() -> dict[str, set[str]]:
-    """Modules that define each name; the engines, who take the same steps, count as one."""
+    """Modules that define each name; the engines, whose motions have one interface, count as one."""
     homes = defaultdict(set)
     for path in MODULES:
         module = name_of(path).removeprefix("jaxnet.")

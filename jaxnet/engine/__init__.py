@@ -1,8 +1,7 @@
-"""Ways to advance lanes from tick to tick, and what is measured on the way.
+"""One loop that advances lanes, and what differs between engines.
 
-receive → decide → follow → measure: at each tick every vehicle receives what its sources send and decides
-whom to retain (`tick`), at output times the fleet is measured (`metrics`). Between ticks the vehicles move:
-`propagation` solves the closed loop exactly, `integration` steps the nonlinear vehicles (with `stepper`,
-`multirate` and `queue`); `methods` are the engines that a config chooses between. `batch` runs many lanes at
-once.
+At each tick vehicles sense, tell, receive and decide (`tick`), at output times the fleet is measured
+(`metrics`), and `loop` owns both. Between ticks the vehicles move: `propagation` solves the closed loop
+exactly, `integration` steps the nonlinear vehicles (with `stepper` and `multirate`). `methods` are the
+engines that a config chooses between. `batch` runs many lanes at once.
 """

@@ -4,59 +4,61 @@ A vehicle whose velocity passes 0 goes straight on, with probability 1: it turns
 which everybody has turned are let go, and the others are looked at from every tick back to the one before.
 """
 
+from collections.abc import Callable
 from typing import Any
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine import flow, standstill
 from jaxnet.engine.flow import Lanes
-from jaxnet.engine.plan import Inputs, Plan
+from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.subset import Few as LaneIndices
 from jaxnet.engine.subset import for_each, once, picked, put
 from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane
-from jaxnet.model.plane import Plane, length
+from jaxnet.model.plane import Jets, Plane, length
+from jaxnet.model.signal import Vectors
 
 FEW = 16  # lanes that are looked at
 
+Flags = Bool[Array, "lanes"]
+
 
 def stopped(
-    fleet: Any, time: Lanes, looked_at: Bool[Array, ""], inputs: Inputs, interval: Any, plan: Plan
-) -> tuple[Code, Bool[Array, "lanes"]]:
-    """The status, and lanes in which some vehicle may have gone straight on, a tick after the one before."""
-    lane, numbers = inputs
+    straight: Flags, status: Code, outputs: Callable[[], Jets], stood: Callable[[LaneIndices], Flags]
+) -> tuple[Code, Flags]:
+    """Return the status, and the lanes in which some vehicle may have gone straight on, a tick later.
 
-    def some(few: Any, status: Code) -> Code:
-        given = fleet.errors, fleet.forced, fleet.effect()[:3], lane, numbers.reach, time
-        errors, forced, effect, *rest = jax.tree.map(lambda leaf: picked(leaf, few), given)
-        still = stood(errors, forced, effect, *rest, interval=interval, plan=plan)
-        return put(status, few, fail(picked(status, few), Status.singular, still))
+    `outputs()` are y with two derivatives; `stood(few)` says which of a few lanes have a vehicle that stood
+    still in the tick before now.
+    """
+
+    def some(few: LaneIndices, status: Code) -> Code:
+        return put(status, few, fail(picked(status, few), Status.singular, stood(few)))
 
     def work(carry: Any) -> Any:
         status, straight = carry
-        path = lane.navigator.jets(time)
-        motion = (fleet.errors[order] + path[order][:, None] for order in (1, 2))
-        straight = straight & standstill.straight(*motion) & (status == Status.ok)
+        straight = straight & standstill.straight(*outputs()[1:]) & (status == Status.ok)
         return for_each(straight, FEW, some, status), straight
 
-    return once(looked_at & fleet.straight.any(), work, (fleet.status, fleet.straight))
+    return once(straight.any(), work, (status, straight))
 
 
 def stood(
-    errors: Any,
-    forced: Any,
+    errors: Jets,
+    forced: Vectors,
     effect: flow.Effect,
     lane: Lane,
-    reach: Any,
+    reach: Float[Array, "3 lanes"],
     time: Lanes,
     interval: Any,
     plan: Plan,
-) -> Bool[Array, "lanes"]:
-    """Lanes in which a vehicle stood still in the interval before now, from E and G now.
+) -> Flags:
+    """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
-    They go back in time. E‴ is `-P(E) + K R(β)` with attack vectors K, so its bound follows from E, Ė and Ë
+    Lanes go back in time. E‴ is `-P(E) + K R(β)` with attack vectors K, so its bound follows from E, Ė and Ë
     now and from the greatest norms of the navigator's jerk and of the attack's functions.
     """
     path, functions = lane.sizes
@@ -83,3 +85,18 @@ def stood(
 
     longest = flow.longest(lane.gain)
     return standstill.stands(pace, go_back, (time, free, effect), jerk, interval, longest)
+
+
+def stood_held(jets: Jets, held: Vectors, interval: Any) -> Flags:
+    """Return the lanes in which a vehicle stood still in the interval before now, while it held a jerk."""
+
+    def pace(jets: Jets) -> tuple[Plane, Plane]:
+        return jets[1], -jets[2]
+
+    def go_back(jets: Jets, step: Lanes) -> Jets:
+        free = flow.propagate(flow.of_integrators(-step), jets)
+        moved = signal.jets(held, flow.held_input(-step))
+        return free[0] + moved[0], free[1] + moved[1], free[2] + moved[2]
+
+    jerk = length(held[:, :, 0])
+    return standstill.stands(pace, go_back, jets, jerk, interval, jnp.full(jerk.shape[1:], interval))

@@ -29,6 +29,18 @@ def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
     return a, b, c
 
 
+def of_integrators(time: Lanes) -> Transition:
+    """Return the flow of three integrators over a time [s]."""
+    one, zero = jnp.ones_like(time), jnp.zeros_like(time)
+    rows = [one, time, time**2 / 2], [zero, one, time], [zero, zero, one]
+    return jnp.stack([jnp.stack(row) for row in rows])
+
+
+def held_input(time: Lanes) -> Effect:
+    """Return what a third derivative of 1, held for a time [s], adds to a signal and its derivatives."""
+    return jnp.stack([time**3 / 6, time**2 / 2, time])[:, None]
+
+
 def longest(gain: control.Gain) -> Lanes:
     """A time over which the series of `brief` holds to rounding."""
     return 1.0 / jnp.maximum(1.0, jnp.abs(gain).sum(axis=0))

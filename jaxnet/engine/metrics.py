@@ -42,6 +42,18 @@ SERIES: dict[str, Callable[[Observation], Any]] = {
     "kept": lambda seen: seen.weights.mean(axis=0),
 }
 
+
+def series(save: Sequence[str], seen: Observation) -> dict[str, Any]:
+    """Return what is saved of an observation, by name, lanes last."""
+    return {name: SERIES[name](seen) for name in save}
+
+
+def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> dict[str, Any]:
+    """Return stacks over `rows` output times of what is saved, not-a-number as yet."""
+    shapes = jax.eval_shape(lambda: series(save, seen()))
+    return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
+
+
 NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
 STEP = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
 FLEET = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}

@@ -1,20 +1,19 @@
-"""The closed loop solved exactly from tick to tick (SCIENCE O2, O2b), no integrator.
+"""The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
-In `E_i = y_i - y_0` and its derivatives the loop is linear. While the retained neighbours are held,
+The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives,
+Φ = expm(A_c h). The attacks make `G = L⁻¹ d` of the fleet, vectors v = L⁻¹ d times functions of time, and
 
-    E(t + h) = expm(A_c h) E(t) + G(t + h) - expm(A_c h) G(t),      G = L⁻¹ d,
+    E(t + h) = Φ E(t) + G(t + h) - Φ G(t).
 
-where d is what the attacks add and G so what they do to the fleet. d is a sum of fixed vectors times scalar
-functions of time, as the vehicles' signals are, so G is one too, with vectors `L⁻¹ d` that change only when
-weights or attacks do: then they are solved for anew, for the lanes concerned alone, and E does not jump.
+The vectors change only where weights or attacks do. There they are solved for anew, and E does not jump.
+The functions of G are g = β, those of the attacks. Where the falsified jets are no path with its derivatives,
+g solves `g‴ + P(g) = R(β)`, which is summed up from tick to tick by Gauss and Legendre's rule.
 
-Where what is falsified is not a path with its derivatives, G = L⁻¹ W g with what the axis makes of the
-disturbance ρ = R(β), `g‴ + P(g) = ρ`, which is summed up from tick to tick by Gauss and Legendre's rule.
-Where it is, g = β solves that.
+A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives, Φ that of three integrators,
+v the jerk, and f = (h³/6, h²/2, h).
 
-The lanes are the last axis of every array. An instant's functions are computed behind a barrier: else XLA
-would compute them where they are used, once for each vehicle that uses them. A tick's decision is the carry
-of a loop for the same reason.
+The lanes are the last axis of every array. Functions of one instant are computed behind a barrier: XLA would
+compute them again for each vehicle that uses them.
 """
 
 from typing import Any, NamedTuple
@@ -22,181 +21,200 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Float
 
-from jaxnet.engine import between, metrics, response
-from jaxnet.engine import tick as ticks
-from jaxnet.engine.flow import Effect, Lanes, Transition, impulse_responses, passed_on, propagate
-from jaxnet.engine.metrics import Observation
-from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
-from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import once
-from jaxnet.engine.tick import Mind
-from jaxnet.model import plane, signal
-from jaxnet.model.lane import Lane, Network
+from jaxnet.engine import between, response, tick
+from jaxnet.engine.flow import (
+    Effect,
+    Transition,
+    held_input,
+    impulse_responses,
+    of_integrators,
+    passed_on,
+    propagate,
+)
+from jaxnet.engine.loop import Batch, Flags, Motion, Tick, Ticks
+from jaxnet.engine.status import Code
+from jaxnet.engine.subset import Few as LaneIndices
+from jaxnet.engine.subset import once, picked
+from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.model import control, plane, signal
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
 
-class Fleet(NamedTuple):
-    """Lanes under way, at a tick whose decision is taken and followed."""
+class State(NamedTuple):
+    """Lanes under way."""
 
-    errors: Jets  # E and its derivatives
-    forced: Vectors  # of G
-    mind: Mind
-    basis: Basis  # the attacks' functions now
-    made: Any  # what an axis makes of them now; () where it is they themselves
-    switches: Int[Array, "lanes"]
-    straight: Bool[Array, "lanes"]  # where some vehicle may have gone straight on until now
-    status: Code
-
-    def effect(self) -> Any:
-        """The scalar functions of G now, with two derivatives or more."""
-        return self.basis if isinstance(self.made, tuple) else self.made
+    jets: Jets  # x
+    vectors: Vectors  # v
+    time: Instants
+    basis: Basis  # the attacks' functions β now
+    effect: Effect | None  # g now, with two derivatives; None where g = β
+    straight: Flags  # lanes in which some vehicle may have gone straight on until now
 
 
-def simulate(inputs: Inputs, count: Int[Array, ""], network: Network, clock: Clock, plan: Plan) -> Outcome:
-    """Lanes from 0 to the horizon, all side by side; what stands after the first `count` is filling."""
-    (lane, numbers), zero = inputs, jnp.asarray(0)
+class Propagation(Motion):
+    """What both ways to move have in common."""
 
-    def instant(number: Any) -> Lanes:
-        return jnp.broadcast_to(clock.at(jnp.asarray(number)), lane.amplitude.shape)
+    def basis(self, state: State) -> tuple[Instants, Basis]:
+        """Return the time [s] and the attacks' functions now."""
+        return state.time, state.basis
 
-    def tick(number: Int[Array, ""], fleet: Fleet) -> Fleet:
-        time, first = instant(number), number == 0
-        flow, before = jnp.where(first, nowhere, numbers.flow), fleet.effect()
-        fleet = fleet._replace(
-            basis=barrier(lane.signal.basis(time)),
-            made=() if plan.consistent else barrier(effect_at(number, fleet.made)),
+    def navigator(self, state: State) -> Float[Array, "4 2 lanes"]:
+        """Return the navigator's jets now."""
+        return barrier(self.lane.navigator.jets(state.time))
+
+    def instant(self, ticks: Any) -> Instants:
+        """Return the time of the tick with this number."""
+        return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.amplitude.shape)
+
+    def seen(self, state: State) -> tuple[Any, Any, Any]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+        jets = self.outputs(state)
+        return *plane.pace(jets), self.lane.vehicle.state_of(jets)
+
+    def outputs(self, state: State) -> Jets:
+        """Return y with two derivatives."""
+        raise NotImplementedError
+
+    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        raise NotImplementedError
+
+    def stood(self, state: State, few: LaneIndices) -> Flags:
+        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
+        raise NotImplementedError
+
+    def advance(
+        self, state: State, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[State, Code, Flags]:
+        """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
+        flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
+        now = now._replace(jets=plus(propagate(flow, state.jets), signal.jets(state.vectors, forcing)))
+
+        def stood(few: Any) -> Flags:
+            return self.stood(now, few)
+
+        status, straight = between.stopped(now.straight, status, lambda: self.outputs(now), stood)
+        return now._replace(straight=straight), status, jnp.ones_like(straight)
+
+
+class Solved(Propagation):
+    """The law solved for all vehicles at every instant."""
+
+    def __init__(self, batch: Batch):
+        super().__init__(batch)
+        consistent = batch.plan.consistent
+        self.responses = None if consistent else impulse_responses(self.lane.gain, self.clock.interval)
+
+    def begin(self) -> State:
+        """Return the state at t = 0; the attacks make nothing of the fleet yet."""
+        lane, time = self.lane, self.instant(0)
+        basis = lane.signal.basis(time)
+        jets = lane.vehicle.output_jets(lane.initial)
+        return State(
+            jets=plus(jets, [-jet[:, None] for jet in lane.navigator.jets(time)]),
+            vectors=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
+            time=time,
+            basis=basis,
+            effect=None if self.plan.consistent else jnp.zeros_like(basis[:3]),
+            straight=jnp.ones(time.shape, bool),
         )
-        forcing = barrier(fleet.effect()[:3] - jnp.stack(propagate(flow, before)))
-        fleet, decided = go_on(fleet, flow, forcing, time, lane, network, plan)
-        status, straight = between.stopped(fleet, time, ~first, inputs, clock.interval, plan)
-        fleet = fleet._replace(status=status, straight=straight)
-        return settle(fleet, decided, first, lane, network, plan) if plan.choosing else fleet
 
-    def effect_at(number: Any, before: Any) -> Any:
-        after = passed_on(before, numbers.flow, responses, lane, instant(number - 1), clock.interval)
-        return jnp.where(number == 0, before, after)
+    def errors(self, state: State) -> Jets:
+        """Return E and its first two derivatives now."""
+        return state.jets
 
-    def output(number: Int[Array, ""], carry: Any) -> Any:
-        fleet, gathered, series = carry
-        if plan.choosing or not plan.consistent:
-            last = number * clock.ticks
-            fleet = jax.lax.fori_loop(jnp.maximum(0, last - clock.ticks + 1), last + 1, tick, fleet)
-        else:
-            fleet = tick(number, fleet)
-        return fleet, *measure(fleet, gathered, series, number)
+    def outputs(self, state: State) -> Jets:
+        """Return y with two derivatives."""
+        return plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
-    def measure(fleet: Fleet, gathered: Any, series: Any, number: Any) -> Any:
-        navigator = barrier(lane.navigator.jets(instant(number * clock.ticks)))
-        seen, ok = observe(fleet, lane, network, plan, navigator), fleet.status == Status.ok
-        series = {
-            name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
-            for name, value in ticks.series(plan, seen).items()
-        }
-        everywhere = jnp.ones_like(ok)
-        return metrics.add(plan.metrics, gathered, seen, everywhere, clock.in_tail(number)), series
+    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+        """Solve `L v = d` in lanes that decide otherwise; near the vehicles that do, where that suffices."""
+        lane, network, plan = self.lane, self.network, self.plan
+        changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
-    nowhere = jnp.eye(3)[:, :, None]  # the flow of no time, to the first tick
-    responses: Any = () if plan.consistent else impulse_responses(lane.gain, clock.interval)
-    fleet = start(lane, network, plan, instant(zero))
-    series = ticks.room(plan, lambda: observe(fleet, lane, network, plan, lane.navigator.jets(instant(zero))))
-    carry = fleet, metrics.nothing(plan.metrics, lane.initial.shape[1:]), series
-    fleet, gathered, series = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
-    status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
-    status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    found = metrics.of_fleet(plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok)
-    return Outcome(status, found, jnp.zeros_like(status), fleet.switches, series)
+        def solve(carry: Any) -> Any:
+            (vectors, cut_off), left = carry, at.anew
+            if response.local(decided, network, plan):
+                vectors, left = response.solved_near(vectors, at.anew, changed, decided, lane, network)
+            return response.solved(vectors, cut_off, left, decided, lane, network, plan)
 
+        vectors, cut_off = once(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
+        return state._replace(vectors=vectors), cut_off
 
-def start(lane: Lane, network: Network, plan: Plan, time: Lanes) -> Fleet:
-    """The lanes before their first tick, at t = 0; where nobody decides, with what the attacks do to them."""
-    navigator, mind = lane.navigator.jets(time), ticks.begin(lane, network, plan)
-    status, basis = ticks.status_at_start(lane), lane.signal.basis(time)
-    fleet = Fleet(
-        errors=plus(lane.vehicle.output_jets(lane.initial), [-jet[:, None] for jet in navigator]),
-        forced=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
-        mind=mind,
-        basis=basis,
-        made=() if plan.consistent else jnp.zeros_like(basis[:3]),
-        switches=jnp.zeros_like(status),
-        straight=status == Status.ok,
-        status=status,
-    )
-    if plan.choosing:
-        return fleet
-    everybody = jnp.ones(lane.weights.shape[1:], bool)
-    return follow(fleet, status == Status.ok, everybody, lane, network, plan)
+    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        flow, basis = self.numbers.flow, barrier(self.lane.signal.basis(time))
+        before, effect = state.basis, None
+        if state.effect is not None and self.responses is not None:
+            interval, before = self.clock.interval, state.effect
+            effect = barrier(passed_on(before, flow, self.responses, self.lane, state.time, interval))
+        now = basis if effect is None else effect
+        forcing = barrier(now[:3] - jnp.stack(propagate(flow, before)))
+        return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
+
+    def stood(self, state: State, few: LaneIndices) -> Flags:
+        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
+        effect = state.basis[:3] if state.effect is None else state.effect
+        given = state.jets, state.vectors, effect, self.lane, self.numbers.reach, state.time
+        some = jax.tree.map(lambda leaf: picked(leaf, few), given)
+        return between.stood(*some, interval=self.clock.interval, plan=self.plan)
 
 
-def go_on(
-    fleet: Fleet, flow: Transition, forcing: Effect, time: Lanes, lane: Lane, network: Network, plan: Plan
-) -> tuple[Fleet, Mind]:
-    """The fleet moved to this tick, and what is received and decided there.
+class Held(Propagation):
+    """A jerk that vehicles exchange at each tick, and hold until the next."""
 
-    `forcing` are the functions of `G(t + h) - expm(A_c h) G(t)` and its derivatives.
-    """
+    def begin(self) -> State:
+        """Return the state at t = 0; no jerk is held yet."""
+        lane, time = self.lane, self.instant(0)
+        jets = lane.vehicle.output_jets(lane.initial)
+        vectors = jnp.zeros_like(jets[0])[:, :, None]
+        return State(jets, vectors, time, lane.signal.basis(time), None, jnp.ones(time.shape, bool))
 
-    def work(carry: tuple[Jets, Mind]) -> tuple[Jets, Mind]:
-        errors, mind = carry
-        errors = plus(propagate(flow, errors), signal.jets(fleet.forced, forcing))
-        return errors, ticks.decide(lane, network, plan, mind, errors, fleet.basis, time)
+    def errors(self, state: State) -> Jets:
+        """Return E and its first two derivatives now."""
+        return plus(state.jets, [-jet[:, None] for jet in self.navigator(state)])
 
-    errors, decided = once((fleet.status == Status.ok).any(), work, (fleet.errors, fleet.mind))
-    return fleet._replace(errors=errors), decided
+    def outputs(self, state: State) -> Jets:
+        """Return y with two derivatives."""
+        return state.jets
+
+    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+        """Exchange the jerk, in all lanes."""
+        lane, network, plan = self.lane, self.network, self.plan
+        weights, vectors = tick.drive(lane, decided, plan)
+        path, functions = barrier(
+            tuple(control.driven(lane.gain, jets) for jets in (self.navigator(state), state.basis))
+        )
+        attack = signal.combined(vectors, functions)
+        last = state.vectors[:, :, 0]
+        jerk = tick.exchange(lane, network, weights, state.jets, path, attack, last)
+        cut_off = once(
+            at.first.any() | plan.decides,
+            lambda _: ~network.hearing.all_reached(weights),
+            jnp.zeros_like(at.here),
+        )
+        return state._replace(vectors=jerk[:, :, None]), cut_off
+
+    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        interval = jnp.broadcast_to(self.clock.interval, time.shape)
+        basis = barrier(self.lane.signal.basis(time))
+        return of_integrators(interval), held_input(interval), state._replace(time=time, basis=basis)
+
+    def stood(self, state: State, few: LaneIndices) -> Flags:
+        """Return which of a few lanes have a vehicle that stood still in the tick before now."""
+        jets, held = jax.tree.map(lambda leaf: picked(leaf, few), (state.jets, state.vectors))
+        return between.stood_held(jets, held, self.clock.interval)
 
 
-def settle(
-    fleet: Fleet, decided: Mind, first: Bool[Array, ""], lane: Lane, network: Network, plan: Plan
-) -> Fleet:
-    """Follow the decision in the lanes where it is another one, and count the vehicles that changed theirs.
-
-    The first decision is no change, and followed in every lane.
-    """
-    lanes, vehicles = ticks.changed(decided, fleet.mind, lane)
-    alive = fleet.status == Status.ok
-    switches = fleet.switches + jnp.where(alive & ~first, vehicles.sum(axis=0), 0)
-    fleet, changed = fleet._replace(mind=decided, switches=switches), vehicles | first
-    return follow(fleet, alive & (first | lanes), changed, lane, network, plan)
-
-
-def follow(
-    fleet: Fleet,
-    flagged: Bool[Array, "lanes"],
-    changed: Bool[Array, "m lanes"],
-    lane: Lane,
-    network: Network,
-    plan: Plan,
-) -> Fleet:
-    """The flagged lanes with what the attacks do to them for the weights decided.
-
-    `changed` are the vehicles that decided otherwise, if any decide.
-    """
-
-    def solve(carry: Any) -> Any:
-        (forced, status), left = carry, flagged
-        if response.local(fleet.mind, network, plan):
-            forced, left = response.solved_near(forced, flagged, changed, fleet.mind, lane, network)
-        return response.solved(forced, status, left, fleet.mind, lane, network, plan)
-
-    forced, status = once(flagged.any(), solve, (fleet.forced, fleet.status))
-    return fleet._replace(forced=forced, status=status)
+def motion(batch: Batch) -> Propagation:
+    """Return how the lanes of a batch move."""
+    return Held(batch) if batch.lane.law.holds else Solved(batch)
 
 
 def plus(jets: Any, others: Any) -> Jets:
-    """Sum of two signals' jets."""
+    """Return the sum of two signals' jets."""
     return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
-
-
-def observe(fleet: Fleet, lane: Lane, network: Network, plan: Plan, navigator: Any) -> Observation:
-    """The fleets as they are measured now."""
-    jets = plus(fleet.errors, [jet[:, None] for jet in navigator])
-    return Observation(
-        fleet.errors[0],
-        *plane.pace(jets),
-        lane.vehicle.state_of(jets),
-        signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], fleet.basis[0]),
-        ticks.weights_of(lane, fleet.mind, plan),
-        network.hearing,
-    )

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from jaxnet.engine.subset import picked, put
+from jaxnet.engine.subset import picked, put, select
 
 SPARE = 16  # one place in so many may stand idle before the idle ones are filled
 
@@ -50,7 +50,7 @@ def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record:
         idle = ~busy(now)
         number = jnp.where(idle, taken + jnp.cumsum(idle) - 1, now.number)
         inputs = jax.tree.map(lambda leaf: picked(leaf, number), queue)
-        state = jax.tree.map(lambda new, old: where(idle, new, old), work.start(inputs), now.state)
+        state = select(idle, work.start(inputs), now.state)
         return Places(number, inputs, state), taken + idle.sum()
 
     def until_some_end(carry: Any) -> Any:
@@ -78,8 +78,3 @@ def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record:
     carry = nobody, jnp.asarray(0), left, record
     carry = jax.lax.while_loop(lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry)
     return carry[2], carry[3]
-
-
-def where(flagged: Bool[Array, " places"], new: jax.Array, old: jax.Array) -> jax.Array:
-    """The new array in the flagged places, the old one elsewhere."""
-    return jnp.where(flagged.reshape(*[1] * (new.ndim - 1), -1), new, old)

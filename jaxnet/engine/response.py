@@ -10,12 +10,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from jaxnet.engine import tick as ticks
+from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
-from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.subset import Few as LaneIndices
 from jaxnet.engine.subset import for_each, numbered, picked, put
-from jaxnet.engine.tick import Mind
-from jaxnet.model import elimination, near, retained
+from jaxnet.engine.tick import DecisionState
+from jaxnet.model import elimination, near
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.near import System
@@ -31,22 +31,25 @@ Changed = Bool[Array, "m lanes"]  # vehicles that decided otherwise
 
 
 def solved(
-    response: Vectors, status: Code, flagged: Lanes, mind: Mind, lane: Lane, network: Network, plan: Plan
-) -> tuple[Vectors, Code]:
-    """The response with that of flagged lanes for what was decided, and who is cut off."""
-    vectors = ticks.vectors_of(lane, mind)
+    response: Vectors,
+    cut_off: Lanes,
+    flagged: Lanes,
+    decided: DecisionState,
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+) -> tuple[Vectors, Lanes]:
+    """Return the response, solved for again in flagged lanes, and the lanes with a vehicle cut off."""
 
-    def some(few: Any, carry: Any) -> Any:
-        response, status = carry
-        weights = picked(lane.weights, few)[None]
-        if plan.decides:
-            weights = retained.in_force(weights[0], picked(mind.decision, few))
-        new, residual = forced(picked(vectors, few), weights, network)
-        cut_off = fail(picked(status, few), Status.disconnected, ~(residual < CONNECTED))
-        return put(response, few, new), put(status, few, cut_off)
+    def some(few: LaneIndices, carry: tuple[Vectors, Lanes]) -> tuple[Vectors, Lanes]:
+        response, cut_off = carry
+        part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
+        weights, vectors = tick.drive(part, chosen, plan)
+        new, residual = forced(vectors, weights, network)
+        return put(response, few, new), put(cut_off, few, ~(residual < CONNECTED))
 
     at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
-    return for_each(flagged, at_once, some, (response, status))
+    return for_each(flagged, at_once, some, (response, cut_off))
 
 
 def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
@@ -60,24 +63,24 @@ def forced(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Ve
     return response.transpose(1, 2, 0, 3), residual
 
 
-def local(mind: Mind, network: Network, plan: Plan) -> bool:
+def local(decided: DecisionState, network: Network, plan: Plan) -> bool:
     """Whether at a tick only rows of vehicles change that retain others, in a fleet with room for windows.
 
     Rules that weigh, and attackers that plan, change more rows at every tick.
     """
-    retaining = plan.decides and mind.decision.dtype == bool
+    retaining = plan.decides and decided.decision.dtype == bool
     return retaining and not plan.strategic and near.windows(network.order) > 0
 
 
 def solved_near(
-    response: Vectors, flagged: Lanes, changed: Changed, mind: Mind, lane: Lane, network: Network
+    response: Vectors, flagged: Lanes, changed: Changed, decided: DecisionState, lane: Lane, network: Network
 ) -> tuple[Vectors, Lanes]:
     """The response of flagged lanes near who has changed, and which of them are left.
 
     A lane's windows do not depend on other lanes. Left are those in which too many have, or somebody does not
     hear the navigator, or what one has decided reaches too far.
     """
-    order, decision = network.order, mind.decision.reshape(-1, *lane.weights.shape)
+    order, decision = network.order, decided.decision.reshape(-1, *lane.weights.shape)
     system = System(network.hearing, lane.weights, decision, lane.vectors)
     most = near.windows(order)
     dominance = near.dominance(system)

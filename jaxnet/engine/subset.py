@@ -46,6 +46,11 @@ def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) ->
     return jax.lax.while_loop(lambda state: state[0], one, (flag, carry))[1]
 
 
+def select(flagged: Bool[Array, "lanes"], new: Carry, old: Carry) -> Carry:
+    """Return the new tree in the flagged lanes, the old one elsewhere; lanes last."""
+    return jax.tree.map(lambda a, b: jnp.where(flagged.reshape(*[1] * (a.ndim - 1), -1), a, b), new, old)
+
+
 def picked(array: jax.Array, few: Few) -> jax.Array:
     """These lanes of an array."""
     return array.at[..., few].get(mode="clip")

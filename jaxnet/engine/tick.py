@@ -1,8 +1,13 @@
-"""One tick, the same in every engine: receive → decide → (exchange) → (follow) → measure.
+"""A tick, the same in every engine: sense → tell → attack → channel → judge → drive.
 
-At a tick attackers that are strategic choose their vectors, every vehicle receives the jets that its sources
-send, attacked or not, and decides whom to retain. Jets are told relative to the navigator's, in which form
-all engines know them: E = y - y_0 and its derivatives.
+    sense    a vehicle measures its own jets
+    tell     a vehicle sends its jets, and an announcement where its defence announces
+    attack   strategic attackers choose their vectors; attacked links carry false jets
+    channel  a link hands over what it carries
+    judge    a vehicle decides whom to retain
+    drive    the weights and the attacks' vectors that the motion follows until the next tick
+
+Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
 
 from typing import Any, NamedTuple
@@ -11,75 +16,73 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine.metrics import SERIES, Observation
 from jaxnet.engine.plan import Plan
-from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis, Vectors
+
+Instants = Float[Array, " lanes"]
+Sent = tuple[Float[Array, "2 sources lanes"], ...]
+Received = tuple[Float[Array, "2 slots m lanes"], ...]
+LaneFlags = Bool[Array, " lanes"]
+VehicleFlags = Bool[Array, "m lanes"]
 
 
-class Mind(NamedTuple):
-    """What was decided at a tick, and what is remembered of it."""
+class DecisionState(NamedTuple):
+    """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
-    decision: Any  # of the defence: ([2,] slots, m, lanes), () where nobody decides
+    decision: Any  # of the defence, ([2,] slots, m, lanes); None where the defence decides nothing
     memory: Any  # of the defence
-    vectors: Any  # of attackers that are strategic (2, m, B, lanes), else ()
-    plot: Any  # their memory
+    vectors: Vectors | None  # of strategic attackers
+    attacker_memory: Any  # of strategic attackers
+
+
+class Drive(NamedTuple):
+    """What the motion follows from one tick to the next."""
+
+    weights: AxisWeights  # in force
+    vectors: Vectors  # of the attacks [m]
 
 
 class Seen(NamedTuple):
     """What a strategic attacker sees at a tick: everything."""
 
-    errors: Any  # E and its first two derivatives, each (2, m, lanes)
+    errors: Jets
     decision: Any  # of the tick before
     weights: Float[Array, "slots m lanes"]
     sources: Int[Array, "slots m"]
     attacked: Bool[Array, "slots m"]
-    basis: Float[Array, "4 functions lanes"]
-    time: Float[Array, "lanes"]
-    amplitude: Float[Array, "lanes"]  # ā, by which unit vectors are multiplied [m]
-    in_force: Any  # what weights (axes, slots, m, lanes) vectors like those of `aim` would lead to now
+    basis: Basis
+    time: Instants
+    amplitude: Instants  # ā, the factor of unit vectors [m]
+    in_force: Any  # weights (axes, slots, m, lanes) that follow from vectors like those of `aim`
 
 
-def begin(lane: Lane, network: Network, plan: Plan) -> Mind:
-    """Before the first tick: everybody is retained."""
-    time, errors = jnp.zeros_like(lane.amplitude), (jnp.zeros_like(lane.initial[:2]),) * 3
-    decision, memory = (), ()
+def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
+    """Return the state before the first tick: every vehicle retains every source."""
+    time, zero = jnp.zeros_like(lane.amplitude), jnp.zeros_like(lane.initial[:2])
+    errors = zero, zero, zero
+    decision = memory = None
     if plan.decides:
-        memory = lane.defence.start(surroundings(lane, network, time))
+        memory = lane.defence.start(surroundings(lane, network, time, None))
         everybody = jnp.ones(lane.weights.shape, bool)
         around = surroundings(lane, network, time, memory, (*errors, errors[0]))
-        shape = jax.eval_shape(
-            lambda: lane.defence.decide(errors, received(network, errors, errors), everybody, memory, around)
-        )
+        carried = attack(network, tell(errors), errors)
+        shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     if not plan.strategic:
-        return Mind(decision, memory, (), ())
-    mind = Mind(decision, memory, lane.vectors, ())
-    nothing = sight(lane, network, plan, mind, errors, lane.signal.basis(time), time)
-    return mind._replace(plot=lane.signal.begin(nothing))
-
-
-def sight(lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Any) -> Seen:
-    """What a strategic attacker sees."""
-
-    def in_force(vectors: Any) -> AxisWeights:
-        chosen = mind._replace(vectors=bounded(vectors, lane))
-        return weights_of(lane, believe(lane, network, plan, chosen, errors, basis, time), plan)
-
-    heard, decision = network.hearing, mind.decision
-    if isinstance(decision, tuple):  # nobody decides
-        decision = jnp.ones(lane.weights.shape, bool)
-    rest = basis, time, lane.amplitude, in_force
-    return Seen(errors, decision, lane.weights, heard.sources, heard.attacked, *rest)
+        return DecisionState(decision, memory, None, None)
+    state = DecisionState(decision, memory, lane.vectors, None)
+    seen = sight(lane, network, plan, state, errors, lane.signal.basis(time), time)
+    return state._replace(attacker_memory=lane.signal.begin(seen))
 
 
 def first_decision(decided: Any, lane: Lane) -> Any:
-    """Everybody retained, in the form in which the defence decides; raises KindError if that is none."""
+    """Return the decision that retains every source, in the defence's form. Raises KindError for none."""
     slots = lane.weights.shape
     if decided.shape not in (slots, (2, *slots)) or decided.dtype not in (jnp.bool_, jnp.float64):
         raise KindError(
@@ -91,67 +94,115 @@ def first_decision(decided: Any, lane: Lane) -> Any:
     return jnp.broadcast_to(lane.weights, decided.shape)
 
 
+def decide(
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    before: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
+) -> DecisionState:
+    """Pass one tick: return the decisions for errors E, where the attacks' functions are `basis`."""
+    if plan.strategic:
+        seen = sight(lane, network, plan, before, errors, basis, time)
+        vectors, memory = lane.signal.aim(seen, before.attacker_memory)
+        before = before._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
+    return judge(lane, network, plan, before, sense(errors), basis, time)
+
+
+def sense(errors: Jets) -> Jets:
+    """Return the jets that vehicles measure of themselves."""
+    return errors
+
+
+def tell(sensed: Jets) -> Sent:
+    """Return the jets that the navigator, whose E is 0, and the vehicles send, each (2, 1 + m, lanes)."""
+    return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in sensed)
+
+
+def attack(network: Network, sent: Sent, signals: Any) -> Received:
+    """Return the jets on each link, with the attacks' jets on attacked links."""
+    return tuple(network.hearing.received(*both) for both in zip(sent, signals, strict=False))
+
+
+def channel(lane: Lane, carried: Received, time: Instants) -> Received:
+    """Return the jets that arrive, as the defence takes them."""
+    return lane.defence.observed(carried, time)
+
+
+def judge(
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    before: DecisionState,
+    sensed: Jets,
+    basis: Basis,
+    time: Instants,
+) -> DecisionState:
+    """Return the state with whom each vehicle retains, for vectors that attackers have chosen."""
+    if not plan.decides:
+        return before
+    signals = signal.jets(attack_vectors(lane, before), basis)
+    decision, memory = lane.defence.decide(
+        sensed,
+        channel(lane, attack(network, tell(sensed), signals), time),
+        before.decision,
+        before.memory,
+        surroundings(lane, network, time, before.memory, signals),
+    )
+    return before._replace(decision=of_heard(decision, lane), memory=memory)
+
+
+def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
+    """Return what the motion follows from these decisions."""
+    return Drive(weights_in_force(lane, state, plan), attack_vectors(lane, state))
+
+
+def sight(
+    lane: Lane, network: Network, plan: Plan, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+) -> Seen:
+    """Return what a strategic attacker sees."""
+
+    def in_force(vectors: Any) -> AxisWeights:
+        chosen = state._replace(vectors=bounded(vectors, lane))
+        judged = judge(lane, network, plan, chosen, sense(errors), basis, time)
+        return weights_in_force(lane, judged, plan)
+
+    heard, decision = network.hearing, state.decision
+    if decision is None:
+        decision = jnp.ones(lane.weights.shape, bool)
+    rest = basis, time, lane.amplitude, in_force
+    return Seen(errors, decision, lane.weights, heard.sources, heard.attacked, *rest)
+
+
 def surroundings(
-    lane: Lane, network: Network, time: Any, memory: Any = (), attack: Any = ()
+    lane: Lane, network: Network, time: Instants, memory: Any, signals: Any = None
 ) -> Neighbourhood:
-    """What a defence is told besides the jets; `attack` are the signals' jets."""
+    """Return what a defence is told besides the jets; `signals` are the jets of the attacks."""
     heard, trusted = network.hearing, network.trusted
     attacked = (heard.added(jnp.abs(lane.vectors).sum(axis=2)) != 0).any(axis=0)
-    announced = lane.defence.announcement(memory)
-    if not isinstance(announced, tuple):
+    announced = None if signals is None else lane.defence.announcement(memory)
+    if announced is not None:
         sent = jnp.concatenate([jnp.zeros_like(announced[:, :1]), announced], axis=1)
-        carried = heard.received(sent, control.driven(lane.gain, attack))
+        carried = heard.received(sent, control.driven(lane.gain, signals))
         announced = lane.announces.received(heard.sent(sent), carried, attacked, heard.signals, time)
         announced = lane.defence.overheard(announced, heard.sources, time)
     rest = network.shared, announced, attacked
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 
-def received(network: Network, errors: Any, attack: Any) -> tuple[Any, ...]:
-    """Jets in each slot, attacked or not, each (2, slots, m, lanes)."""
-    return tuple(
-        network.hearing.received(jnp.concatenate([jnp.zeros_like(sent[:, :1]), sent], axis=1), added)
-        for sent, added in zip(errors, attack, strict=False)
-    )
-
-
-def decide(
-    lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Float[Array, "lanes"]
-) -> Mind:
-    """Have attackers choose, and vehicles receive and decide."""
-    if plan.strategic:
-        vectors, plot = lane.signal.aim(sight(lane, network, plan, mind, errors, basis, time), mind.plot)
-        mind = mind._replace(vectors=bounded(vectors, lane), plot=plot)
-    return believe(lane, network, plan, mind, errors, basis, time)
-
-
-def believe(
-    lane: Lane, network: Network, plan: Plan, mind: Mind, errors: Any, basis: Any, time: Float[Array, "lanes"]
-) -> Mind:
-    """Have vehicles receive and decide."""
-    if not plan.decides:
-        return mind
-    attack = signal.jets(vectors_of(lane, mind), basis)
-    decision, memory = lane.defence.decide(
-        errors,
-        lane.defence.observed(received(network, errors, attack), time),
-        mind.decision,
-        mind.memory,
-        surroundings(lane, network, time, mind.memory, attack),
-    )
-    return mind._replace(decision=of_heard(decision, lane), memory=memory)
-
-
 def of_heard(decision: Any, lane: Lane) -> Any:
-    """A decision in which a slot without a source, or of one that this lane does not hear, never counts."""
+    """Return a decision in which slots of sources that the lane does not hear never count."""
     heard = jnp.broadcast_to(lane.weights > 0, decision.shape)
     return decision | ~heard if decision.dtype == bool else jnp.where(heard, decision, 0.0)
 
 
-def bounded(vectors: Any, lane: Lane) -> Any:
-    """Vectors scaled to ā, and down where their norm (no less than the spectral one) is over 1.
+def bounded(vectors: Any, lane: Lane) -> Vectors:
+    """Return vectors scaled to ā; a norm over 1 is scaled down to 1.
 
-    The norm is taken of vectors over their greatest component, for the square of a great one is infinite.
+    The Frobenius norm is no less than the spectral norm. The vectors are divided by their greatest component
+    first, because the square of a large number is infinite.
     """
     greatest = jnp.maximum(1.0, jnp.abs(vectors).max(axis=(0, 2), keepdims=True))
     unit = vectors / greatest
@@ -161,36 +212,36 @@ def bounded(vectors: Any, lane: Lane) -> Any:
     return jnp.where(attacked, lane.amplitude[None, None, None] * unit, 0.0)
 
 
-def vectors_of(lane: Lane, mind: Mind) -> Any:
-    """The attacks' vectors (2, m, B, lanes) until the next tick."""
-    return lane.vectors if isinstance(mind.vectors, tuple) else mind.vectors
+def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
+    """Return the attacks' vectors (2, m, B, lanes) until the next tick."""
+    return lane.vectors if state.vectors is None else state.vectors
 
 
-def weights_of(lane: Lane, mind: Mind, plan: Plan) -> AxisWeights:
-    """The weights in force."""
-    return retained.in_force(lane.weights, mind.decision) if plan.decides else lane.weights[None]
+def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
+    """Return the weights until the next tick."""
+    return retained.in_force(lane.weights, state.decision) if plan.decides else lane.weights[None]
 
 
-def changed(now: Mind, before: Mind, lane: Lane) -> tuple[Bool[Array, "lanes"], Bool[Array, "m lanes"]]:
-    """Lanes in which anything was decided otherwise, and vehicles that retain others than before."""
+def changed(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
+    """Return the lanes in which any decision is another one, and the vehicles that retain other sources."""
     lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
-    if not isinstance(now.decision, tuple):
+    if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
         others = xla.computed(lambda: retained.changed(*supports))
         lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
-    if not isinstance(now.vectors, tuple):
+    if now.vectors is not None and before.vectors is not None:
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others
 
 
-def exchanged(
-    lane: Lane, network: Network, weights: AxisWeights, own: Any, path: Any, attack: Any, last: Any
+def exchange(
+    lane: Lane, network: Network, weights: AxisWeights, own: Jets, path: Any, attack: Any, last: Any
 ) -> Float[Array, "2 m lanes"]:
-    """The jerk that vehicles hold until the next tick, where the law has one held.
+    """Return the jerk that vehicles hold until the next tick, where the law holds one.
 
-    From their own jets, `R(y_0)`, `R(a)`, and what they held until now.
+    `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), `last` the jerk held until now.
     """
     demand = control.demand(own, path, attack, network.hearing, weights, lane.gain)
 
@@ -199,21 +250,3 @@ def exchanged(
         return network.hearing.mean(weights, sources, jnp.zeros_like(attack))
 
     return lane.law.exchange(last, demand, heard)
-
-
-def status_at_start(lane: Lane) -> Code:
-    """Lanes that cannot begin: at rest, or not finite."""
-    still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
-    status = fail(jnp.zeros(still.shape, int), Status.singular, still)
-    return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
-
-
-def room(plan: Plan, seen: Any) -> dict[str, Any]:
-    """Stacks over output times of what is saved, not-a-number as yet; `seen` makes an observation."""
-    shapes = jax.eval_shape(lambda: series(plan, seen()))
-    return {name: jnp.full((plan.rows, *one.shape), jnp.nan) for name, one in shapes.items()}
-
-
-def series(plan: Plan, seen: Observation) -> dict[str, Any]:
-    """What is saved of an observation, lanes last."""
-    return {name: SERIES[name](seen) for name in plan.save}

@@ -178,7 +178,7 @@ def applied(
 ) -> Float[Array, "2 m lanes"]:
     """`L⁻¹` times a vector on each axis; iteration starts from a guess at it, () where there is none."""
     if isinstance(factors, Weighted):
-        start = jnp.zeros_like(right) if isinstance(start, tuple) else start
+        start = jnp.zeros_like(right) if start is None else start
         right, start = (
             jnp.moveaxis(each.reshape(len(factors.weights), -1, *each.shape[1:]), 2, 0).swapaxes(1, 2)
             for each in (right, start)

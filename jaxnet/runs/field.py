@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxnet.config.study import Study
-from jaxnet.engine.methods.stacked import Held, motion
+from jaxnet.engine.methods.stacked import Followed, motion
 from jaxnet.lanes.jobs import job, source_of
 
 
@@ -32,10 +32,10 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
-    held = Held(lane, lane.weights[None], lane.vectors)
+    followed = Followed(lane, lane.weights[None], lane.vectors)
 
     @jax.jit
     def ours(time: Any, state: Any, args: Any = None) -> Any:
-        return motion(jnp.asarray(time, float), jnp.asarray(state, float), held, network, one.plan)
+        return motion(jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan)
 
     return ours, lane.initial

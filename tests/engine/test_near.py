@@ -7,7 +7,7 @@ import pytest
 
 from jaxnet.engine import batch, response
 from jaxnet.engine.methods.exact import Exact
-from jaxnet.engine.tick import Mind
+from jaxnet.engine.tick import DecisionState
 from jaxnet.model import hearing, near
 from tests import systems
 
@@ -73,10 +73,10 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
         after[-1, 2, those, number] = False
     after[0, 0, middle, 2] = False
     changed = (after != before[:axes]).any(axis=(0, 1))
-    mind = Mind(jnp.asarray(after if axes == 2 else after[0]), (), (), ())
+    decided = DecisionState(jnp.asarray(after if axes == 2 else after[0]), None, None, None)
     start, flagged = known(lane, network, before), jnp.arange(5) < 4
     found, left = jax.jit(response.solved_near)(
-        jnp.asarray(start), flagged, jnp.asarray(changed), mind, lane, network
+        jnp.asarray(start), flagged, jnp.asarray(changed), decided, lane, network
     )
     np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
     np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])

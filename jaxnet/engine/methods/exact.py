@@ -36,9 +36,7 @@ class Exact(Engine):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
-        """See `engine.propagation`, and `engine.exchange` where the law holds the jerk."""
-        if queue.lane.law.holds:
-            from jaxnet.engine.exchange import simulate
-        else:
-            from jaxnet.engine.propagation import simulate
-        return simulate(queue, count, network, clock, plan)
+        """See `engine.propagation`."""
+        from jaxnet.engine import loop, propagation
+
+        return loop.in_lockstep(propagation.motion, queue, network, clock, plan)

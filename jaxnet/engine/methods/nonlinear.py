@@ -40,6 +40,6 @@ class Nonlinear(Engine):
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
         """See `engine.integration`."""
-        from jaxnet.engine import integration
+        from jaxnet.engine import integration, loop
 
-        return integration.simulate(queue, count, network, clock, plan)
+        return loop.from_queue(integration.Integration, queue, count, network, clock, plan)

@@ -18,22 +18,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
-from jaxnet.engine import metrics
-from jaxnet.engine import tick as ticks
+from jaxnet.engine import loop, tick
+from jaxnet.engine.loop import Flags, Motion, Tick, Ticks
 from jaxnet.engine.methods import Engine
-from jaxnet.engine.metrics import Observation
-from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
+from jaxnet.engine.plan import Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.tick import Mind
+from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import definition, signal
-from jaxnet.model.hearing import Hearing
+from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis
 
 LEAST_STEP = 4 * 2.0**-52  # of the time, or of 1 s if that is more: below it a step no longer moves the time
 
-State = Float[Array, "n m"]
+StateOfOne = Float[Array, "n m"]  # of one lane
 
 
 def solvers() -> list[str]:
@@ -84,21 +85,19 @@ class Stacked(Engine):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Outcome:
-        """See `simulate`; what stands after the first `count` lanes is filling."""
-        return simulate(queue, network, clock, plan)
+        """See `ByDiffrax`; what stands after the first `count` lanes is filling."""
+        return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
 
-class Fleet(NamedTuple):
-    """Lanes at a tick whose decision is taken."""
+class State(NamedTuple):
+    """Lanes at a tick."""
 
     state: Float[Array, "n m lanes"]
-    mind: Mind
+    time: Instants
     steps: Int[Array, " lanes"]
-    switches: Int[Array, " lanes"]
-    status: Code
 
 
-class Held(NamedTuple):
+class Followed(NamedTuple):
     """What one lane's vector field takes besides time and state; no leaf has an axis over lanes."""
 
     lane: Lane
@@ -106,69 +105,54 @@ class Held(NamedTuple):
     vectors: Float[Array, "2 m functions"]  # of the attacks
 
 
-def simulate(inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Outcome:
-    """Lanes from 0 to the horizon, all side by side."""
-    lane, _ = inputs
+class ByDiffrax(Motion):
+    """How lanes move under the stacked law: diffrax solves each lane from tick to tick."""
 
-    def advance(n: Int[Array, ""], fleet: Fleet) -> Fleet:
-        return decide(move(fleet, n, inputs, network, clock, plan), n + 1, lane, network, clock, plan)
+    def begin(self) -> State:
+        """Return the state at t = 0."""
+        zero = jnp.zeros_like(self.lane.amplitude)
+        return State(self.lane.initial, zero, jnp.zeros(zero.shape, int))
 
-    def output(number: Int[Array, ""], carry: Any) -> Any:
-        fleet, gathered, series = carry
-        now = number * clock.ticks
-        seen, ok = observe(fleet, now, lane, network, clock, plan), fleet.status == Status.ok
-        series = {
-            name: series[name].at[number].set(jnp.where(ok, value, jnp.nan))
-            for name, value in ticks.series(plan, seen).items()
-        }
-        gathered = metrics.add(plan.metrics, gathered, seen, ok, clock.in_tail(number))
-        end = jnp.where(number < clock.outputs, now + clock.ticks, now)
-        return jax.lax.fori_loop(now, end, advance, fleet), gathered, series
+    def errors(self, state: State) -> Jets:
+        """Return E and its first two derivatives now."""
+        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.navigator.jets(state.time)
+        y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
+        return y, velocity, acceleration
 
-    zero = jnp.asarray(0)
-    fleet = start(lane, network, clock, plan)
-    series = ticks.room(plan, lambda: observe(fleet, zero, lane, network, clock, plan))
-    carry = fleet, metrics.nothing(plan.metrics, lane.initial.shape[1:]), series
-    fleet, gathered, series = jax.lax.fori_loop(zero, clock.outputs + 1, output, carry)
-    status = fail(fleet.status, Status.nonfinite, ~metrics.finite(gathered))
-    found = metrics.of_fleet(plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok)
-    return Outcome(status, found, fleet.steps, fleet.switches, series)
+    def basis(self, state: State) -> tuple[Instants, Basis]:
+        """Return the time [s] and the attacks' functions now."""
+        return state.time, self.lane.signal.basis(state.time)
 
+    def seen(self, state: State) -> tuple[Any, Any, Any]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+        return *self.lane.vehicle.pace(state.state), state.state
 
-def start(lane: Lane, network: Network, clock: Clock, plan: Plan) -> Fleet:
-    """The lanes at t = 0 with their first decision taken, which is no switch."""
-    status = ticks.status_at_start(lane)
-    none = jnp.zeros_like(status)
-    fleet = Fleet(lane.initial, ticks.begin(lane, network, plan), none, none, status)
-    return decide(fleet, jnp.asarray(0), lane, network, clock, plan)._replace(switches=none)
+    def steps(self, state: State) -> Int[Array, " lanes"]:
+        """Return the steps that diffrax has taken."""
+        return state.steps
 
+    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+        """Return the state as it is, and the lanes in which a vehicle is cut off."""
+        weights = self.drive(state, decided).weights
+        reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
+        return state, ~reached
 
-def times(number: Any, lane: Lane, clock: Clock) -> Float[Array, " lanes"]:
-    """When the tick of this number is, in each lane."""
-    return jnp.broadcast_to(clock.at(number), lane.amplitude.shape)
-
-
-def decide(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock, plan: Plan) -> Fleet:
-    """The fleets after the decision at this tick; those that cut a vehicle off have failed."""
-    before = ticks.begin(lane, network, plan) if plan.in_field else fleet.mind
-    mind = received_and_decided(before, times(number, lane, clock), fleet.state, lane, network, plan)
-    ok, switched = fleet.status == Status.ok, ticks.changed(mind, fleet.mind, lane)[1]
-    weights = ticks.weights_of(lane, mind, plan)
-    connected = jax.vmap(lambda each: reaches_everybody(network.hearing, each), -1, -1)(weights)
-    return fleet._replace(
-        mind=mind,
-        switches=fleet.switches + jnp.where(ok, switched.sum(axis=0), 0),
-        status=fail(fleet.status, Status.disconnected, ~connected),
-    )
-
-
-def received_and_decided(
-    before: Mind, time: Any, state: Any, lane: Lane, network: Network, plan: Plan
-) -> Mind:
-    """What is decided for what is received of lanes in these states, lanes last."""
-    own, navigator = lane.vehicle.output_jets(state), lane.navigator.jets(time)
-    errors = tuple(jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
-    return ticks.decide(lane, network, plan, before, errors, lane.signal.basis(time), time)
+    def advance(
+        self, state: State, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[State, Code, Flags]:
+        """Return the state at the next tick; a lane that has failed stays where it is."""
+        lane, tolerances, clock, plan = self.lane, self.numbers, self.clock, self.plan
+        ok = status == Status.ok
+        end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
+        weights, vectors = self.drive(state, decided)
+        solve = functools.partial(solution, network=self.network, plan=plan)
+        followed = Followed(lane, weights, vectors)
+        moved, steps, reason = jax.vmap(solve, -1, -1)(followed, tolerances, state.time, end, state.state)
+        steps, last = state.steps + steps, clock.outputs * clock.ticks
+        status = jnp.where(ok, reason, status)
+        needed = steps + (ticks + 1 < last).astype(int)  # a tick takes one step at least
+        status = fail(status, Status.max_steps, needed > tolerances.max_steps)
+        return State(moved, end, steps), status, ok
 
 
 def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
@@ -183,21 +167,6 @@ def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -
         return jax.lax.fori_loop(0, len(hears), spread, hears[:, 0])
 
     return jax.vmap(on_axis)(weights).all()
-
-
-def move(fleet: Fleet, number: Any, inputs: Inputs, network: Network, clock: Clock, plan: Plan) -> Fleet:
-    """The fleets at the next tick; a lane that has failed stays where it is."""
-    lane, tolerances = inputs
-    begin, ok = times(number, lane, clock), fleet.status == Status.ok
-    end = jnp.where(ok, times(number + 1, lane, clock), begin)
-    held = Held(lane, ticks.weights_of(lane, fleet.mind, plan), ticks.vectors_of(lane, fleet.mind))
-    solve = functools.partial(solved, network=network, plan=plan)
-    state, steps, reason = jax.vmap(solve, -1, -1)(held, tolerances, begin, end, fleet.state)
-    steps, last = fleet.steps + steps, clock.outputs * clock.ticks
-    status = jnp.where(ok, reason, fleet.status)
-    needed = steps + (number + 1 < last).astype(int)  # a tick takes one step at least
-    status = fail(status, Status.max_steps, needed > tolerances.max_steps)
-    return fleet._replace(state=state, steps=steps, status=status)
 
 
 class Controller(diffrax.PIDController):
@@ -232,62 +201,76 @@ class Controller(diffrax.PIDController):
         return (*found, results.where(stuck, results.max_steps_reached, result))
 
 
-def solved(
-    held: Held, tolerances: Tolerances, begin: Any, end: Any, state: State, network: Network, plan: Plan
-) -> tuple[State, Any, Any]:
-    """One lane's state at the end of a tick, the steps it took, and its status."""
+def solution(
+    followed: Followed,
+    tolerances: Tolerances,
+    begin: Any,
+    end: Any,
+    state: StateOfOne,
+    network: Network,
+    plan: Plan,
+) -> tuple[StateOfOne, Any, Any]:
+    """Return one lane's state at the end of a tick, the steps it took, and its status."""
     solver, max_steps = plan.options
     shortest = LEAST_STEP * jnp.maximum(end, 1.0)
 
-    def field(time: Any, state: State, held: Held) -> State:
-        return motion(time, state, held, network, plan)
+    def field(time: Any, state: StateOfOne, followed: Followed) -> StateOfOne:
+        return motion(time, state, followed, network, plan)
 
-    def stands(time: Any, state: State, held: Held, **_: Any) -> Any:
-        return (state[SPEED] * jnp.sign(held.lane.initial[SPEED]) < LEAST_SPEED).any()
+    def stands(time: Any, state: StateOfOne, followed: Followed, **_: Any) -> Any:
+        return (state[SPEED] * jnp.sign(followed.lane.initial[SPEED]) < LEAST_SPEED).any()
 
-    solution = diffrax.diffeqsolve(
+    found = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         getattr(diffrax, solver)(),
         begin,
         end,
         None,
         state,
-        held,
+        followed,
         stepsize_controller=Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False),
         event=diffrax.Event(stands),
         max_steps=max_steps,
         throw=False,
     )
-    assert solution.ys is not None
-    result, results = solution.result, diffrax.RESULTS
+    assert found.ys is not None
+    result, results = found.result, diffrax.RESULTS
     status = fail(jnp.asarray(0), Status.singular, result == results.event_occurred)
     status = fail(status, Status.max_steps, result == results.max_steps_reached)
     status = fail(status, Status.nonfinite, result != results.successful)
-    return solution.ys[0], solution.stats["num_steps"], status
+    return found.ys[0], found.stats["num_steps"], status
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def motion(time: Any, state: State, held: Held, network: Network, plan: Plan) -> State:
+def motion(time: Any, state: StateOfOne, followed: Followed, network: Network, plan: Plan) -> StateOfOne:
     """`ẋ = f(x, u(t, x))` of one lane, with the weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors = held
+    lane, weights, vectors = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds take lanes
     if plan.in_field:
-        mind = received_and_decided(ticks.begin(alone, network, plan), now, there, alone, network, plan)
-        weights = ticks.weights_of(alone, mind, plan)[..., 0]
+        weights = decided_in_field(alone, there, now, network, plan)[..., 0]
     vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
     attack = jnp.stack(signal.jets(vectors[..., None], alone.signal.basis(now)))[..., 0]
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
 
     def law(each: Float[Array, "slots m"]) -> Float[Array, "2 m"]:
-        graph, third, error = feedback(own, navigator, attack, each, network.hearing)
+        graph, third, error = jets_of_law(own, navigator, attack, each, network.hearing)
         return definition.inputs(drift, decoupling, graph, third, error, lane.gain)
 
     inputs = of_axes(jax.vmap(law)(weights), decoupling)
     return vehicle.motion(there, inputs[..., None])[..., 0]
 
 
-def feedback(
+def decided_in_field(lane: Lane, state: Any, time: Any, network: Network, plan: Plan) -> AxisWeights:
+    """Return the weights in force for what is received now, decided without memory; lanes last."""
+    own, navigator = lane.vehicle.output_jets(state), lane.navigator.jets(time)
+    y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
+    before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
+    decided = tick.decide(lane, network, plan, before, (y, velocity, acceleration), basis, time)
+    return tick.drive(lane, decided, plan).weights
+
+
+def jets_of_law(
     own: Float[Array, "3 2 m"],
     navigator: Float[Array, "4 2"],
     attack: Float[Array, "4 2 m"],
@@ -312,18 +295,3 @@ def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"])
     jerks = jnp.einsum("kim,aim->akm", decoupling, inputs)
     wanted = jnp.stack([jerks[0, 0], jerks[1, 1]])
     return jnp.linalg.solve(jnp.moveaxis(decoupling, 2, 0), wanted.T[..., None])[..., 0].T
-
-
-def observe(fleet: Fleet, number: Any, lane: Lane, network: Network, clock: Clock, plan: Plan) -> Observation:
-    """The fleets as they are measured at this tick."""
-    now = times(number, lane, clock)
-    speed, turn_rate = lane.vehicle.pace(fleet.state)
-    return Observation(
-        fleet.state[:2] - lane.navigator.jets(now)[0][:, None],
-        speed,
-        turn_rate,
-        fleet.state,
-        signal.combined(ticks.vectors_of(lane, fleet.mind)[:, network.shown], lane.signal.basis(now)[0]),
-        ticks.weights_of(lane, fleet.mind, plan),
-        network.hearing,
-    )

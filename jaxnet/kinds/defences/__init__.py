@@ -35,8 +35,8 @@ class Neighbourhood(NamedTuple):
     gain: Any
     time: Any
     shared: Any
-    announced: Any = ()
-    attacked: Any = ()
+    announced: Any = None
+    attacked: Any = None
 
 
 class AnyDefence(Kind):
@@ -64,10 +64,10 @@ class AnyDefence(Kind):
     def announcement(self, memory: Any) -> Any:
         """What vehicles tell their listeners of the `R(y) - R(y_0)` that drives them: (2, m, lanes).
 
-        An attacked link adds R of its signal, and carries that alone where the threat replaces. () where they
-        tell nothing, the default.
+        An attacked link adds R of its signal, and carries that alone where the threat replaces. None, the
+        default, where they tell nothing.
         """
-        return ()
+        return None
 
     def announcing(self) -> bool:
         """Whether vehicles announce what drives them, and are judged by it."""

@@ -143,7 +143,7 @@ class TrustedTrim(Sparing):
 
     def announcement(self, memory: Any) -> Any:
         """ρ of the last tick."""
-        return memory.announced if memory else ()
+        return memory.announced if self.announcing() else None
 
     def decide(
         self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood

@@ -1,0 +1,273 @@
+"""One loop for all engines.
+
+    at a tick    sense → tell → attack → channel → judge → drive     `tick`, then the engine's `hold`
+    between      advance                                             the engine's
+    at outputs   measure, gather, save, count, fail                  `metrics`
+
+`in_lockstep` advances lanes that are all at the same tick. `from_queue` advances lanes that each have their
+own time, and fills the place of a lane that has ended. The lanes are the last axis of every array.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int
+
+from jaxnet.engine import metrics, tick
+from jaxnet.engine.metrics import Gathered, Observation
+from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
+from jaxnet.engine.queue import Places, Work, work_off
+from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.subset import once, select
+from jaxnet.engine.tick import DecisionState, Drive, Instants
+from jaxnet.kinds.vehicles import SPEED
+from jaxnet.model import signal
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis
+
+Flags = Bool[Array, " lanes"]
+Vehicles = Bool[Array, "m lanes"]
+Ticks = Int[Array, "*ticks"]  # ticks passed; one number where lanes are in lockstep
+
+
+class Tick(NamedTuple):
+    """Which lanes are at a tick, and where anything was decided otherwise than before."""
+
+    here: Flags
+    first: Flags  # the lanes at their first tick
+    anew: Flags  # the lanes here in which any decision changed, and those at their first tick
+    vehicles: Vehicles  # that retain other sources
+
+
+class Batch(NamedTuple):
+    """Lanes side by side, and what they share."""
+
+    inputs: Inputs
+    network: Network
+    clock: Clock
+    plan: Plan
+
+    @property
+    def lane(self) -> Lane:
+        """What the lanes are simulated from."""
+        return self.inputs.lane
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything happens at ticks after the first."""
+        return self.plan.choosing or self.lane.law.holds
+
+
+class Motion(ABC):
+    """How the lanes of a batch move: what differs between engines. `state` is a pytree, lanes last."""
+
+    def __init__(self, batch: Batch):
+        self.lane, self.numbers = batch.inputs
+        self.network, self.clock, self.plan = batch.network, batch.clock, batch.plan
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """Return the state at t = 0, before anything is decided."""
+
+    @abstractmethod
+    def errors(self, state: Any) -> Jets:
+        """Return E and its first two derivatives now."""
+
+    @abstractmethod
+    def basis(self, state: Any) -> tuple[Instants, Basis]:
+        """Return the time [s] and the attacks' functions now."""
+
+    @abstractmethod
+    def seen(self, state: Any) -> tuple[Any, Any, Any]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+
+    @abstractmethod
+    def hold(self, state: Any, decided: DecisionState, at: Tick) -> tuple[Any, Flags]:
+        """Return the state that follows the decisions, and the lanes in which a vehicle is cut off."""
+
+    @abstractmethod
+    def advance(
+        self, state: Any, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[Any, Code, Flags]:
+        """Return the state later, at most at the next tick; the status; the lanes that have arrived there."""
+
+    def drive(self, state: Any, decided: DecisionState) -> Drive:
+        """Return what the motion follows now."""
+        return tick.drive(self.lane, decided, self.plan)
+
+    def steps(self, state: Any) -> Int[Array, " lanes"]:
+        """Return the steps of an integrator so far; 0 without one."""
+        return jnp.zeros(self.lane.amplitude.shape, int)
+
+
+class Fleet(NamedTuple):
+    """Lanes under way."""
+
+    state: Any  # of the engine's motion
+    decided: DecisionState
+    ticks: Ticks
+    at_tick: Flags
+    switches: Int[Array, " lanes"]
+    status: Code
+    gathered: Gathered
+
+
+def begin(motion: Motion, batch: Batch, ticks: Any) -> Fleet:
+    """Return the lanes at t = 0, before their first tick."""
+    lane = batch.lane
+    status = status_at_start(lane)
+    return Fleet(
+        state=motion.begin(),
+        decided=tick.before_first(lane, batch.network, batch.plan),
+        ticks=ticks,
+        at_tick=jnp.ones(status.shape, bool),
+        switches=jnp.zeros_like(status),
+        status=status,
+        gathered=metrics.nothing(batch.plan.metrics, lane.initial.shape[1:]),
+    )
+
+
+def status_at_start(lane: Lane) -> Code:
+    """Return `singular` for lanes that begin at rest, `nonfinite` for lanes that are not finite."""
+    still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
+    status = fail(jnp.zeros(still.shape, int), Status.singular, still)
+    return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
+
+
+def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
+    """Pass the tick in the lanes that are at one: decide, count the switches, hold what is decided.
+
+    The first decision is no switch. `lockstep` says that all lanes are at the same tick.
+    """
+    lane, network, plan = batch.lane, batch.network, batch.plan
+    first = jnp.broadcast_to(fleet.ticks == 0, fleet.status.shape)
+    here = fleet.at_tick & (fleet.status == Status.ok)
+    before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
+    time, basis = motion.basis(fleet.state)
+    decided = tick.decide(lane, network, plan, before, motion.errors(fleet.state), basis, time)
+    if not lockstep:
+        decided = select(here, decided, fleet.decided)
+    lanes, vehicles = tick.changed(decided, fleet.decided, lane)
+    switches = fleet.switches + jnp.where(here & ~first, vehicles.sum(axis=0), 0)
+    at = Tick(here, first, here & (first | lanes), vehicles)
+    state, cut_off = motion.hold(fleet.state, decided, at)
+    status = fail(fleet.status, Status.disconnected, cut_off)
+    return fleet._replace(state=state, decided=decided, switches=switches, status=status)
+
+
+def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
+    """Return what is measured of the fleets now."""
+    drive = motion.drive(fleet.state, fleet.decided)
+    _, basis = motion.basis(fleet.state)
+    shown = drive.vectors[:, batch.network.shown]
+    return Observation(
+        motion.errors(fleet.state)[0],
+        *motion.seen(fleet.state),
+        signal.combined(shown, basis[0]),
+        drive.weights,
+        batch.network.hearing,
+    )
+
+
+def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: dict[str, Any]) -> Outcome:
+    """Return what is left of lanes that have ended."""
+    clock, gathered = batch.clock, fleet.gathered
+    status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
+    status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
+    found = metrics.of_fleet(
+        batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
+    )
+    return Outcome(status, found, motion.steps(fleet.state), fleet.switches, series)
+
+
+def in_lockstep(
+    make: Callable[[Batch], Motion], inputs: Inputs, network: Network, clock: Clock, plan: Plan
+) -> Outcome:
+    """Simulate lanes side by side from 0 to the horizon. `make(batch)` gives their motion."""
+    batch = Batch(inputs, network, clock, plan)
+    motion = make(batch)
+    everywhere = jnp.ones(inputs.lane.amplitude.shape, bool)
+
+    def move(number: Any) -> Any:
+        def moved(fleet: Fleet) -> Fleet:
+            state, status, _ = motion.advance(fleet.state, fleet.decided, number - 1, fleet.status)
+            return fleet._replace(state=state, status=status)
+
+        return moved
+
+    def pass_tick(number: Any, fleet: Fleet) -> Fleet:
+        fleet = once((number > 0) & (fleet.status == Status.ok).any(), move(number), fleet)
+        fleet = fleet._replace(ticks=number)
+        if batch.acts:
+            return arrive(fleet, motion, batch, lockstep=True)
+        return fleet
+
+    def output(number: Any, carry: Any) -> Any:
+        fleet, series = carry
+        last = number * clock.ticks
+        if batch.acts or not plan.consistent:
+            fleet = jax.lax.fori_loop(jnp.maximum(0, last - clock.ticks + 1), last + 1, pass_tick, fleet)
+        else:
+            fleet = pass_tick(last, fleet)
+        seen, ok = observe(fleet, motion, batch), fleet.status == Status.ok
+        series = {
+            name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
+            for name, value in metrics.series(plan.save, seen).items()
+        }
+        gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, clock.in_tail(number))
+        return fleet._replace(gathered=gathered), series
+
+    fleet = begin(motion, batch, jnp.asarray(0))
+    if not batch.acts:
+        fleet = arrive(fleet, motion, batch, lockstep=True)
+    series = metrics.empty_series(plan.save, plan.rows, lambda: observe(fleet, motion, batch))
+    fleet, series = jax.lax.fori_loop(0, clock.outputs + 1, output, (fleet, series))
+    return outcome_of(fleet, motion, batch, series)
+
+
+def from_queue(make: Any, queue: Inputs, count: Any, network: Network, clock: Clock, plan: Plan) -> Outcome:
+    """Simulate the first `count` lanes of a queue, `plan.chunk` of them side by side.
+
+    `make(batch)` gives the motion of the lanes in a batch.
+    """
+
+    def start(inputs: Inputs) -> Fleet:
+        batch = Batch(inputs, network, clock, plan)
+        return begin(make(batch), batch, jnp.zeros(inputs.lane.amplitude.shape, int))
+
+    def advance(places: Places, series: Any) -> tuple[Fleet, Any]:
+        batch = Batch(places.inputs, network, clock, plan)
+        motion = make(batch)
+        fleet = arrive(places.state, motion, batch, lockstep=False)
+        seen, number = observe(fleet, motion, batch), fleet.ticks // clock.ticks
+        due = fleet.at_tick & (fleet.ticks % clock.ticks == 0) & (fleet.status == Status.ok)
+        gathered = metrics.add(plan.metrics, fleet.gathered, seen, due, clock.in_tail(number))
+        row = jnp.where(due, number, plan.rows)
+        series = {
+            name: series[name].at[row, ..., places.number].set(jnp.moveaxis(value, -1, 0), mode="drop")
+            for name, value in metrics.series(plan.save, seen).items()
+        }
+        state, status, arrived = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
+        ticks = fleet.ticks + arrived.astype(int)
+        rest = {"ticks": ticks, "at_tick": arrived, "status": status, "gathered": gathered}
+        return fleet._replace(state=state, **rest), series
+
+    def under_way(fleet: Fleet) -> Flags:
+        before_end = fleet.ticks < clock.outputs * clock.ticks
+        return (fleet.status == Status.ok) & (fleet.at_tick | before_end)
+
+    def end(inputs: Inputs, fleet: Fleet) -> Outcome:
+        batch = Batch(inputs, network, clock, plan)
+        return outcome_of(fleet, make(batch), batch, {})
+
+    def one() -> Observation:
+        batch = Batch(queue, network, clock, plan)
+        return observe(start(queue), make(batch), batch)
+
+    series = metrics.empty_series(plan.save, plan.rows, one)
+    outcome, series = work_off(queue, count, plan.chunk, Work(start, advance, under_way, end), series)
+    return outcome._replace(series=series)
