@@ -12,12 +12,12 @@ from jaxnet.config.study import Study, load
 from jaxnet.config.yaml12 import Dumper
 from jaxnet.engine.batch import Machine
 from jaxnet.explore.box import VEHICLES, Box
-from jaxnet.explore.search import Point
+from jaxnet.explore.search import BoxPoint
 from jaxnet.runs.run import Run
 from jaxnet.store.folder import Folder, digest
 
 
-def study_of(study: Config, cell: Cell, box: Box, point: Point) -> Study:
+def choice_study(study: Config, cell: Cell, box: Box, point: BoxPoint) -> Study:
     """The study of one point of a cell's box: its numbers written out, the starts those it was tried from."""
     assert study.search is not None
     attacked = box.attacked(point)
@@ -27,12 +27,12 @@ def study_of(study: Config, cell: Cell, box: Box, point: Point) -> Study:
     overrides: dict[str, Any] = {VEHICLES: attacked} if box.lots else {}
     for name in study.search.over:
         if name != VEHICLES:
-            overrides[name] = written_out(box, point, name, attacked)
+            overrides[name] = key_value(box, point, name, attacked)
     with study.scope():
         return load(keys, overrides)
 
 
-def written_out(box: Box, point: Point, name: str, attacked: Sequence[int]) -> Any:
+def key_value(box: Box, point: BoxPoint, name: str, attacked: Sequence[int]) -> Any:
     """The value of a key at a point: a number, or a list of numbers, by vehicle or component."""
     numbers: dict[int, list[float]] = {}
     for place, column in box.columns.items():
@@ -45,7 +45,7 @@ def written_out(box: Box, point: Point, name: str, attacked: Sequence[int]) -> A
     return [each[0] if len(each) == 1 else each for each in listed]
 
 
-def simulated(study: Study, folder: Folder, machine: Machine) -> UPath:
+def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
     """Run a choice's study into a folder of its own, with the trajectory of its first lane; the folder.
 
     What the folder holds of another choice is thrown away.

@@ -10,7 +10,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
-AT_MOST = 200  # points of a line
+MOST_POINTS = 200  # points of a line
 
 
 class Course(NamedTuple):
@@ -24,7 +24,7 @@ class Course(NamedTuple):
     bound: float  # not a number where none is known
 
 
-def courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
+def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
     """Of each of these cells."""
     asked = results.study.config.search
     assert asked is not None
@@ -33,15 +33,17 @@ def courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
     for cell in cells:
         mine: Any = generations[generations["cell"] == cell.number]
         lanes, best = mine["lanes"].to_numpy(float), mine["best"].to_numpy(float)
-        thinned = np.unique(np.geomspace(1, len(lanes), AT_MOST).round().astype(int)) - 1
-        random = np.empty(0) if shares else of_random(results, cell.number, asked.maximise)
-        places = np.unique(np.geomspace(1, max(1, len(random)), AT_MOST).round().astype(int))[: len(random)]
+        thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1
+        random = np.empty(0) if shares else random_course(results, cell.number, asked.maximise)
+        places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[
+            : len(random)
+        ]
         yield Course(
             cell, lanes[thinned], best[thinned], places.astype(float), random[places - 1], bounds[cell.number]
         )
 
 
-def of_random(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:
+def random_course(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:
     """The greatest until then, lane by lane."""
     found = list(results.by_cell(metric, where=rows.OK, cells=[cell]))
     return np.maximum.accumulate(found[0][1][metric].to_numpy()) if found else np.empty(0)

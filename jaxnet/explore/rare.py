@@ -16,16 +16,16 @@ from jaxnet.explore import subsets
 from jaxnet.explore.box import Box, places_of
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
-TABLE = "rare.csv"
+RARE_FILE = "rare.csv"
 REPEATS = 10
 
 
 def count_rare(
-    study: Study, folder: Folder, points: int, machine: Machine = EVERYTHING, told: Steps = untold
+    study: Study, folder: Folder, points: int, machine: Machine = EVERYTHING, told: Steps = no_progress
 ) -> UPath:
     """Write `rare.csv`, cell by cell; one that is there, of as many points, is not done again.
 
@@ -33,26 +33,26 @@ def count_rare(
     """
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
-    tau, rows = study.config.recovery.tau, known_rows(folder, points, study.config.recovery.tau)
+    tau, rows = study.config.recovery.tau, known_rare_rows(folder, points, study.config.recovery.tau)
     known = {row["cell"] for row in rows}
     for number, cell in enumerate(study.cells):
         told("cells", number, len(study.cells))
         if cell.number not in known and threshold(cell, tau) > 0:
-            rows.append({"cell": cell.number, **cell.labels, **row_of(study, cell, points, tau, machine)})
+            rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, tau, machine)})
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(TABLE, lambda file, table=table: table.to_csv(file, index=False))
-    return folder.path / TABLE
+            folder.put(RARE_FILE, lambda file, table=table: table.to_csv(file, index=False))
+    return folder.path / RARE_FILE
 
 
-def known_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
+def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
     """Rows that the folder holds of the same question."""
-    if not (folder.path / TABLE).exists():
+    if not (folder.path / RARE_FILE).exists():
         return []
-    table: Any = read_table(folder.path / TABLE)
+    table: Any = read_table(folder.path / RARE_FILE)
     return table[(table["points"] == points) & (table["tau"] == tau)].to_dict("records")
 
 
-def row_of(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, Any]:
+def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, Any]:
     """The share of a cell, its interval, and what plain lanes would have taken for one as narrow.
 
     What no fixed number of draws can make, a random graph, stays that of the sample that a chain began from.

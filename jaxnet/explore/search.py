@@ -21,21 +21,21 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-COURSE = 4  # to be raised when searches begin to go another way, so that none kept before goes on
+SEARCH_VERSION = 4  # to be raised when searches begin to go another way, so that none kept before goes on
 POPULATIONS = 16  # side by side, or more where budgets are large
-SPREAD = 0.15  # of a population at first, of the box's edge
+INITIAL_SIGMA = 0.15  # of a population at first, of the box's edge
 POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
 MOST_STEPS = 300  # of polishing, where its share of the budget would be more
 MOST_SETS = 20_000  # that are enumerated
 LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
 MOST_GENERATIONS = 3_000  # that it is to have, or there are more
 RANDOM_FINALISTS = 16  # of random points, or of sets
-AT_ONCE = 4096  # choices tried in a batch, where they could be more
-SMALL = 1e-6  # step by which a slope is found
-SHORTER = 0.25 * 0.5 ** np.arange(24)  # steps along it
-BETTER = 1e-9  # relative, or the polishing ends
+CHOICES_AT_ONCE = 4096  # choices tried in a batch, where they could be more
+SLOPE_STEP = 1e-6  # step by which a slope is found
+LINE_STEPS = 0.25 * 0.5 ** np.arange(24)  # steps along it
+LEAST_IMPROVEMENT = 1e-9  # relative, or the polishing ends
 
-Point = Float[np.ndarray, " coordinates"]
+BoxPoint = Float[np.ndarray, " coordinates"]
 Means = Float[np.ndarray, " choices"]
 Starts = Float[np.ndarray, "choices starts"]
 Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]  # not a number of a lane that failed
@@ -57,7 +57,7 @@ class Finalist(NamedTuple):
     """A choice that is the best of its kind: of a population, or one of the best random points."""
 
     found: float  # mean over the starts
-    point: Point
+    point: BoxPoint
 
 
 class Trials:
@@ -112,10 +112,10 @@ class Population:
     It moves in a space without edges: angles go round, other coordinates are mirrored at 0 and 1.
     """
 
-    def __init__(self, box: Box, base: Point, seed: int):
+    def __init__(self, box: Box, base: BoxPoint, seed: int):
         self.base, self.free = base, box.free(box.attacked(base))
         self.turns = box.turns[self.free]
-        self.strategy = CMA(mean=base[self.free], sigma=SPREAD, seed=seed)
+        self.strategy = CMA(mean=base[self.free], sigma=INITIAL_SIGMA, seed=seed)
         self.asked = np.empty((0, len(self.free)))
         self.best = Finalist(-math.inf, base)
 
@@ -144,23 +144,23 @@ class Population:
         return self.strategy.should_stop()
 
 
-def searched(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
+def search_box(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
     """Spend so many lanes, or fewer; what the trials came to then is their best."""
     box, choices, random = trials.box, budget // trials.starts, np.random.default_rng(seed)
     sets = sets_of(box, choices, random)
     if not box.free(sets[0]):
-        for some in in_parts(sets, AT_ONCE):
+        for some in split_items(sets, CHOICES_AT_ONCE):
             points = np.stack([box.centre(each) for each in some])
             means, generation = trials.attempt("sets", points)
             trials.finalists += best_of(points, means)
             yield generation
         return
-    look = screened if len(sets) > 1 else scouted
+    look = screen_sets if len(sets) > 1 else scout_points
     begun = yield from look(trials, sets, int(SCREEN * choices), random)
-    step = 2 * len(box.free(sets[0])) + len(SHORTER)
+    step = 2 * len(box.free(sets[0])) + len(LINE_STEPS)
     last = min(POLISH * choices, MOST_STEPS * step)
-    yield from evolved(trials, begun, int(choices - last) * trials.starts, random)
-    yield from polished(trials, budget - step * trials.starts)
+    yield from evolve_populations(trials, begun, int(choices - last) * trials.starts, random)
+    yield from polish_best(trials, budget - step * trials.starts)
 
 
 def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[int]]:
@@ -181,12 +181,12 @@ def random_points(box: Box, attacked: Sequence[int], number: int, random: np.ran
     return points
 
 
-def scouted(
+def scout_points(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
     """Random points where the one set is attacked; returns them, the best first."""
     tried, means = list[Coordinates](), list[Means]()
-    for some in in_parts(range(max(POPULATIONS, choices)), AT_ONCE):
+    for some in split_items(range(max(POPULATIONS, choices)), CHOICES_AT_ONCE):
         tried.append(random_points(trials.box, sets[0], len(some), random))
         values, generation = trials.attempt("random", tried[-1])
         means.append(np.nan_to_num(values, nan=-math.inf))
@@ -196,7 +196,7 @@ def scouted(
     return list(points[np.argsort(-every, kind="stable")])
 
 
-def screened(
+def screen_sets(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
     """The sets by their best of some random points: the best half of them gets as many again, and so on.
@@ -205,10 +205,10 @@ def screened(
     """
     rounds = max(1, math.ceil(math.log2(len(sets) / POPULATIONS)))
     left = [sets[number] for number in random.permutation(len(sets))][: max(1, choices // rounds)]
-    best: dict[Sequence[int], tuple[float, Point]] = {}
+    best: dict[Sequence[int], tuple[float, BoxPoint]] = {}
     for _ in range(rounds):
         each = max(1, choices // rounds // len(left))
-        for some in in_parts(left, max(1, AT_ONCE // each)):
+        for some in split_items(left, max(1, CHOICES_AT_ONCE // each)):
             points = np.concatenate([random_points(trials.box, attacked, each, random) for attacked in some])
             values, generation = trials.attempt("sets", points)
             yield generation
@@ -223,8 +223,8 @@ def screened(
     return [point for _, point in ordered]
 
 
-def evolved(
-    trials: Trials, begun: list[Point], until: int, random: np.random.Generator
+def evolve_populations(
+    trials: Trials, begun: list[BoxPoint], until: int, random: np.random.Generator
 ) -> Iterator[Generation]:
     """Populations from these points on, until so many lanes are spent; one that has ended begins anew."""
     box, points = trials.box, itertools.cycle(begun)
@@ -249,33 +249,35 @@ def evolved(
     trials.finalists += [population.best for population in populations]
 
 
-def polished(trials: Trials, until: int) -> Iterator[Generation]:
+def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
     """From the best up its slope, as long as it gets better and a step begins before so many lanes."""
     box = trials.box
     free = box.free(box.attacked(trials.point))
     while trials.lanes <= until:
         before, point = trials.best, trials.point
         steps = np.zeros((len(free), len(point)))
-        steps[np.arange(len(free)), free] = SMALL
-        values, generation = trials.attempt("polish", moved(box, point, np.concatenate([steps, -steps])))
+        steps[np.arange(len(free)), free] = SLOPE_STEP
+        values, generation = trials.attempt(
+            "polish", shifted_points(box, point, np.concatenate([steps, -steps]))
+        )
         yield generation
         slope = np.nan_to_num(values[: len(free)] - values[len(free) :])
         if not slope.any():
             return
         along = np.zeros(len(point))
         along[free] = slope / np.abs(slope).max()
-        _, generation = trials.attempt("polish", moved(box, point, SHORTER[:, None] * along))
+        _, generation = trials.attempt("polish", shifted_points(box, point, LINE_STEPS[:, None] * along))
         yield generation
-        if not trials.best > before + BETTER * abs(before):
+        if not trials.best > before + LEAST_IMPROVEMENT * abs(before):
             return
 
 
-def moved(box: Box, point: Point, steps: Coordinates) -> Coordinates:
+def shifted_points(box: Box, point: BoxPoint, steps: Coordinates) -> Coordinates:
     """Points so far from one, inside the box; angles go round."""
     points = point + steps
     return np.where(box.turns, points % 1, np.clip(points, 0, 1))
 
 
-def in_parts(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
+def split_items(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
     """So many at a time."""
     return (items[first : first + size] for first in range(0, len(items), size))

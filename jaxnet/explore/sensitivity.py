@@ -22,13 +22,13 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job, recorded
 from jaxnet.lanes.uniforms import Keyed, Later
-from jaxnet.statistics.indices import indices
+from jaxnet.statistics.indices import sobol_indices
 from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
-FILE = "sensitivity.csv"
+SENSITIVITY_FILE = "sensitivity.csv"
 FAILURES_NAMED = 5  # failed lanes of a cell
 
 
@@ -45,12 +45,12 @@ def lanes_needed(study: Study, samples: int) -> dict[int, int]:
     return {cell: samples * (number + 2) for cell, number in drawn.items() if number}
 
 
-def analyse(
-    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, told: Steps = untold
+def write_indices(
+    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, told: Steps = no_progress
 ) -> UPath:
     """Write `sensitivity.csv`, cell by cell: one that is there, of as many samples, is not done again."""
     tau = None if study.config.recovery is None else study.config.recovery.tau
-    rows = there(folder, samples, tau)
+    rows = known_index_rows(folder, samples, tau)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
     done, total = sum(needed[cell] for cell in known), sum(needed.values())
 
@@ -62,23 +62,25 @@ def analyse(
     for cell in study.cells:
         if cell.number in needed.keys() - known:
             names = quantities(study, cell)
-            outcomes = picked(cell, Keyed(study.config.seed), names, samples, machine, load_done)
-            rows += rows_of(cell, names, outcomes, tau)
+            outcomes = pick_freeze_outcomes(
+                cell, Keyed(study.config.seed), names, samples, machine, load_done
+            )
+            rows += index_rows(cell, names, outcomes, tau)
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(FILE, lambda file, table=table: table.to_csv(file, index=False))
-    return folder.path / FILE
+            folder.put(SENSITIVITY_FILE, lambda file, table=table: table.to_csv(file, index=False))
+    return folder.path / SENSITIVITY_FILE
 
 
-def there(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
+def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
     """Rows that the folder holds of the same question."""
-    if not (folder.path / FILE).exists():
+    if not (folder.path / SENSITIVITY_FILE).exists():
         return []
-    table: Any = read_table(folder.path / FILE)
+    table: Any = read_table(folder.path / SENSITIVITY_FILE)
     same = (table["samples"] == samples) & (table["tau"].isna() if tau is None else table["tau"] == tau)
     return table[same].to_dict("records")
 
 
-def picked(
+def pick_freeze_outcomes(
     cell: Cell,
     keyed: Keyed,
     names: Sequence[str],
@@ -95,13 +97,13 @@ def picked(
     return list(batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done))
 
 
-def rows_of(
+def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], tau: float | None
 ) -> list[dict[str, Any]]:
     """Rows of a cell, by metric and quantity; a sample of which a lane failed counts nowhere."""
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)
-    tell_failed(cell, names, status)
+    warn_of_failures(cell, names, status)
     measured = {
         metric.name: np.stack([outcome.metrics[metric.name][ok] for outcome in outcomes])
         for metric in cell.scenario.measured()
@@ -112,7 +114,7 @@ def rows_of(
     counts = {"samples": len(ok), "left_out": int((~ok).sum()), "tau": tau}
     found = []
     for metric, (a, b, *mixed) in measured.items():
-        of = indices(a, b, np.stack(mixed))
+        of = sobol_indices(a, b, np.stack(mixed))
         for number, name in enumerate(names):
             row = {
                 f"{order}{end}": float(values[place, number])
@@ -123,7 +125,7 @@ def rows_of(
     return found
 
 
-def tell_failed(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
+def warn_of_failures(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
     """Warn of lanes that failed."""
     runs, samples = np.nonzero(status)
     if len(runs):

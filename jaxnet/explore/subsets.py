@@ -41,7 +41,7 @@ def estimate(
     height: Height, coordinates: int, level: float, points: int, repeats: int, random: np.random.Generator
 ) -> Estimate:
     """The share of points whose height is over a level; the height of what failed is minus infinity."""
-    found = [once(height, coordinates, level, points, number, random) for number in range(repeats)]
+    found = [estimate_once(height, coordinates, level, points, number, random) for number in range(repeats)]
     shares = np.array([share for share, *_ in found])
     half = stats.t.ppf((1 + CONFIDENCE) / 2, repeats - 1) * shares.std(ddof=1) / np.sqrt(repeats)
     low, high = max(0.0, shares.mean() - half), shares.mean() + half
@@ -49,7 +49,7 @@ def estimate(
     return Estimate(float(shares.mean()), float(low), float(high), levels, spent)
 
 
-def once(
+def estimate_once(
     height: Height, coordinates: int, level: float, points: int, repeat: int, random: np.random.Generator
 ) -> tuple[float, int, int]:
     """One repeat: the share, how many levels it took, and how many points were looked at."""

@@ -27,15 +27,15 @@ from jaxnet.engine.batch import Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone, late
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.late import Choice
-from jaxnet.explore.search import COURSE, Generation, Point, Trials, searched
+from jaxnet.explore.late import LateChoice
+from jaxnet.explore.search import SEARCH_VERSION, BoxPoint, Generation, Trials, search_box
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cluster import Cluster
 from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder, FolderError, digest, made_from
@@ -44,10 +44,13 @@ from jaxnet.store.results import Results
 CHECKPOINT = 10.0  # [s], or as much longer as keeps the share of WRITING
 WRITING = 0.05  # of the time, at most
 FRESH = 10_000  # starts from which the worst choice is tried again
-BOUNDED = {"tail_max": np.max, "tail_mean": np.mean}  # of what vehicles' bounds come to, metrics are at most
+REDUCTIONS = {
+    "tail_max": np.max,
+    "tail_mean": np.mean,
+}  # of what vehicles' bounds come to, metrics are at most
 
 
-class Worst(NamedTuple):
+class WorstChoice(NamedTuple):
     """What was found in a cell."""
 
     cell: int
@@ -67,7 +70,7 @@ class Worst(NamedTuple):
     failed: int
 
 
-class Hunt:
+class CellSearch:
     """The search in one cell."""
 
     def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
@@ -99,7 +102,7 @@ class Hunt:
         """All, those that were there included; what they came to is kept now and then, and at the end."""
         due = time.monotonic() + CHECKPOINT
         try:
-            for generation in searched(self.trials, self.asked.budget, self.asked.seed):
+            for generation in search_box(self.trials, self.asked.budget, self.asked.seed):
                 yield generation
                 if (began := time.monotonic()) > due:
                     self.keep()
@@ -115,7 +118,7 @@ class Hunt:
 
     def stamp(self) -> str:
         """Of all that makes the search go its way."""
-        said = json.dumps([COURSE, digest(self.study), plain(self.asked), self.cell.number])
+        said = json.dumps([SEARCH_VERSION, digest(self.study), plain(self.asked), self.cell.number])
         return hashlib.sha256(said.encode()).hexdigest()
 
     def read(self) -> dict[str, np.ndarray]:
@@ -138,21 +141,21 @@ class Hunt:
             content |= {name: np.array(value) for name, value in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
-    def worst(self, results: Results) -> tuple[Study, Worst]:
+    def worst(self, results: Results) -> tuple[Study, WorstChoice]:
         """The choice that the search answers with, as a study of its own, and its row; both are kept."""
         if "worst" in self.kept:
-            return self.alone(self.kept["point"]), Worst(*json.loads(str(self.kept["worst"])))
-        choice = late.chosen(self.trials, self.asked.until, self.measured, self.machine)
+            return self.alone(self.kept["point"]), WorstChoice(*json.loads(str(self.kept["worst"])))
+        choice = late.choose_finalist(self.trials, self.asked.until, self.measured, self.machine)
         study = self.alone(choice.point)
         found = self.tried_again(choice, study, results)
         self.keep(worst=json.dumps(found), point=choice.point)
         return study, found
 
-    def alone(self, point: Point) -> Study:
+    def alone(self, point: BoxPoint) -> Study:
         """The study of one choice."""
-        return alone.study_of(self.study, self.cell, self.box, point)
+        return alone.choice_study(self.study, self.cell, self.box, point)
 
-    def tried_again(self, choice: Choice, study: Study, results: Results) -> Worst:
+    def tried_again(self, choice: LateChoice, study: Study, results: Results) -> WorstChoice:
         """The choice beside random lanes and bounds, from other starts and by the other engine."""
         starts, trials = self.asked.starts, self.trials
         (found,) = study.cells
@@ -161,7 +164,7 @@ class Hunt:
         again, nonlinear = (self.measured(batch.simulate(each, self.machine)) for each in (fresh, same))
         given = found.scenario.attack.amplitude()
         amplitude = math.nan if is_drawn(given) else float(given)
-        return Worst(
+        return WorstChoice(
             self.cell.number,
             choice.found,
             choice.late,
@@ -196,13 +199,13 @@ def spread_of_values(values: Float[np.ndarray, " lanes"]) -> tuple[float, float,
 
 def bound_of(scenario: Any, metric: str) -> float:
     """The sharpest bound on a metric that holds, per ā; not a number where none is known."""
-    if metric not in BOUNDED or spread_of(scenario) is None:
+    if metric not in REDUCTIONS or scenario_gain(scenario) is None:
         return math.nan
-    of_vehicles = BOUNDED[metric]
-    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.holding(scenario).values())
+    of_vehicles = REDUCTIONS[metric]
+    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.valid_bounds(scenario).values())
 
 
-def table_of(found: Sequence[Worst], cells: Sequence[Cell]) -> pd.DataFrame:
+def worst_table(found: Sequence[WorstChoice], cells: Sequence[Cell]) -> pd.DataFrame:
     """A row a cell, its swept values first."""
     labelled = ({"cell": each.cell, **cells[each.cell].labels, **each._asdict()} for each in found)
     return pd.DataFrame(labelled)
@@ -219,11 +222,11 @@ def search_each(
     config = study.config
     assert config.search is not None
     if crew is not None:
-        for done, _ in enumerate(dealt(results, machine, crew), 1):
+        for done, _ in enumerate(search_distributed(results, machine, crew), 1):
             told("cells searched", done, len(study.cells))
-    found, generations = list[Worst](), list[dict[str, Any]]()
+    found, generations = list[WorstChoice](), list[dict[str, Any]]()
     for cell in study.cells:
-        hunt = Hunt(config, cell, folder, machine)
+        hunt = CellSearch(config, cell, folder, machine)
         for generation in hunt.generations():
             words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
             told(words, generation.lanes, config.search.budget)
@@ -232,16 +235,16 @@ def search_each(
         told(words, config.search.budget, config.search.budget)
         choice, answer = hunt.worst(results)
         found.append(answer)
-        yield alone.simulated(choice, folder.inside(f"worst/{cell.number}"), machine)
+        yield alone.simulate_choice(choice, folder.inside(f"worst/{cell.number}"), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
-        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
+        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": worst_table(found, study.cells)}
         for name, table in tables.items():
             folder.put(name, functools.partial(table.to_csv, index=False))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
 
 
-def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
+def search_distributed(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
     """Cells searched by a crew, as they end; their numbers."""
     config = results.study.config
     task = functools.partial(search_cell, results.folder.absolute(), machine.chunk)
@@ -253,7 +256,7 @@ def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
     """On a worker: search in one cell to its end, and keep what came of it; its number."""
     results, machine = Results(folder.path), Machine(1, chunk)
     cell = results.study.cells[number]
-    hunt = Hunt(results.study.config, cell, folder, machine)
+    hunt = CellSearch(results.study.config, cell, folder, machine)
     for _ in hunt.generations():
         pass
     hunt.worst(results)

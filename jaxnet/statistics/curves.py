@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.statistics.groups import Group, attacked_groups, shared
+from jaxnet.statistics.groups import Group, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
@@ -22,11 +22,13 @@ MOST_PANELS = 24  # panels that one figure takes
 MOST_TIMES = 300  # of a band
 FEWEST_TIMES = 60  # of a band where there are many
 MOST_NUMBERS = 180_000  # of all bands together, so that a page of hundreds of cells stays small
-FLOOR = 1e-9  # [m] below it a log axis shows rounding
-VAST = 1e100  # [m] a log axis ends there, and at 1 over it: farther out its ticks overflow
-FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
-SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
-METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
+LOG_FLOOR = 1e-9  # [m] below it a log axis shows rounding
+GREATEST_SHOWN = 1e100  # [m] a log axis ends there, and at 1 over it: farther out its ticks overflow
+LEAST_SHARE_SHOWN = (
+    1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
+)
+SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
+METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 
 BOUND_NAMES = {
     "static": "static",
@@ -57,7 +59,7 @@ class Curve(NamedTuple):
 
     def shares(self) -> list[Float[np.ndarray, " cells"]]:
         """Share unrecovered with its interval's ends, by ascending ā [%]."""
-        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE]
+        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE_COLUMNS]
 
     @property
     def worst(self) -> float:
@@ -99,12 +101,15 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
         if not group.attacked:
             continue
         rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
-        lines = slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
+        lines = (
+            bound_slopes(group_rows(bounds, group.labels)),
+            proportional_slopes(group_rows(fits, group.labels)),
+        )
         found.append(Curve(group, rows, *lines))
     return found
 
 
-def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
+def bound_slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
     """Rows of `bounds.csv` by bound and vehicle."""
     return {
         (bound, vehicle): float(slope)
@@ -112,7 +117,7 @@ def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
     }
 
 
-def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
+def proportional_slopes(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
     """Slopes s·ā of `fit.csv` with their intervals, by metric and quantile (None: least squares)."""
     wanted = (rows["model"] == "proportional") & (rows["parameter"] == "s") & rows["estimate"].notna()
     proportional: Any = rows[wanted]
@@ -122,11 +127,11 @@ def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[floa
     }
 
 
-COLUMNS = {
+STORED_COLUMNS = {
     "bounds": ("bound", "vehicle", "slope"),
     "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
 }
-TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
+COLUMN_TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
     ("slope", "quantile", "estimate", "low", "high"), float
 )
 
@@ -135,21 +140,21 @@ def stored_table(results: Results, name: str) -> pd.DataFrame:
     """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
     file = results.file(f"{name}.csv")
     if not file.exists():
-        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
-        return empty.astype({key: TYPES[key] for key in COLUMNS[name]})
+        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *STORED_COLUMNS[name]])
+        return empty.astype({key: COLUMN_TYPES[key] for key in STORED_COLUMNS[name]})
     with file.open("rb") as held:
-        return pd.read_csv(held, dtype=TYPES, keep_default_na=False, na_values=[""])
+        return pd.read_csv(held, dtype=COLUMN_TYPES, keep_default_na=False, na_values=[""])
 
 
-def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
+def group_rows(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
     """Rows whose swept keys have these values."""
     mine = np.ones(len(rows), bool)
     for key, label in labels.items():
-        mine &= np.array([alike(value) == alike(label) for value in rows[key]], bool)
+        mine &= np.array([canonical_value(value) == canonical_value(label) for value in rows[key]], bool)
     return rows.iloc[np.flatnonzero(mine)]
 
 
-def alike(value: Any) -> str:
+def canonical_value(value: Any) -> str:
     """A swept value so that it is the same read from a CSV file: 1, 1.0 and "1" are."""
     try:
         return repr(float(value))
@@ -164,13 +169,13 @@ def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
         most = curve.sizes.max()
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
         high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
-    faint = FAINT * min(curve.sizes.min() for curve in found)
+    faint = LEAST_SHARE_SHOWN * min(curve.sizes.min() for curve in found)
     return decades(max(faint, min(low, default=faint)), max(filter(np.isfinite, high), default=faint))
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
     """The powers of ten around a range, as far as an axis goes."""
-    low, high = np.clip([low, high], 1 / VAST, VAST)
+    low, high = np.clip([low, high], 1 / GREATEST_SHOWN, GREATEST_SHOWN)
     first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
     return float(10.0**first), float(10.0 ** max(last, first + 1))
 
@@ -180,19 +185,20 @@ def no_magnitudes(found: Sequence[Curve]) -> str:
     if not any(len(curve.cells) > 1 for curve in found):
         return "No two cells differ in ā > 0 alone: there is no δ̂(ā) to draw."
     sizes = np.concatenate([curve.sizes for curve in found])
-    if sizes.min() < 1 / VAST or sizes.max() > VAST:
+    if sizes.min() < 1 / GREATEST_SHOWN or sizes.max() > GREATEST_SHOWN:
         ends = f"{sizes.min():.3g} to {sizes.max():.3g} m"
-        return f"ā is {ends}: an axis has room for {1 / VAST:g} to {VAST:g} m, so δ̂(ā) is not drawn."
+        room = f"{1 / GREATEST_SHOWN:g} to {GREATEST_SHOWN:g} m"
+        return f"ā is {ends}: an axis has room for {room}, so δ̂(ā) is not drawn."
     return ""
 
 
-def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
+def unrecovered_shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
     """Share unrecovered and its interval's ends, of the cells, all or these, that have one, by number."""
     cells: Any = results.cells
-    if not set(SHARE) <= set(cells):
-        return pd.DataFrame(columns=SHARE)
+    if not set(SHARE_COLUMNS) <= set(cells):
+        return pd.DataFrame(columns=SHARE_COLUMNS)
     wanted = slice(None) if of is None else [cell.number for cell in of]
-    return cells[SHARE].iloc[wanted].dropna()
+    return cells[SHARE_COLUMNS].iloc[wanted].dropna()
 
 
 def failed_kinds(results: Results) -> dict[int, Counter[str]]:
@@ -213,12 +219,12 @@ class Band(NamedTuple):
     greatest: Float[np.ndarray, " times"]
 
 
-def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
+def error_band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
     """5 %, median, 95 % and maximum over samples at so many instants at most; None if no lane is ok."""
     times = tracking.sizes["time"]
     chosen = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
     values = tracking.isel(cell=cell.number).values[:, chosen]
-    values = np.minimum(values[~np.isnan(values).any(axis=1)], VAST, dtype=float)
+    values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN, dtype=float)
     if not len(values):
         return None
     return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
@@ -227,45 +233,47 @@ def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | N
 def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
     """Bands of the cells, all or these, of the first MOST_PANELS scenes, by number of the cell."""
     groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
-    return bands_of(results, [cell for group in groups for cell in group.cells])
+    return error_bands(results, [cell for group in groups for cell in group.cells])
 
 
-def bands_of(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
+def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
     """Bands of these cells, by number; of many cells at fewer instants, FEWEST_TIMES at least."""
     tracking = results.errors["tracking"]
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
-    found = {cell.number: band(tracking, cell, most) for cell in cells}
+    found = {cell.number: error_band(tracking, cell, most) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
 
 
 def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
     """Ends of a log axis for bands [m]."""
     low = min(float(each.low.min()) for each in found.values())
-    return decades(max(FLOOR, low), max(FLOOR, *(float(each.greatest.max()) for each in found.values())))
+    return decades(
+        max(LOG_FLOOR, low), max(LOG_FLOOR, *(float(each.greatest.max()) for each in found.values()))
+    )
 
 
 def scenes(cells: Sequence[Cell]) -> list[Group]:
     """Cells that differ in ā alone, whether or not they have a fixed one, in the study's order."""
     members: dict[tuple[Any, ...], list[Cell]] = {}
     for cell in cells:
-        members.setdefault(tuple(shared(cell).items()), []).append(cell)
+        members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
     return [Group(dict(labels), tuple(group)) for labels, group in members.items()]
 
 
-def size_of(cell: Cell) -> Any:
+def configured_magnitude(cell: Cell) -> Any:
     """ā as the config has it, 0 without an attack."""
     return cell.scenario.attack.amplitude()
 
 
-def scales(results: Results) -> Float[np.ndarray, " cells"]:
+def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
     """ā of each cell [m]; not-a-number where nobody is attacked or it is drawn."""
-    sizes = [size_of(cell) for cell in results.study.cells]
+    sizes = [configured_magnitude(cell) for cell in results.study.cells]
     return np.array([np.nan if is_drawn(size) or size <= 0 else size for size in sizes], float)
 
 
 def magnitude_words(cell: Cell) -> str:
     """ā of a cell in words."""
-    amount = size_of(cell)
+    amount = configured_magnitude(cell)
     if is_drawn(amount):
         return "ā drawn"
     return f"ā = {amount:.3g} m" if amount else "no attack"

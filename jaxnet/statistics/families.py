@@ -12,95 +12,102 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-Values = Float[Array, " j"]
+PerMagnitude = Float[Array, " j"]
 Number = Float[Array, ""]
 Pairs = Float[Array, "j j"]
 
 STEEPEST = 100.0  # of power, either way: far beyond data, near enough that nothing overflows
-SHORTEST = 1e-3  # least a0, in smallest magnitudes: f is constant there but for a thousandth
+LEAST_SATURATION = 1e-3  # least a0, in smallest magnitudes: f is constant there but for a thousandth
 
 
-class Curve(NamedTuple):
+class CurveFamily(NamedTuple):
     """A family f(x), x > 0."""
 
     parameters: tuple[str, ...]
-    bent: Callable[[Values, Number], tuple[Values, Values]]  # offset and growth
-    through: Callable[[Values, Values], Pairs]  # shape of the curves through (x_i, u_i) and (x_j, u_j)
-    read: Callable[[Values, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
+    bent: Callable[[PerMagnitude, Number], tuple[PerMagnitude, PerMagnitude]]  # offset and growth
+    through: Callable[
+        [PerMagnitude, PerMagnitude], Pairs
+    ]  # shape of the curves through (x_i, u_i) and (x_j, u_j)
+    read: Callable[[PerMagnitude, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
 
 
-def straight(x: Values, shape: Number) -> tuple[Values, Values]:
+def affine_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
     """`u = b/x + s`; b = 0 where there is but the scale."""
     return shape / x, jnp.ones_like(x)
 
 
-def intercepts(x: Values, u: Values) -> Pairs:
+def affine_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
     """The b of lines through pairs of points."""
-    return differences(u) / differences(1 / x)
+    return pairwise_differences(u) / pairwise_differences(1 / x)
 
 
-def powers(x: Values, shape: Number) -> tuple[Values, Values]:
+def power_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
     """`u ∝ x^(p − 1)`, 1 at the geometric middle."""
-    return jnp.zeros_like(x), jnp.exp(-shape * (jnp.log(x) - middle(x)) / span(x))
+    return jnp.zeros_like(x), jnp.exp(-shape * (jnp.log(x) - log_centre(x)) / log_span(x))
 
 
-def exponents(x: Values, u: Values) -> Pairs:
+def power_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
     """Shapes of the powers through pairs of points; proportional where both errors are 0."""
-    shapes = -span(x) * differences(jnp.log(u)) / differences(jnp.log(x))
+    shapes = -log_span(x) * pairwise_differences(jnp.log(u)) / pairwise_differences(jnp.log(x))
     return jnp.clip(jnp.where(jnp.isnan(shapes), 0.0, shapes), -STEEPEST, STEEPEST)
 
 
-def read_power(x: Values, shape: Number, scale: Number) -> tuple[Number, Number]:
+def power_parameters(x: PerMagnitude, shape: Number, scale: Number) -> tuple[Number, Number]:
     """The c and p of a shape and scale."""
-    rise = -shape / span(x)
-    return scale * jnp.exp(-rise * middle(x)), 1 + rise
+    rise = -shape / log_span(x)
+    return scale * jnp.exp(-rise * log_centre(x)), 1 + rise
 
 
-def saturation(x: Values, shape: Number) -> tuple[Values, Values]:
+def saturating_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
     """`u ∝ 1/(1 + x/a0)`."""
-    return jnp.zeros_like(x), 1 / (1 + rate(x, shape) * x)
+    return jnp.zeros_like(x), 1 / (1 + saturation_rate(x, shape) * x)
 
 
-def rate(x: Values, shape: Number) -> Number:
+def saturation_rate(x: PerMagnitude, shape: Number) -> Number:
     """1/a0."""
     return jnp.expm1(shape) / (x.max() - jnp.exp(shape) * x.min())
 
 
-def saturations(x: Values, u: Values) -> Pairs:
+def saturating_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
     """Shapes of the saturating curves through pairs of points: none if u rises, the shortest if x·u falls."""
-    order = jnp.sign(-differences(x))
-    bend, rise = order * differences(u), -order * differences(u * x)
+    order = jnp.sign(-pairwise_differences(x))
+    bend, rise = order * pairwise_differences(u), -order * pairwise_differences(u * x)
     rates = jnp.where(bend <= 0, 0.0, jnp.where(rise <= 0, jnp.inf, bend / rise))
-    rates = jnp.minimum(rates, 1 / (SHORTEST * x.min()))
+    rates = jnp.minimum(rates, 1 / (LEAST_SATURATION * x.min()))
     return jnp.log1p(rates * x.max()) - jnp.log1p(rates * x.min())
 
 
-def differences(values: Values) -> Pairs:
+def pairwise_differences(values: PerMagnitude) -> Pairs:
     """Of all pairs."""
     return values[:, None] - values[None, :]
 
 
-def span(x: Values) -> Number:
+def log_span(x: PerMagnitude) -> Number:
     """Of log x; 1 where all are one."""
     width = jnp.log(x.max() / x.min())
     return jnp.where(width > 0, width, 1.0)
 
 
-def middle(x: Values) -> Number:
+def log_centre(x: PerMagnitude) -> Number:
     """Of log x."""
     return (jnp.log(x.max()) + jnp.log(x.min())) / 2
 
 
-BENT: dict[str, Curve] = {
-    "affine": Curve(("b", "s"), straight, intercepts, lambda x, b, s: (b, s)),
-    "power": Curve(("c", "p"), powers, exponents, read_power),
-    "saturating": Curve(("c", "a0"), saturation, saturations, lambda x, shape, c: (c, 1 / rate(x, shape))),
+CURVE_FAMILIES: dict[str, CurveFamily] = {
+    "affine": CurveFamily(("b", "s"), affine_growth, affine_shapes, lambda x, b, s: (b, s)),
+    "power": CurveFamily(("c", "p"), power_growth, power_shapes, power_parameters),
+    "saturating": CurveFamily(
+        ("c", "a0"),
+        saturating_growth,
+        saturating_shapes,
+        lambda x, shape, c: (c, 1 / saturation_rate(x, shape)),
+    ),
 }
 
-MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in BENT.items()}}
+MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in CURVE_FAMILIES.items()}}
 
 
-def value(model: str, x: Any, parameters: Any) -> Any:
+def model_value(model: str, x: Any, parameters: Any) -> Any:
     """f(x) of a model by name."""
     first, second = (*parameters, 0.0)[:2]
     match model:

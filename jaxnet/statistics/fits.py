@@ -21,30 +21,30 @@ from scipy.sparse import csr_array
 
 from jaxnet.engine.cores import cores
 from jaxnet.statistics import means
-from jaxnet.statistics.families import MODELS, value
+from jaxnet.statistics.families import MODELS, model_value
 from jaxnet.statistics.groups import Group, attacked_groups
 from jaxnet.statistics.limits import ceilings
 from jaxnet.statistics.recovery import CONFIDENCE
 from jaxnet.statistics.regression import Data, Effort, least_squares, quantile_regression
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.summary import SUMMARISED
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
 FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
-QUANTILES = (0.5, 0.95)
+FITTED_QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
 RESAMPLES = 1000
 SEED = 0
 EXACT = Effort(stride=1, shapes=48, scales=48)  # to rounding
 RESAMPLED = Effort(stride=8, shapes=12, scales=10)  # to hundredths of an interval where a model is wrong
-BINS = 4096  # of lanes of one magnitude with a weight of their own; of more lanes, neighbours share one
-ROWS = 25  # resamples fitted side by side
-ROOM = 2**22  # weights of theirs
+MOST_BINS = 4096  # of lanes of one magnitude with a weight of their own; of more lanes, neighbours share one
+RESAMPLES_TOGETHER = 25  # resamples fitted side by side
+MOST_FIT_WEIGHTS = 2**22  # weights of theirs
 FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the scatter of a mean; draws beyond a quantile
 EXACT_FIT = 1e-9  # of the errors, or of ā: what the transient and rounding leave, which is no scatter
-ROUNDING = 1e-12
+LEAST_RESIDUAL = 1e-12
 
 NO_CURVE_INTERVAL = (
     "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
@@ -71,7 +71,7 @@ class Errors(NamedTuple):
         ratios = self.y / self.x[:, None]
         there = np.isfinite(ratios)
         magnitudes, samples = ratios.shape
-        width = -(-samples // BINS)
+        width = -(-samples // MOST_BINS)
         bins = -(-samples // width)
         ratios = np.where(there, ratios, np.inf)
         order = np.argsort(ratios, axis=1, kind="stable")
@@ -101,7 +101,7 @@ class Ranked(NamedTuple):
     lanes: np.ndarray  # by sample, of each magnitude whether there is a lane; then the error per ā of each
 
 
-def table(results: Results, told: Steps = untold) -> pd.DataFrame:
+def fit_table(results: Results, told: Steps = no_progress) -> pd.DataFrame:
     """`fit.csv`: a row per group, metric, model, quantile (none: least squares) and parameter.
 
     Models with more parameters than a group has magnitudes are left out, and so are intervals of too few
@@ -113,9 +113,9 @@ def table(results: Results, told: Steps = untold) -> pd.DataFrame:
 
     def of(one: tuple[dict[str, Any], dict[int, float], str]) -> list[dict[str, Any]]:
         labels, cells, metric = one
-        errors = observed(results, cells, metric)
+        errors = read_errors(results, cells, metric)
         most = greatest_slope(results, cells, metric)
-        return [labels | {"metric": metric} | row for row in fits(errors, alone, most)]
+        return [labels | {"metric": metric} | row for row in fit_rows(errors, alone, most)]
 
     found = []
     told("curves fitted", 0, len(asked))
@@ -146,7 +146,7 @@ def greatest_slope(results: Results, cells: dict[int, float], metric: str) -> fl
     return float(np.max(slopes))
 
 
-def observed(results: Results, cells: dict[int, float], metric: str) -> Errors:
+def read_errors(results: Results, cells: dict[int, float], metric: str) -> Errors:
     """Errors of some cells' lanes."""
     place = {cell: row for row, cell in enumerate(cells)}
     y = np.full((len(cells), results.manifest["samples"]), np.nan)
@@ -155,7 +155,7 @@ def observed(results: Results, cells: dict[int, float], metric: str) -> Errors:
     return Errors(np.array(list(cells.values())), y)
 
 
-def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
+def draw_resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
     """How often each sample is drawn in each resample, so many of these at once."""
     random = np.random.default_rng(SEED)
     for first in range(0, RESAMPLES, at_once):
@@ -163,7 +163,7 @@ def resamples(samples: int, at_once: int) -> Iterator[np.ndarray]:
         yield np.stack([np.bincount(each, minlength=samples).astype(np.int16) for each in drawn])
 
 
-def fits(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[dict[str, Any]]:
+def fit_rows(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[dict[str, Any]]:
     """Rows on one set of errors of `most` per ā; without intervals if no sample is `alone`, independent of
     others.
     """
@@ -171,10 +171,10 @@ def fits(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[d
         return
     samples, models, ranked = errors.y.shape[1], errors.models, errors.ranked()
     once = np.ones((1, samples), np.int16)
-    points = estimates(ranked, once, (*QUANTILES, ENVELOPE), models, EXACT)
-    at_once = max(1, min(ROWS, ROOM // ranked.data.ratios[:, :, 0].size))
-    drawn = bootstrap(ranked, resamples(samples, at_once), models) if alone else {}
-    known = {quantile: enough(errors, quantile) for quantile in drawn}
+    points = estimates(ranked, once, (*FITTED_QUANTILES, ENVELOPE), models, EXACT)
+    at_once = max(1, min(RESAMPLES_TOGETHER, MOST_FIT_WEIGHTS // ranked.data.ratios[:, :, 0].size))
+    drawn = bootstrap(ranked, draw_resamples(samples, at_once), models) if alone else {}
+    known = {quantile: bootstrap_suffices(errors, quantile) for quantile in drawn}
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             low, high = np.full((2, len(estimate)), np.nan)
@@ -183,9 +183,9 @@ def fits(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[d
             elif (
                 quantile in drawn
                 and known[quantile]
-                and (model == "proportional" or not jumps(drawn[quantile]))
+                and (model == "proportional" or not is_ambiguous(drawn[quantile]))
             ):
-                low, high = interval(drawn[quantile][model])
+                low, high = percentile_interval(drawn[quantile][model])
                 low, high = np.minimum(low, estimate), np.maximum(high, estimate)  # searched coarser
             score = aicc(errors, model, estimate) if quantile is None else np.nan
             for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
@@ -195,7 +195,7 @@ def fits(errors: Errors, alone: bool = True, most: float = np.inf) -> Iterator[d
 
 def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:
     """Estimates of all resamples."""
-    parts = [estimates(ranked, some, QUANTILES, models, RESAMPLED) for some in counts]
+    parts = [estimates(ranked, some, FITTED_QUANTILES, models, RESAMPLED) for some in counts]
     return {
         quantile: {model: np.concatenate([part[quantile][model] for part in parts]) for model in models}
         for quantile in parts[0]
@@ -223,10 +223,10 @@ def mean_ratio(errors: Errors, most: float) -> tuple[float, float]:
     ratios = errors.y / errors.x[:, None]
     there = np.isfinite(ratios).sum(axis=0)
     sums = np.nansum(ratios, axis=0)[there > 0]
-    return means.ends(sums, 0.0, most, CONFIDENCE, there[there > 0].astype(float))
+    return means.mean_interval(sums, 0.0, most, CONFIDENCE, there[there > 0].astype(float))
 
 
-def enough(errors: Errors, quantile: float | None) -> bool:
+def bootstrap_suffices(errors: Errors, quantile: float | None) -> bool:
     """Whether the draws suffice for a bootstrap: with fewer its interval covers too little.
 
     Of a quantile, so many draws must lie beyond it. Of least squares, n over the kurtosis of the draws' mean
@@ -247,13 +247,13 @@ def enough(errors: Errors, quantile: float | None) -> bool:
     return bool(len(each) >= FEWEST and squares.sum() ** 2 >= FEWEST * np.square(squares).sum())
 
 
-def jumps(drawn: dict[str, np.ndarray]) -> bool:
+def is_ambiguous(drawn: dict[str, np.ndarray]) -> bool:
     """Whether draws leave open if a quantile is rounding or an error: its curve may then be either."""
-    low, high = interval(drawn["proportional"])
+    low, high = percentile_interval(drawn["proportional"])
     return bool(low[0] < EXACT_FIT <= high[0])
 
 
-def interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def percentile_interval(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The percentile interval of each parameter; a resample of none but failed lanes counts for nothing."""
     ordered, counted = np.sort(drawn, axis=0), np.isfinite(drawn[:, 0]).sum()
     outside = int((1 - CONFIDENCE) / 2 * counted)
@@ -269,17 +269,17 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     there, k = np.isfinite(ratios), len(parameters) + 1
     n = there.sum()
     size = np.nanmax(ratios)
-    if n <= k + 1 or size < ROUNDING:
+    if n <= k + 1 or size < LEAST_RESIDUAL:
         return np.nan
     with np.errstate(over="ignore", invalid="ignore"):  # a curve may leave all numbers, and is no model then
-        residuals = (ratios - (value(model, errors.x, parameters) / errors.x)[:, None]) / size
+        residuals = (ratios - (model_value(model, errors.x, parameters) / errors.x)[:, None]) / size
         spread, scale = (np.sqrt(np.mean(each[there] ** 2)) for each in (residuals, ratios / size))
-    if not max(EXACT_FIT * scale, ROUNDING / size) <= spread < np.inf:
+    if not max(EXACT_FIT * scale, LEAST_RESIDUAL / size) <= spread < np.inf:
         return np.nan
     return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))
 
 
 def whole_draws(results: Results, group: Group) -> int:
     """Samples whose lanes ended at every ā of a group."""
-    errors = observed(results, group.attacked, SUMMARISED[0])
+    errors = read_errors(results, group.attacked, SUMMARISED[0])
     return int(np.isfinite(errors.y).all(axis=0).sum())

@@ -24,7 +24,7 @@ class Group(NamedTuple):
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
 
 
-def values_of(cells: Sequence[Cell]) -> dict[str, list[Any]]:
+def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Any]]:
     """Swept keys with the values that these cells have, as they come."""
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
 
@@ -35,11 +35,11 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
     for cell in cells:
         attack = cell.scenario.attack
         if attack.present and not is_drawn(attack.amplitude()):
-            members.setdefault(tuple(shared(cell).items()), []).append(cell)
+            members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
     return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
 
 
-def shared(cell: Cell) -> dict[str, Any]:
+def labels_without_magnitude(cell: Cell) -> dict[str, Any]:
     """The swept keys of a cell other than its ā."""
     return {key: label for key, label in cell.labels.items() if key != MAGNITUDE}
 

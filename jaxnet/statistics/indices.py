@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxnet.statistics.fits import interval, resamples
+from jaxnet.statistics.fits import draw_resamples, percentile_interval
 
-ROUNDING = 1e-9  # of the values, or of 1 m if they are less: what varies by no more does not vary
-TOGETHER = 50  # resamples
+LEAST_VARIATION = 1e-9  # of the values, or of 1 m if they are less: what varies by no more does not vary
+RESAMPLES_AT_ONCE = 50  # resamples
 FEWEST = 30  # rows for an index
 FEWEST_VARYING = 75  # rows that make up the variance, for an interval
 
@@ -29,14 +29,14 @@ class Indices(NamedTuple):
     high: Float[np.ndarray, "2 groups"]
 
 
-def indices(
+def sobol_indices(
     a: Float[np.ndarray, " rows"], b: Float[np.ndarray, " rows"], mixed: Float[np.ndarray, "groups rows"]
 ) -> Indices:
     """Of values at the draws a, b and ab_i; not-a-number where there are few rows, or nothing varies.
 
     Ends of intervals are not-a-number also where few rows vary.
     """
-    if len(a) < FEWEST or not np.ptp([a, b]) > ROUNDING * max(1.0, np.abs(a).max()):
+    if len(a) < FEWEST or not np.ptp([a, b]) > LEAST_VARIATION * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
     size = np.abs(np.concatenate([a[None], b[None], mixed])).max()  # squares of great values have no room
     a, b, mixed = a / size, b / size, mixed / size
@@ -53,14 +53,16 @@ def indices(
 
     found = ratios(np.ones((1, len(a))))[0]
     blank = np.full_like(found, np.nan)
-    if varying(np.concatenate([a, b])) < 2 * FEWEST_VARYING:
+    if effective_rows(np.concatenate([a, b])) < 2 * FEWEST_VARYING:
         return Indices(*(each.reshape(2, -1) for each in (found, blank, blank)))
-    resampled = np.concatenate([ratios(counts.astype(float)) for counts in resamples(len(a), TOGETHER)])
-    found = found, *interval(resampled)
+    resampled = np.concatenate(
+        [ratios(counts.astype(float)) for counts in draw_resamples(len(a), RESAMPLES_AT_ONCE)]
+    )
+    found = found, *percentile_interval(resampled)
     return Indices(*(each.reshape(2, -1) for each in found))
 
 
-def varying(values: Float[np.ndarray, " n"]) -> float:
+def effective_rows(values: Float[np.ndarray, " n"]) -> float:
     """How many of some values with mean 0 make up their variance: n over the kurtosis."""
     squares = np.square(values / np.abs(values).max())
     return float(squares.sum() ** 2 / np.square(squares).sum())

@@ -23,15 +23,15 @@ from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
-from jaxnet.statistics.groups import attacked_groups, shared
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
 
-ROUNDING = 1e-9  # relative
-NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
+LIMIT_ALLOWANCE = 1e-9  # relative
+MOST_LIMITS = 2**24  # limits held at a time, of vehicles, times and lanes
 UNCHECKED = (
     "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
     " retains, or the law is not solved at every instant"
@@ -56,22 +56,26 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
             blocks += [
                 {**group.labels, "bound": name, "vehicle": who, "slope": s} for who, s in slopes.items()
             ]
-    return pd.DataFrame(blocks, columns=[*shared(cells[0]), "bound", "vehicle", "slope"])
+    return pd.DataFrame(blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"])
 
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Bounds of a scenario by name, blank where nothing is known of whom is retained, or lanes differ."""
-    reach = spread_of(scenario)
-    return bounds.blank(scenario.vehicles) if reach is None else bounds.bounds(reach, np.array(scenario.gain))
+    reach = scenario_gain(scenario)
+    return (
+        bounds.unknown_bounds(scenario.vehicles)
+        if reach is None
+        else bounds.ultimate_bounds(reach, np.array(scenario.gain))
+    )
 
 
-def unchecked(cells: Sequence[Cell]) -> list[int]:
+def unchecked_cells(cells: Sequence[Cell]) -> list[int]:
     """Numbers of the attacked cells that `violations` leaves out."""
     attacked = [cell for cell in cells if cell.scenario.attack.present]
-    return [cell.number for cell in attacked if spread_of(cell.scenario) is None]
+    return [cell.number for cell in attacked if scenario_gain(cell.scenario) is None]
 
 
-def violations(results: Results) -> pd.DataFrame:
+def violations_table(results: Results) -> pd.DataFrame:
     """The ok lanes whose tail_max is over a bound that holds for them, each with the command that replays it.
 
     The limit is the greatest over vehicles and the tail's output times, with 1e-9 of it and the engine's
@@ -85,23 +89,25 @@ def violations(results: Results) -> pd.DataFrame:
     attacked = {
         cell.number: cell
         for cell in results.study.cells
-        if cell.scenario.attack.present and spread_of(cell.scenario) is not None
+        if cell.scenario.attack.present and scenario_gain(cell.scenario) is not None
     }
     for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
         cell = attacked[number]
         source = source_of(results.study.config, cell.scenario)
-        rows = rows[suspects(cell.scenario, source, rows)]
-        at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
+        rows = rows[suspect_lanes(cell.scenario, source, rows)]
+        at_once = max(1, MOST_LIMITS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
             found += excesses(results, cell, source, rows[first : first + at_once])
     return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
-def suspects(scenario: Scenario, source: Source, rows: Any) -> Bool[np.ndarray, " lanes"]:
+def suspect_lanes(scenario: Scenario, source: Source, rows: Any) -> Bool[np.ndarray, " lanes"]:
     """Lanes over what a bound allows without a transient: no others can break it, so no others are drawn."""
     magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
-    least = [allowed(scenario, bound, magnitude).max(axis=0) for bound, _ in holding(scenario).values()]
+    least = [
+        error_limit(scenario, bound, magnitude).max(axis=0) for bound, _ in valid_bounds(scenario).values()
+    ]
     return np.any([errors > limit for limit in least], axis=0)
 
 
@@ -126,14 +132,14 @@ def limits_of(
 ) -> dict[str, Limits]:
     """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
     draw = Draw(source, samples, scenario.vehicles)
-    error, attack = start_of_errors(scenario, draw)
-    flow = influence(tuple(scenario.gain), tuple(times.tolist()))
+    error, attack = initial_errors(scenario, draw)
+    flow = transient_factors(tuple(scenario.gain), tuple(times.tolist()))
     found = {}
-    for name, (bound, response) in holding(scenario).items():
+    for name, (bound, response) in valid_bounds(scenario).items():
         free = error - response(attack)
         with np.errstate(over="ignore"):  # an infinite limit is over every error
             transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
-        found[name] = allowed(scenario, bound, magnitudes(scenario, draw), transient)
+        found[name] = error_limit(scenario, bound, magnitudes(scenario, draw), transient)
     return found
 
 
@@ -150,10 +156,10 @@ def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, fl
 def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
     """`ceilings` of a cell whose kinds are at hand; raises MissingKindError else."""
     scenario = cell.scenario
-    if spread_of(scenario) is None:
+    if scenario_gain(scenario) is None:
         return {"tail_mean": np.inf, "tail_max": np.inf}
     source, times = source_of(config, scenario), tail_of(scenario)
-    at_once = max(1, NUMBERS // (len(times) * scenario.vehicles))
+    at_once = max(1, MOST_LIMITS // (len(times) * scenario.vehicles))
     found = {"tail_mean": 0.0, "tail_max": 0.0}
     for first in range(0, len(samples), at_once):
         limits = limits_of(scenario, source, samples[first : first + at_once], times)
@@ -168,28 +174,31 @@ def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
-def holding(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
+def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
     """Bounds that hold, each with the G of the attack that its transient starts from: 0 where sets may
     switch.
     """
-    reach, known = spread_of(scenario), situation_of(scenario)
+    reach, known = scenario_gain(scenario), situation_of(scenario)
     assert reach is not None
     gain = np.array(scenario.gain)
-    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
+    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), zero_response)}
     if scenario.attack.harmonic() and scenario.attack.consistent():
-        found["harmonic"] = bounds.harmonic(reach, gain), nothing
+        found["harmonic"] = bounds.harmonic(reach, gain), zero_response
     if reach.fixed is not None and not np.isinf(reach.norms):
         word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))
-        found["static"] = bounds.static(reach), forced(scenario, word, reach.fixed.only(known.attacked))
+        found["static"] = (
+            bounds.static(reach),
+            forced_response(scenario, word, reach.fixed.only(known.attacked)),
+        )
     return found
 
 
-def nothing(attack: np.ndarray) -> float:
+def zero_response(attack: np.ndarray) -> float:
     """What no attack does."""
     return 0.0
 
 
-def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
+def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
     """`G = L⁻¹ d`, by the graph whose links carry what vehicles say, and the one of attacked links."""
     solve, sources = graph.solver(word), sources_of(scenario)
     signals, weights = signals_of(scenario, sources), hearing.by_slot(added, added.weights, sources)
@@ -203,20 +212,20 @@ def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
     return response
 
 
-def allowed(scenario: Scenario, bound: Bound, magnitude: Any, transient: Any = 0.0) -> Any:
+def error_limit(scenario: Scenario, bound: Bound, magnitude: Any, transient: Any = 0.0) -> Any:
     """`slope ā` + transient [m] with the allowances, by (time,) vehicle and lane."""
     with np.errstate(invalid="ignore"):  # of nothing an infinite multiple says nothing
         limit = bound.vehicles[:, None] * magnitude + transient
-    return limit * (1 + ROUNDING) + scenario.engine.accuracy
+    return limit * (1 + LIMIT_ALLOWANCE) + scenario.engine.accuracy
 
 
 @functools.lru_cache
-def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times 3"]:
+def transient_factors(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times 3"]:
     """`|expm(A_c t)_{0k}|`, remembered, for cells mostly share their gain and tail."""
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
-def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
+def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
     """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may reckon by JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")

@@ -19,11 +19,13 @@ from scipy.optimize import brentq
 
 Terms = Float[np.ndarray, " n"]
 
-CLOSE = 1e-12  # of the mean gap to the bound: precision of a quantile, and the nearest it is sought
-FLAT = 1e-6  # saddlepoint roots below this are 0
+QUANTILE_PRECISION = (
+    1e-12  # of the mean gap to the bound: precision of a quantile, and the nearest it is sought
+)
+LEAST_ROOT = 1e-6  # saddlepoint roots below this are 0
 
 
-def ends(
+def mean_interval(
     sums: Terms, least: float, most: float, confidence: float, counts: Terms | None = None
 ) -> tuple[float, float]:
     """Both ends of the interval of the mean of independent numbers between `least` and `most`.
@@ -48,10 +50,10 @@ def ends(
     counts = np.ones(len(sums)) if counts is None else counts
     if not len(sums) or not np.isfinite(sums).all():
         return np.nan, np.nan
-    return 0.0 - upper(-sums, counts, -least, confidence), upper(sums, counts, most, confidence)
+    return 0.0 - upper_end(-sums, counts, -least, confidence), upper_end(sums, counts, most, confidence)
 
 
-def upper(sums: Terms, counts: Terms, most: float, confidence: float) -> float:
+def upper_end(sums: Terms, counts: Terms, most: float, confidence: float) -> float:
     """The upper end; not-a-number without a bound."""
     most, size = max(most, (sums / counts).max()), max(abs(most), np.abs(sums / counts).max())
     if not 0 < size < np.inf:
@@ -62,12 +64,15 @@ def upper(sums: Terms, counts: Terms, most: float, confidence: float) -> float:
     middle = gaps.sum() / weights.sum()
     wanted = special.ndtri((1 + confidence) / 2)
     gap: Any = brentq(
-        lambda gap: root(gap * weights - gaps) - wanted, CLOSE * middle, middle, xtol=CLOSE * middle
+        lambda gap: saddlepoint_quantile(gap * weights - gaps) - wanted,
+        QUANTILE_PRECISION * middle,
+        middle,
+        xtol=QUANTILE_PRECISION * middle,
     )
     return float(size * (most / size - gap))
 
 
-def root(terms: Terms) -> float:
+def saddlepoint_quantile(terms: Terms) -> float:
     """Normal quantile of P(Σ e_i c_i < 0) for terms c whose sum is not positive, one of them positive."""
     terms = terms / terms.max()
     if terms.sum() >= 0:
@@ -75,6 +80,6 @@ def root(terms: Terms) -> float:
     tilt: Any = brentq(lambda s: ((1 - s) * terms / (1 - s * terms)).sum(), 0.0, 1.0 - 1e-15)
     tilted = terms / (1 - tilt * terms)
     plain = np.sqrt(2 * np.log1p(-tilt * terms).sum())
-    if plain < FLAT:
+    if plain < LEAST_ROOT:
         return 0.0
     return plain + np.log(tilt * np.sqrt(np.square(tilted).sum()) / plain) / plain

@@ -6,10 +6,10 @@ The module needs no JAX, so that a config is checked at once.
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import differs_by_lane, situation_of
 from jaxnet.theory import spread
-from jaxnet.theory.spread import Spread
+from jaxnet.theory.spread import AttackGain
 
 
-def spread_of(scenario: Scenario) -> Spread | None:
+def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Gains γ of a scenario's network, by which bounds multiply ā.
 
     None where they are not known: whom vehicles retain is not known, or differs from lane to lane; ā does not
@@ -24,4 +24,4 @@ def spread_of(scenario: Scenario) -> Spread | None:
     if not attack.bounded or attack.identities() > 1 or scenario.law.holds:
         return None
     smooth = attack.consistent() and not attack.strategic and not attack.splits()
-    return spread.spread_of(known.retained, known.attacked, carried, smooth, attack.falsified())
+    return spread.attack_gain(known.retained, known.attacked, carried, smooth, attack.falsified())

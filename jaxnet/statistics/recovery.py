@@ -22,13 +22,13 @@ from scipy import special
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Criterion, Sequential
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.statistics.groups import shared
+from jaxnet.statistics.groups import labels_without_magnitude
 
 CONFIDENCE = 0.95
-FIRST = 256  # samples of a cell at the first look
+FIRST_LOOK = 256  # samples of a cell at the first look
 
 
-class Counts(NamedTuple):
+class RecoveryCounts(NamedTuple):
     """Of each cell, the lanes that ended and those of them that did not recover."""
 
     unrecovered: Int[np.ndarray, " cells"]
@@ -40,9 +40,9 @@ class Counts(NamedTuple):
         self.ended[cell.number] += len(errors)
 
 
-def nobody(cells: Sequence[Cell]) -> Counts:
+def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
     """Counts before the first lane."""
-    return Counts(np.zeros(len(cells), int), np.zeros(len(cells), int))
+    return RecoveryCounts(np.zeros(len(cells), int), np.zeros(len(cells), int))
 
 
 def threshold(cell: Cell, tau: float) -> float:
@@ -73,7 +73,7 @@ def below_greatest(draws: int) -> float:
 
 def samples_at(look: int) -> int:
     """Samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
-    return -(-FIRST * 3 ** (look - 1) // 2 ** (look - 1))
+    return -(-FIRST_LOOK * 3 ** (look - 1) // 2 ** (look - 1))
 
 
 def look_of(samples: int) -> int:
@@ -112,38 +112,40 @@ def confidence_told(samples: int | Sequential) -> float:
     return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
-def widest(counts: Counts, cells: Sequence[Cell], samples: int, criterion: Criterion) -> float:
+def widest_half_interval(
+    counts: RecoveryCounts, cells: Sequence[Cell], samples: int, criterion: Criterion
+) -> float:
     """Half the widest interval of the attacked cells, at so many samples of a cell, which says when to stop.
 
     A cell none of whose lanes ended is not waited for.
     """
     low, high = clopper_pearson(*counts, confidence_at(look_of(samples), criterion.confidence))
-    asked = attacked(cells) & (counts.ended > 0)
+    asked = attacked_mask(cells) & (counts.ended > 0)
     return float((high - low)[asked].max(initial=0.0)) / 2
 
 
-def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
+def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
     """Cells in which somebody is attacked."""
     return np.array([threshold(cell, 1.0) > 0 for cell in cells])
 
 
-def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
+def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
     """Columns of `cells.csv`; not-a-number where nobody is attacked, or no lane ended."""
     low, high = clopper_pearson(*counts, confidence)
-    asked = attacked(cells) & (counts.ended > 0)
+    asked = attacked_mask(cells) & (counts.ended > 0)
     share = counts.unrecovered / np.maximum(counts.ended, 1)
     columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
     return pd.DataFrame({name: np.where(asked, values, np.nan) for name, values in columns.items()})
 
 
-def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
+def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
     """Cell and sample of those of some ok lanes that have the greatest mean error for their ā.
 
     First the worst lane of each group of cells that differ in ā alone, then the second of each, and so on:
     otherwise one group would often fill the list with lanes that are all alike.
     """
     scale = np.array([threshold(cell, 1.0) for cell in cells])
-    groups = np.array([str(shared(cell)) for cell in cells])
+    groups = np.array([str(labels_without_magnitude(cell)) for cell in cells])
     lanes = pd.DataFrame(
         {
             "cell": rows["cell"],

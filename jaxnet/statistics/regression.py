@@ -27,7 +27,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int, Shaped
 
-from jaxnet.statistics.families import BENT, Curve, Number, Values
+from jaxnet.statistics.families import CURVE_FAMILIES, CurveFamily, Number, PerMagnitude
 
 Index = Int[Array, ""]
 Ranks = Int[Array, " j"]
@@ -57,21 +57,21 @@ class Best(NamedTuple):
 
     scale: Number
     loss: Number
-    pull: Values  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
+    pull: PerMagnitude  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
 
 
 class Loss(NamedTuple):
     """What is minimised."""
 
-    weights: Values
-    least: Values  # minimisers m_j of the G_j
-    best: Callable[[Values, Values], Best]  # of offset and growth
+    weights: PerMagnitude
+    least: PerMagnitude  # minimisers m_j of the G_j
+    best: Callable[[PerMagnitude, PerMagnitude], Best]  # of offset and growth
 
 
-def squares(weights: Values, means: Values) -> Loss:
+def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
     """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
 
-    def best(offset: Values, growth: Values) -> Best:
+    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
         scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
         residual = offset + scale * growth - means
         return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
@@ -79,14 +79,14 @@ def squares(weights: Values, means: Values) -> Loss:
     return Loss(weights, means, best)
 
 
-def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
+def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
     """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
 
     Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
     first term is left out: beside a few great errors it would drown what many small ones differ by. The
     envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
     """
-    width, ratios, sums = data.ratios.shape[2], flat(data.ratios), flat(data.sums)
+    width, ratios, sums = data.ratios.shape[2], flatten_bins(data.ratios), flatten_bins(data.sums)
     lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
     mean = bins / jnp.maximum(lanes, 1).astype(float)
     # Weights and weighted ratios up to a bin: [:, k] is the sum of the first k.
@@ -98,22 +98,24 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
     def last_bin(rank: Ranks) -> Ranks:
         return jnp.minimum(rank // width, bins.shape[1] - 1)
 
-    def weight_of(rank: Ranks) -> Values:
+    def weight_of(rank: Ranks) -> PerMagnitude:
         last = last_bin(rank)
-        return at(weight, last) + at(mean, last) * (rank - last * width).astype(float)
+        return take_column(weight, last) + take_column(mean, last) * (rank - last * width).astype(float)
 
-    def ratio_of(rank: Ranks) -> Values:
+    def ratio_of(rank: Ranks) -> PerMagnitude:
         last = last_bin(rank)
-        return at(ratio, last) + at(mean, last) * at(sums, rank + last)  # a bin has one sum more than lanes
+        return take_column(ratio, last) + take_column(mean, last) * take_column(
+            sums, rank + last
+        )  # a bin has one sum more than lanes
 
     wanted = quantile * weights
     last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
-    missing = wanted - at(weight, last)
-    further = jnp.ceil(missing / jnp.where(missing > 0, at(mean, last), 1.0)).astype(int)
-    first = last * width + jnp.clip(further, 1, jnp.maximum(at(lanes, last), 1)) - 1
-    least = at(ratios, first)
+    missing = wanted - take_column(weight, last)
+    further = jnp.ceil(missing / jnp.where(missing > 0, take_column(mean, last), 1.0)).astype(int)
+    first = last * width + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
+    least = take_column(ratios, first)
 
-    def best(offset: Values, growth: Values) -> Best:
+    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
         own = (least - offset) / growth
 
         def rank_of(scale: Number) -> Ranks:
@@ -149,30 +151,30 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
     return Loss(weights, least, best)
 
 
-def flat(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
+def flatten_bins(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
     """Bins side by side."""
     return bins.reshape(len(bins), -1)
 
 
-def ranks(ratios: Float[Array, "j s"], u: Values) -> Ranks:
+def ranks(ratios: Float[Array, "j s"], u: PerMagnitude) -> Ranks:
     """How many ratios of each magnitude are at most u, by bisection."""
     width = ratios.shape[1]
     bits = width.bit_length()
 
     def step(number: Index, rank: Ranks) -> Ranks:
         further = rank + (1 << (bits - 1 - number))
-        reached = at(ratios, jnp.minimum(further, width) - 1) <= u
+        reached = take_column(ratios, jnp.minimum(further, width) - 1) <= u
         return jnp.where((further <= width) & reached, further, rank)
 
     return lax.fori_loop(0, bits, step, jnp.zeros(u.shape, int))
 
 
-def at(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
+def take_column(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
     """One column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
 
 
-class Search(NamedTuple):
+class ShapeSearch(NamedTuple):
     """A bracket of the best shape, the lowest loss of a row, and where the search looked last."""
 
     low: Number
@@ -182,42 +184,44 @@ class Search(NamedTuple):
     scale: Number
 
 
-def fitted(
-    x: Values, loss: Loss, effort: Effort, models: tuple[str, ...]
+def fit_curves(
+    x: PerMagnitude, loss: Loss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
     """Parameters of the best curve of some models."""
     straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
-    curves = [BENT[model] for model in models if model in BENT]
+    curves = [CURVE_FAMILIES[model] for model in models if model in CURVE_FAMILIES]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: scan(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: search_shape(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
     ends = zip(curves, found.shape, found.scale, strict=True)
     read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
 
 
-def scan(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
+def search_shape(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, effort: Effort
+) -> ShapeSearch:
     """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
 
     Where all slopes point to an end of the bracket, that end is the answer.
     """
-    every = shapes(curves, kind, x, loss)
+    every = candidate_shapes(curves, kind, x, loss)
     looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
     first = STRIDES // effort.stride - 1
     last = first + effort.shapes
 
-    def step(number: Index, search: Search) -> Search:
+    def step(number: Index, search: ShapeSearch) -> ShapeSearch:
         in_row = number < first
         middle = (search.low + search.high) / 2
         end = jnp.where(search.low == every[0], every[0], middle)
         end = jnp.where(search.high == every[-1], every[-1], end)
         in_turn = every[jnp.minimum((number + 1) * effort.stride, STRIDES)]
         shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
-        best, slope = look(curves, kind, x, loss, shape)
+        best, slope = evaluate_shape(curves, kind, x, loss, shape)
         lowest = in_row & (best.loss < search.loss)
         below = jnp.max(every, initial=every[0], where=looked_at & (every < shape))
         above = jnp.min(every, initial=every[-1], where=looked_at & (every > shape))
-        return Search(
+        return ShapeSearch(
             jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
             jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
             jnp.where(lowest, best.loss, search.loss),
@@ -225,11 +229,13 @@ def scan(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort
             best.scale,
         )
 
-    begin = Search(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
+    begin = ShapeSearch(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
     return lax.fori_loop(0, last + 1, step, begin)
 
 
-def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " shapes"]:
+def candidate_shapes(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss
+) -> Float[Array, " shapes"]:
     """Shapes of the curves through two minimisers: STRIDES quantiles, from the least; 0 if there are none.
 
     Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
@@ -246,10 +252,12 @@ def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Arr
     return jnp.where(there.any(), quantiles, 0.0)
 
 
-def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
+def evaluate_shape(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, shape: Number
+) -> tuple[Best, Number]:
     """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
 
-    def bent(shape: Number) -> tuple[Values, Values]:
+    def bent(shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
 
     (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
@@ -259,14 +267,14 @@ def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number)
 
 @functools.partial(jax.jit, static_argnames="models")
 def least_squares(
-    x: Values,
+    x: PerMagnitude,
     weights: Float[Array, "n j"],
     means: Float[Array, "n j"],
     effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
     """Parameters of some models, the proportional one first, for each row of weights and weighted means."""
-    return jax.vmap(lambda *row: fitted(x, squares(*row), effort, models))(weights, means)
+    return jax.vmap(lambda *row: fit_curves(x, squared_loss(*row), effort, models))(weights, means)
 
 
 @functools.partial(jax.jit, static_argnames="models")
@@ -280,6 +288,6 @@ def quantile_regression(
     """As `least_squares`, at quantiles up to 1, for each row of bins' weights."""
 
     def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
-        return fitted(data.x, pinball(data, bins, quantile, effort.scales), effort, models)
+        return fit_curves(data.x, pinball_loss(data, bins, quantile, effort.scales), effort, models)
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)

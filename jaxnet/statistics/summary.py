@@ -18,9 +18,11 @@ from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard
 
 SUMMARISED = ("tail_mean", "tail_max")  # norms, so not negative
-UNTOLD = "no interval of a mean holds without a bound on every lane: an end is blank where theory gives none"
+NO_MEAN_INTERVAL = (
+    "no interval of a mean holds without a bound on every lane: an end is blank where theory gives none"
+)
 
-Range = tuple[float, float]  # least and greatest of a metric
+MetricRange = tuple[float, float]  # least and greatest of a metric
 UNBOUNDED = -np.inf, np.inf
 
 
@@ -31,15 +33,15 @@ def summarise(
 
     And, if asked for, the share that did not recover; `samples` of a cell are those that all shards have.
     """
-    table, counts, metrics = [], recovery.nobody(cells), summarised(study)
+    table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
     confidence = recovery.confidence_of(study.samples, samples)
     for number, lanes in rows.scan(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         ranges = ranges_of(study, cells[number], ok["sample"].tolist())
-        drawn = units(study, ok["sample"].to_numpy())
+        drawn = independent_units(study, ok["sample"].to_numpy())
         for metric in metrics:
-            found = spread(ok[metric].to_numpy(), ranges.get(metric, UNBOUNDED), drawn, confidence)
+            found = metric_statistics(ok[metric].to_numpy(), ranges.get(metric, UNBOUNDED), drawn, confidence)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         table.append(row)
         if study.recovery is not None:
@@ -47,34 +49,34 @@ def summarise(
     cells_table = pd.DataFrame(table)
     if study.recovery is None:
         return cells_table
-    return cells_table.join(recovery.shares(counts, cells, confidence))
+    return cells_table.join(recovery.unrecovered_columns(counts, cells, confidence))
 
 
-def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, Range]:
+def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, MetricRange]:
     """Range [m] of the tail errors of some lanes of a cell: from 0 to the greatest that theory allows."""
     return {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
 
 
-def summarised(study: Config) -> list[str]:
+def summarised_metrics(study: Config) -> list[str]:
     """Metrics that tables show: the tail errors, and what the study measures besides the contract."""
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
-def units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[np.ndarray, " lanes"] | None:
+def independent_units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[np.ndarray, " lanes"] | None:
     """The sequence that each sample is of, which are independent; None where the samples themselves are."""
     if study.draws == "random" or not isinstance(study.samples, int):
         return None
     return samples // (study.samples // RANDOMISATIONS)
 
 
-def units_told(study: Config) -> str:
+def interval_basis(study: Config) -> str:
     """What means have their intervals over."""
     return "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
 
 
-def spread(
+def metric_statistics(
     values: np.ndarray,
-    within: Range,
+    within: MetricRange,
     units: Int[np.ndarray, " lanes"] | None = None,
     confidence: float = CONFIDENCE,
 ) -> dict[str, float]:
@@ -90,7 +92,7 @@ def spread(
         if units is not None:
             _, number, counts = np.unique(units, return_inverse=True, return_counts=True)
             sums, counts = np.bincount(number, values), counts.astype(float)
-        low, high = means.ends(sums, *within, confidence, counts)
+        low, high = means.mean_interval(sums, *within, confidence, counts)
         q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
     ends = {"mean": values.mean(), "low": low, "high": high}
     return ends | {"median": median, "q05": q05, "q95": q95, "max": values.max()}

@@ -12,14 +12,14 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count, counted
-from jaxnet.statistics.curves import SHARE, failed_kinds, scales, size_of
-from jaxnet.statistics.groups import values_of
+from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.store.results import Results
 
 FREQUENCY = "attack.frequency"
 NO_CELL = -1
-ROUNDING = 1e-9  # of ā, below which an error is arithmetic
+NEGLIGIBLE_ERROR = 1e-9  # of ā, below which an error is arithmetic
 
 
 class Tiling(NamedTuple):
@@ -38,7 +38,7 @@ def tiling(cells: Sequence[Cell]) -> Tiling | None:
 
     Nothing where fewer than two swept keys have two values.
     """
-    values = values_of(cells)
+    values = swept_values_of(cells)
     varied = [key for key, each in values.items() if len(each) > 1]
     if len(varied) < 2:
         return None
@@ -74,44 +74,46 @@ def ascending(values: list[Any]) -> list[Any]:
     return sorted(values) if numeric(values) else values
 
 
-def outcomes(results: Results) -> pd.DataFrame:
+def tile_table(results: Results) -> pd.DataFrame:
     """Of each cell the share unrecovered with its interval [%], and the worst tail error per ā.
 
     The interval stands there in words too; and how many lanes ended and failed, and in words why there is
     neither share nor error.
     """
     cells: Any = results.cells
-    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE}, index=cells.index)
-    found["worst"] = cells["tail_max_max"] / scales(results)
+    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index)
+    found["worst"] = cells["tail_max_max"] / cell_magnitudes(results)
     found[["ok", "failed"]] = cells[["ok", "failed"]]
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
-    found["interval"] = [between(low, high) if low < high else "" for low, high in ends]
-    found["blank"] = [blank(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)]
+    found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
+    found["blank"] = [
+        blank_reason(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)
+    ]
     return found
 
 
-def blank(cell: Cell, ok: int) -> str:
+def blank_reason(cell: Cell, ok: int) -> str:
     """Why nothing can be said of a cell's lanes per ā; nothing where it can."""
-    size = size_of(cell)
+    size = configured_magnitude(cell)
     if is_drawn(size):
         return "ā is drawn"
     return "no attack" if size <= 0 else "" if ok else "no lane ended"
 
 
-def blanks(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
+def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
     """Why some of these tiles have no number."""
     reasons = [*found["blank"].reindex(numbers.ravel()).dropna().unique()]
     return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
 
 
-def notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
+def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
     """Of how many lanes these tiles are, how sure their shares, and which lanes are in no number."""
-    cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), outcomes(results)
+    cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & (found["blank"] == "")]
     least, most = int(known["ok"].min()), int(known["ok"].max())
     words = [f"{f'{least:,} to ' if least < most else ''}{count(most, 'lane')} a tile"]
     if metric == "unrecovered":
-        middle, low, high = (known[name] for name in SHARE)
+        middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         half = max((high - middle).max(), (middle - low).max())
         words.append(f"{sure:g} % intervals, at most {half:.2g} points to a side")
@@ -120,16 +122,16 @@ def notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> lis
     return words
 
 
-def digits(metric: str, value: float) -> str:
+def tile_text(metric: str, value: float) -> str:
     """Few digits; of a share, of what it is nearer to, 0 or 100, so that only all lanes are 100 %."""
     if metric == "unrecovered":
         return f"{value:.2g}" if value <= 50 else f"{100 - float(f'{100 - value:.2g}'):.6g}"
     if value >= 0.1:
         return f"{value:.2g}"
-    return "0" if value < ROUNDING else f"{value:.0e}".replace("e-0", "e-")
+    return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
 
 
-def between(low: float, high: float) -> str:
+def interval_text(low: float, high: float) -> str:
     """To two digits of its width, rounded to be no narrower."""
     places = max(0, 1 - math.floor(math.log10(high - low)))
     ends = math.floor(low * 10**places), math.ceil(high * 10**places)

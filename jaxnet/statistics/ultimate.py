@@ -8,12 +8,12 @@ from upath import UPath
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 
-def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
+def write_ultimate_error(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
 
     A table that needs the code of a kind that is not here is left out.
@@ -23,8 +23,8 @@ def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
     _ = results.cells
     tables: dict[str, Callable[[], pd.DataFrame]] = {
         "bounds.csv": lambda: bounds.slopes_table(results.study.cells),
-        "violations.csv": lambda: bounds.violations(results),
-        "fit.csv": lambda: fit.table(results, told),
+        "violations.csv": lambda: bounds.violations_table(results),
+        "fit.csv": lambda: fit.fit_table(results, told),
     }
     for name, table in tables.items():
         made = known_or(None, table)
@@ -33,6 +33,6 @@ def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
         yield results.folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
 
 
-def asked(results: Results) -> bool:
+def has_fixed_magnitude(results: Results) -> bool:
     """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
     return any(group.attacked for group in attacked_groups(results.study.cells))

@@ -144,7 +144,7 @@ def test_findings_of_a_single_cell(tmp_path):
     extremes, _, share, bounds, sure = told(
         tmp_path,
         [20.0],
-        cells=nothing | {key: [np.nan] for key in curves.SHARE[1:]},
+        cells=nothing | {key: [np.nan] for key in curves.SHARE_COLUMNS[1:]},
         bounds=given,
         recovery={"tau": 0.1},
         attack={"kind": "rotating", "magnitude": 10},
@@ -254,8 +254,8 @@ def test_curves_have_the_groups_own_bounds_and_fits(folder):
 
 def test_values_are_alike_however_a_file_writes_them():
     """A column of 1 and 2.5 is written as 1.0 and 2.5."""
-    assert curves.alike(1) == curves.alike(1.0) == curves.alike("1")
-    assert curves.alike("star") != curves.alike("cyclic")
+    assert curves.canonical_value(1) == curves.canonical_value(1.0) == curves.canonical_value("1")
+    assert curves.canonical_value("star") != curves.canonical_value("cyclic")
 
 
 def test_bands_are_quantiles_over_samples(folder):
