@@ -287,7 +287,7 @@ def write_sensitivity(
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        yield write_indices(study, folder, samples, told=told)
+        yield write_indices(study, folder, samples, progress=told)
         yield from figures.draw(stored.Results(folder.path, folder), SENSITIVITY, told)
 
 
@@ -310,7 +310,7 @@ def write_rare(study: Study, points: int, out: Place | None, told: Steps = no_pr
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        return count_rare(study, folder, points, told=told)
+        return count_rare(study, folder, points, progress=told)
 
 
 def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:

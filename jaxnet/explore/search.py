@@ -1,17 +1,18 @@
-"""The worst choice: many populations of CMA-ES side by side, a generation of all of them one batch of lanes.
+"""Search for the worst choice: populations of CMA-ES side by side; one batch simulates a generation of all.
 
-Every choice is tried from the same starts, those of the study's first samples, and counts by their mean: what
-is maximised is then no random function, but one that jumps wherever a vehicle decides otherwise. CMA-ES
-does not mind. In the end the best is polished along its gradient, which a small step shows exactly where the
-error is affine in what is chosen and no decision changes.
+Every choice has the same starts, those of the study's first samples, and its value is the mean over them.
+So the objective is deterministic. It jumps wherever a vehicle decides otherwise, which CMA-ES tolerates. At
+the end a line search along the gradient improves the best choice. Where the error is affine in the choice and
+no decision changes, a small step gives the exact gradient.
 
-The best of each population and the best random points are the finalists. `explore.late` runs them further.
+The best choice of each population and the best random points are the finalists. `explore.late` simulates the
+finalists for longer.
 """
 
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from cmaes import CMA
@@ -21,49 +22,51 @@ from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, Coordinates
 
-SEARCH_VERSION = 4  # to be raised when searches begin to go another way, so that none kept before goes on
-POPULATIONS = 16  # side by side, or more where budgets are large
-INITIAL_SIGMA = 0.15  # of a population at first, of the box's edge
-POLISH, SCREEN = 0.1, 0.2  # of the budget: for the end, and for finding where to begin
-MOST_STEPS = 300  # of polishing, where its share of the budget would be more
-MOST_SETS = 20_000  # that are enumerated
-LEAST_GENERATIONS = 50  # that a population is to have, or there are fewer
-MOST_GENERATIONS = 3_000  # that it is to have, or there are more
-RANDOM_FINALISTS = 16  # of random points, or of sets
-CHOICES_AT_ONCE = 4096  # choices tried in a batch, where they could be more
-SLOPE_STEP = 1e-6  # step by which a slope is found
-LINE_STEPS = 0.25 * 0.5 ** np.arange(24)  # steps along it
-LEAST_IMPROVEMENT = 1e-9  # relative, or the polishing ends
+SEARCH_VERSION = 4  # raise it when the algorithm changes: older stored searches are then not resumed
+POPULATIONS = 16  # side by side; more for large budgets
+INITIAL_SIGMA = 0.15  # of a new population, per edge of the box
+POLISH, SCREEN = 0.1, 0.2  # of the budget: for the line search, and for the first points
+MOST_STEPS = 300  # of polishing
+MOST_SETS = 20_000  # of attacked vehicles that are enumerated
+LEAST_GENERATIONS = 50  # of a population, or there are fewer populations
+MOST_GENERATIONS = 3_000  # of a population, or there are more populations
+RANDOM_FINALISTS = 16  # among random points, or among sets
+CHOICES_AT_ONCE = 4096  # in a batch, at most
+SLOPE_STEP = 1e-6  # of the difference quotient
+LINE_STEPS = 0.25 * 0.5 ** np.arange(24)  # along the slope
+LEAST_IMPROVEMENT = 1e-9  # relative; a smaller one ends the polishing
 
+Item = TypeVar("Item")
 BoxPoint = Float[np.ndarray, " coordinates"]
 Means = Float[np.ndarray, " choices"]
 Starts = Float[np.ndarray, "choices starts"]
-Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]  # not a number of a lane that failed
+Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]  # not-a-number for a failed lane
 
 
 class Generation(NamedTuple):
-    """A batch of choices that were tried, and how things stood after it."""
+    """A batch of choices, and the state of the search after it."""
 
     generation: int
     phase: str  # sets, random, search or polish
-    lanes: int  # in all until then
-    best: float  # of all until then
+    lanes: int  # of all generations so far
+    best: float  # of all generations so far
     generation_best: float
     generation_median: float
-    failed: int  # lanes, in all until then
+    failed: int  # lanes of all generations so far
 
 
 class Finalist(NamedTuple):
-    """A choice that is the best of its kind: of a population, or one of the best random points."""
+    """The best choice of a population, or one of the best random points."""
 
     found: float  # mean over the starts
     point: BoxPoint
 
 
 class Trials:
-    """Choices that are tried, and the best of them so far.
+    """Choices tried so far, and the best of them.
 
-    `known` are values of a search that was broken off: this one goes the same way, and takes them.
+    `known` are values of an interrupted search. The new search makes the same choices and reuses these
+    values.
     """
 
     def __init__(
@@ -76,9 +79,12 @@ class Trials:
         self.finalists = list[Finalist]()
 
     def attempt(self, phase: str, points: Coordinates) -> tuple[Means, Generation]:
-        """The mean over the starts at each point, not a number where a lane failed."""
+        """Return the mean over the starts at each point, and the generation's record.
+
+        The mean is not-a-number where a lane failed.
+        """
         number = len(self.values)
-        values = self.known[number] if number < len(self.known) else self.simulated(points)
+        values = self.known[number] if number < len(self.known) else self.simulate(points)
         self.values.append(values)
         self.lanes += values.size
         self.failed += int(np.isnan(values).sum())
@@ -87,65 +93,66 @@ class Trials:
             leader = int(np.nanargmax(means))
             if means[leader] > self.best:
                 self.best, self.point = float(means[leader]), points[leader].copy()
-        there = means[~np.isnan(means)]
-        best, median = (there.max(), np.median(there)) if there.size else (math.nan, math.nan)
+        finite = means[~np.isnan(means)]
+        best, median = (finite.max(), np.median(finite)) if finite.size else (math.nan, math.nan)
         return means, Generation(
             number, phase, self.lanes, self.best, float(best), float(median), self.failed
         )
 
-    def simulated(self, points: Coordinates) -> Starts:
-        """What lanes come to."""
+    def simulate(self, points: Coordinates) -> Starts:
+        """Return the objective at each point and start."""
         samples = np.tile(np.arange(self.starts), len(points))
         outcome = batch.simulate(self.box.lanes(points.repeat(self.starts, axis=0), samples), self.machine)
         return self.measure(outcome).reshape(len(points), self.starts)
 
 
 def best_of(points: Coordinates, means: Means) -> list[Finalist]:
-    """The best of some points, the very best first; a mean that is not a number comes last."""
+    """Return the best points in descending order; not-a-number comes last."""
     order = np.argsort(-np.nan_to_num(means, nan=-math.inf), kind="stable")[:RANDOM_FINALISTS]
     return [Finalist(float(means[number]), points[number]) for number in order]
 
 
 class Population:
-    """CMA-ES in some coordinates of a box; the others keep the values of `base`.
+    """CMA-ES over some coordinates of a box; the other coordinates keep the values of `base`.
 
-    It moves in a space without edges: angles go round, other coordinates are mirrored at 0 and 1.
+    The population moves in a space without edges. Angles are periodic; other coordinates are mirrored at 0
+    and 1.
     """
 
     def __init__(self, box: Box, base: BoxPoint, seed: int):
         self.base, self.free = base, box.free(box.attacked(base))
         self.turns = box.turns[self.free]
         self.strategy = CMA(mean=base[self.free], sigma=INITIAL_SIGMA, seed=seed)
-        self.asked = np.empty((0, len(self.free)))
+        self.generation = np.empty((0, len(self.free)))
         self.best = Finalist(-math.inf, base)
 
     def ask(self) -> Coordinates:
-        """A generation."""
-        self.asked = np.stack([self.strategy.ask() for _ in range(self.strategy.population_size)])
+        """Draw a generation and return its points."""
+        self.generation = np.stack([self.strategy.ask() for _ in range(self.strategy.population_size)])
         return self.points()
 
     def points(self) -> Coordinates:
-        """The generation's points in the box."""
-        points = np.tile(self.base, (len(self.asked), 1))
-        points[:, self.free] = np.where(self.turns, self.asked % 1, 1 - np.abs(1 - self.asked % 2))
+        """Return the generation's points in the box."""
+        points = np.tile(self.base, (len(self.generation), 1))
+        points[:, self.free] = np.where(self.turns, self.generation % 1, 1 - np.abs(1 - self.generation % 2))
         return points
 
     def tell(self, values: Means) -> None:
-        """What the generation came to; a choice of which a lane failed counts less than all others."""
+        """Update the population with the generation's values; a choice with a failed lane ranks last."""
         leader = best_of(self.points(), values)[0]
         self.best = leader if leader.found > self.best.found else self.best
         losses = np.where(np.isnan(values), math.inf, -values)
         finite = losses[np.isfinite(losses)]
         losses = np.where(np.isfinite(losses), losses, finite.max(initial=0.0) + 1.0)
-        self.strategy.tell(list(zip(self.asked, losses.tolist(), strict=True)))
+        self.strategy.tell(list(zip(self.generation, losses.tolist(), strict=True)))
 
-    def ended(self) -> bool:
-        """Whether there is nothing more to find where it is."""
+    def should_stop(self) -> bool:
+        """Return whether CMA-ES has a reason to stop."""
         return self.strategy.should_stop()
 
 
 def search_box(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
-    """Spend so many lanes, or fewer; what the trials came to then is their best."""
+    """Search with at most `budget` lanes and yield each generation; `trials` records the best choice."""
     box, choices, random = trials.box, budget // trials.starts, np.random.default_rng(seed)
     sets = sets_of(box, choices, random)
     if not box.free(sets[0]):
@@ -155,16 +162,16 @@ def search_box(trials: Trials, budget: int, seed: int) -> Iterator[Generation]:
             trials.finalists += best_of(points, means)
             yield generation
         return
-    look = screen_sets if len(sets) > 1 else scout_points
-    begun = yield from look(trials, sets, int(SCREEN * choices), random)
+    explore = screen_sets if len(sets) > 1 else scout_points
+    first_points = yield from explore(trials, sets, int(SCREEN * choices), random)
     step = 2 * len(box.free(sets[0])) + len(LINE_STEPS)
     last = min(POLISH * choices, MOST_STEPS * step)
-    yield from evolve_populations(trials, begun, int(choices - last) * trials.starts, random)
+    yield from evolve_populations(trials, first_points, int(choices - last) * trials.starts, random)
     yield from polish_best(trials, budget - step * trials.starts)
 
 
 def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[int]]:
-    """Sets of attacked vehicles: all that there are, or so many of them at random if there are more."""
+    """Return the sets of attacked vehicles: all sets, or `most` random sets if there are more."""
     if not box.lots:
         return [box.scenario.attack.targets()]
     vehicles, number = range(1, box.scenario.vehicles + 1), box.scenario.attack.number()
@@ -175,7 +182,7 @@ def sets_of(box: Box, most: int, random: np.random.Generator) -> list[Sequence[i
 
 
 def random_points(box: Box, attacked: Sequence[int], number: int, random: np.random.Generator) -> Coordinates:
-    """Points anywhere in the box where these vehicles are attacked."""
+    """Return random points of the box at which these vehicles are attacked."""
     points, free = np.tile(box.centre(attacked), (number, 1)), box.free(attacked)
     points[:, free] = random.random((number, len(free)))
     return points
@@ -184,14 +191,14 @@ def random_points(box: Box, attacked: Sequence[int], number: int, random: np.ran
 def scout_points(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """Random points where the one set is attacked; returns them, the best first."""
-    tried, means = list[Coordinates](), list[Means]()
+    """Try random points for the only attacked set; return the points, the best first."""
+    batches, means = list[Coordinates](), list[Means]()
     for some in split_items(range(max(POPULATIONS, choices)), CHOICES_AT_ONCE):
-        tried.append(random_points(trials.box, sets[0], len(some), random))
-        values, generation = trials.attempt("random", tried[-1])
+        batches.append(random_points(trials.box, sets[0], len(some), random))
+        values, generation = trials.attempt("random", batches[-1])
         means.append(np.nan_to_num(values, nan=-math.inf))
         yield generation
-    points, every = np.concatenate(tried), np.concatenate(means)
+    points, every = np.concatenate(batches), np.concatenate(means)
     trials.finalists += best_of(points, every)
     return list(points[np.argsort(-every, kind="stable")])
 
@@ -199,9 +206,9 @@ def scout_points(
 def screen_sets(
     trials: Trials, sets: list[Sequence[int]], choices: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """The sets by their best of some random points: the best half of them gets as many again, and so on.
+    """Rank the attacked sets by random points, and keep the better half in each round (successive halving).
 
-    Returns the best point of each set that was tried, the best set first.
+    Returns the best point of each set, the best set first.
     """
     rounds = max(1, math.ceil(math.log2(len(sets) / POPULATIONS)))
     left = [sets[number] for number in random.permutation(len(sets))][: max(1, choices // rounds)]
@@ -213,8 +220,9 @@ def screen_sets(
             values, generation = trials.attempt("sets", points)
             yield generation
             values = np.nan_to_num(values, nan=-math.inf).reshape(len(some), each)
-            for attacked, theirs, at in zip(some, values, points.reshape(len(some), each, -1), strict=True):
-                found = float(theirs.max()), at[theirs.argmax()]
+            by_set = points.reshape(len(some), each, -1)
+            for attacked, means, tried in zip(some, values, by_set, strict=True):
+                found = float(means.max()), tried[means.argmax()]
                 best[attacked] = max(best.get(attacked, found), found, key=lambda pair: pair[0])
         left.sort(key=lambda attacked: -best[attacked][0])
         left = left[: max(POPULATIONS, len(left) // 2)]
@@ -224,33 +232,36 @@ def screen_sets(
 
 
 def evolve_populations(
-    trials: Trials, begun: list[BoxPoint], until: int, random: np.random.Generator
+    trials: Trials, first_points: list[BoxPoint], until: int, random: np.random.Generator
 ) -> Iterator[Generation]:
-    """Populations from these points on, until so many lanes are spent; one that has ended begins anew."""
-    box, points = trials.box, itertools.cycle(begun)
+    """Evolve populations from these points until the lanes reach `until`.
 
-    def another() -> Population:
+    A population that stops restarts from the next point.
+    """
+    box, points = trials.box, itertools.cycle(first_points)
+
+    def new_population() -> Population:
         return Population(box, next(points), int(random.integers(2**32)))
 
-    size = another().strategy.population_size * trials.starts
+    size = new_population().strategy.population_size * trials.starts
     generations = (until - trials.lanes) // size  # of one population alone
     side_by_side = max(1, generations // MOST_GENERATIONS, min(POPULATIONS, generations // LEAST_GENERATIONS))
-    populations = [another() for _ in range(side_by_side)]
+    populations = [new_population() for _ in range(side_by_side)]
     while trials.lanes + size * len(populations) <= until:
-        asked = [population.ask() for population in populations]
-        values, generation = trials.attempt("search", np.concatenate(asked))
+        generations_points = [population.ask() for population in populations]
+        values, generation = trials.attempt("search", np.concatenate(generations_points))
         yield generation
-        parts = np.split(values, np.cumsum([len(each) for each in asked])[:-1])
-        for number, (population, theirs) in enumerate(zip(populations, parts, strict=True)):
-            population.tell(theirs)
-            if population.ended():
+        parts = np.split(values, np.cumsum([len(each) for each in generations_points])[:-1])
+        for number, (population, means) in enumerate(zip(populations, parts, strict=True)):
+            population.tell(means)
+            if population.should_stop():
                 trials.finalists.append(population.best)
-                populations[number] = another()
+                populations[number] = new_population()
     trials.finalists += [population.best for population in populations]
 
 
 def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
-    """From the best up its slope, as long as it gets better and a step begins before so many lanes."""
+    """Move the best choice along its gradient while it improves and the lanes are at most `until`."""
     box = trials.box
     free = box.free(box.attacked(trials.point))
     while trials.lanes <= until:
@@ -273,11 +284,11 @@ def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
 
 
 def shifted_points(box: Box, point: BoxPoint, steps: Coordinates) -> Coordinates:
-    """Points so far from one, inside the box; angles go round."""
+    """Return a point plus steps, inside the box; angles are periodic."""
     points = point + steps
     return np.where(box.turns, points % 1, np.clip(points, 0, 1))
 
 
-def split_items(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
-    """So many at a time."""
+def split_items(items: Sequence[Item], size: int) -> Iterator[Sequence[Item]]:
+    """Yield the items in parts of `size`."""
     return (items[first : first + size] for first in range(0, len(items), size))

@@ -1,9 +1,9 @@
-"""What matters: Sobol's indices of each thing that a row measures to each quantity that a scenario draws.
+"""Sensitivity: Sobol's indices of each metric with respect to each random quantity of a scenario.
 
-A quantity is all that stands under one dotted name, numbers of all vehicles together. No array of coordinates
-is needed to pick one and freeze the others: the samples from 0 on are drawn, as many after them, and the
-first ones again, each time with one quantity of the later ones. They are drawn at random, whatever `draws`
-says.
+A quantity comprises all numbers under one dotted name, for all vehicles. The method picks and freezes
+quantities by sample number, without an array of coordinates. It draws the first samples, as many later
+samples, and the first samples again with one quantity of the later samples at a time. The draws are random
+for every value of `draws`.
 """
 
 import warnings
@@ -29,16 +29,19 @@ from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
 SENSITIVITY_FILE = "sensitivity.csv"
-FAILURES_NAMED = 5  # failed lanes of a cell
+FAILURES_NAMED = 5  # failed lanes of a cell in a warning
 
 
 def quantities(study: Study, cell: Cell) -> list[str]:
-    """What a cell's lanes draw."""
+    """Return the names of the random quantities of a cell."""
     return list(recorded(cell.scenario, Keyed(study.config.seed)).names)
 
 
 def lanes_needed(study: Study, samples: int) -> dict[int, int]:
-    """Lanes of each cell that draws anything; raises FolderError if none does."""
+    """Return the number of lanes of each cell with random quantities.
+
+    Raises FolderError if there is no such cell.
+    """
     drawn = {cell.number: len(quantities(study, cell)) for cell in study.cells}
     if not any(drawn.values()):
         raise FolderError(f"{study.config.name}: nothing is drawn, so nothing varies")
@@ -46,9 +49,9 @@ def lanes_needed(study: Study, samples: int) -> dict[int, int]:
 
 
 def write_indices(
-    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, told: Steps = no_progress
+    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
 ) -> UPath:
-    """Write `sensitivity.csv`, cell by cell: one that is there, of as many samples, is not done again."""
+    """Write `sensitivity.csv` cell by cell; a stored row with as many samples is not computed again."""
     tau = None if study.config.recovery is None else study.config.recovery.tau
     rows = known_index_rows(folder, samples, tau)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
@@ -57,7 +60,7 @@ def write_indices(
     def load_done(lanes: int) -> None:
         nonlocal done
         done += lanes
-        told("lanes", done, total)
+        progress("lanes", done, total)
 
     for cell in study.cells:
         if cell.number in needed.keys() - known:
@@ -72,7 +75,7 @@ def write_indices(
 
 
 def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
-    """Rows that the folder holds of the same question."""
+    """Return the stored rows with the same number of samples and the same τ."""
     if not (folder.path / SENSITIVITY_FILE).exists():
         return []
     table: Any = read_table(folder.path / SENSITIVITY_FILE)
@@ -88,7 +91,10 @@ def pick_freeze_outcomes(
     machine: Machine,
     load_done: Callable[[int], None],
 ) -> list[Outcome]:
-    """Outcomes of the first samples, of as many later ones, and of the first with each quantity of those."""
+    """Return the outcomes of the first samples, the later samples, and the mixed samples per quantity.
+
+    A mixed sample is a first sample with one quantity of the later sample.
+    """
     later = [names, *([name] for name in names)]
     sources = [keyed, *(Later(keyed, samples, some) for some in later)]
     one = job(cell.scenario, keyed, [0])
@@ -100,7 +106,7 @@ def pick_freeze_outcomes(
 def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], tau: float | None
 ) -> list[dict[str, Any]]:
-    """Rows of a cell, by metric and quantity; a sample of which a lane failed counts nowhere."""
+    """Return a cell's rows by metric and quantity; a sample with a failed lane is left out."""
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)
     warn_of_failures(cell, names, status)
@@ -110,7 +116,7 @@ def index_rows(
     }
     if tau is not None and threshold(cell, tau) > 0:
         measured["unrecovered"] = (measured["tail_mean"] > threshold(cell, tau)).astype(float)
-    about = {"cell": cell.number, **cell.labels}
+    identity = {"cell": cell.number, **cell.labels}
     counts = {"samples": len(ok), "left_out": int((~ok).sum()), "tau": tau}
     found = []
     for metric, (a, b, *mixed) in measured.items():
@@ -121,22 +127,22 @@ def index_rows(
                 for place, order in enumerate(("first", "total"))
                 for end, values in zip(("", "_low", "_high"), of, strict=True)
             }
-            found.append({**about, "metric": metric, "quantity": name, **row, **counts})
+            found.append({**identity, "metric": metric, "quantity": name, **row, **counts})
     return found
 
 
 def warn_of_failures(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
-    """Warn of lanes that failed."""
+    """Warn of failed lanes in a cell."""
     runs, samples = np.nonzero(status)
     if len(runs):
         draws = ["its own draws", "the later draws", *(f"the later {name}" for name in names)]
-        told = [
+        failures = [
             f"sample {sample} with {draws[run]}: {Status(status[run, sample]).name}"
             for run, sample in zip(runs[:FAILURES_NAMED], samples[:FAILURES_NAMED], strict=True)
         ]
         more = f" and {len(runs) - FAILURES_NAMED} more" if len(runs) > FAILURES_NAMED else ""
         warnings.warn(
             f"cell {cell.number}: {len(runs)} lanes failed, whose samples are left out: "
-            f"{', '.join(told)}{more}",
+            f"{', '.join(failures)}{more}",
             stacklevel=2,
         )
