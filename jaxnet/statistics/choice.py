@@ -1,4 +1,4 @@
-"""Some of a study's cells, chosen by the values of their swept keys."""
+"""Selection of a study's cells by the values of their swept keys."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,11 +8,14 @@ from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.folder import FolderError
 
-Where = Mapping[str, Any]  # swept key: the value that is wanted, or a list of those
+Where = Mapping[str, Any]  # swept key: the wanted value, or a list of wanted values
 
 
 def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
-    """The cells whose swept keys have one of the values wanted; raises FolderError where there is none."""
+    """Return the cells whose swept keys have one of the wanted values.
+
+    Raises FolderError for a key that is not swept, and for a value without a cell.
+    """
     there = swept_values_of(cells)
     told = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in there.items())
     found = list(cells)
@@ -28,13 +31,16 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     return found
 
 
-def as_list(values: Any) -> list[Any]:
-    """One value or several, as a list."""
+def as_list(values: object) -> list[Any]:
+    """Return one value or several values as a list."""
     return list(values) if isinstance(values, list | tuple) else [values]
 
 
-def matches_label(value: Any, label: Any) -> bool:
-    """Whether a value is a label, as it is stored or, of a number, as tables show it: to four digits."""
+def matches_label(value: object, label: object) -> bool:
+    """Return whether a value equals a label.
+
+    A number may also equal the label to the four digits that tables show.
+    """
     if isinstance(label, float) and canonical_value(value) == canonical_value(f"{label:.4g}"):
         return True
     return canonical_value(value) == canonical_value(label)

@@ -1,10 +1,10 @@
-"""Two studies held against each other lane by lane, paired by common random numbers.
+"""Comparison of two studies lane by lane, paired by common random numbers.
 
-The same seed and sample give the same draw, so the difference of two lanes of a sample is that of their
-studies, and its mean varies far less than the means themselves. Of the share unrecovered only the lanes that
-changed sides count. If either way were as likely, the number of those that went one way would be binomial
-with p = 1/2, which is McNemar's exact test. Intervals are those of `means`, of the share too: a lane counts
--1, 0 or 1. The interval of the share leaves out 0 where McNemar's p is below 0.05, and nowhere else.
+The same seed and sample give the same draw. So the difference of two lanes of a sample is the difference of
+their studies, and its mean varies far less than the means themselves. The share unrecovered changes only by
+the lanes that are unrecovered in one study alone. If both directions were equally likely, the number in one
+direction would be binomial with p = 1/2: McNemar's exact test. All intervals are those of `means`; for the
+share a lane counts -1, 0 or 1. The interval of the share excludes 0 exactly where McNemar's p is below 0.05.
 """
 
 import functools
@@ -27,24 +27,24 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
-DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # and what `spread` calls them
+DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # by name in `metric_statistics`
 COLUMNS_READ = ("sample", "status", *SUMMARISED)
 CellPair = tuple[Cell, Cell]
 
 
 class Comparison(NamedTuple):
-    """A study A and a study B, of whose lanes B is held against A: all differences are B − A."""
+    """Comparison of a study B with a study A; all differences are B − A."""
 
     folders: tuple[str, str]
-    settings: pd.DataFrame  # the keys that differ, with A's and B's values
-    alone: list[str]  # cells that have none to be held against
+    settings: pd.DataFrame  # the differing keys, with A's and B's values
+    alone: list[str]  # cells without a partner in the other study
     cells: pd.DataFrame  # a row per pair of cells
-    changed: pd.DataFrame  # lanes unrecovered in one study alone
-    failed: pd.DataFrame  # lanes that failed in either, which count in no difference
+    changed: pd.DataFrame  # lanes unrecovered in only one study
+    failed: pd.DataFrame  # lanes that failed in either study; no difference counts them
 
 
 def compare_studies(first: Results, second: Results) -> Comparison:
-    """Hold one study's lanes against another's; raises FolderError if none can be paired."""
+    """Compare two studies lane by lane; raises FolderError if no lanes can be paired."""
     _ = first.cells, second.cells  # refuses an unfinished run
     pairs = paired_cells(first, second)
     tables = [join_lanes(first, second, pair) for pair in pairs]
@@ -70,7 +70,10 @@ def compare_studies(first: Results, second: Results) -> Comparison:
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:
-    """Cells of two studies that have the same values of the keys swept in both; raises FolderError."""
+    """Return the cells of two studies with equal values of the keys swept in both.
+
+    Raises FolderError if seeds or draws differ, or if there is no such pair.
+    """
     seeds = [results.study.config.seed for results in (first, second)]
     if seeds[0] != seeds[1]:
         raise FolderError(
@@ -83,9 +86,9 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
             f"draws: {drawn[0]} in {first.path}, {drawn[1]} in {second.path}; lanes are paired by their draws"
         )
     common = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
-    theirs = by_values(second, common, first)
-    mine = by_values(first, common, second)
-    pairs = [(cell, theirs[values]) for values, cell in mine.items() if values in theirs]
+    cells_a = by_values(first, common, second)
+    cells_b = by_values(second, common, first)
+    pairs = [(cell, cells_b[values]) for values, cell in cells_a.items() if values in cells_b]
     if not pairs:
         swept = "; ".join(
             f"{key} is "
@@ -97,13 +100,16 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
 
 
 def draw_design(results: Results) -> str:
-    """By what samples are drawn; of Sobol's sequences their length matters too."""
+    """Return how samples are drawn; for Sobol's sequences with their length."""
     study = results.study.config
     return study.draws if study.draws == "random" else f"{study.draws} with {study.samples} samples"
 
 
 def by_values(results: Results, common: Sequence[str], other: Results) -> dict[tuple[str, ...], Cell]:
-    """Cells by their values of some swept keys; raises FolderError where two have the same."""
+    """Return the cells by their values of some swept keys.
+
+    Raises FolderError if two cells have equal values.
+    """
     found: dict[tuple[str, ...], Cell] = {}
     for cell in results.study.cells:
         values = tuple(canonical_value(cell.labels[key]) for key in common)
@@ -118,12 +124,12 @@ def by_values(results: Results, common: Sequence[str], other: Results) -> dict[t
 
 
 def swept_values_text(results: Results, key: str) -> str:
-    """Values of a swept key."""
+    """Return the values of a swept key as text."""
     return ", ".join(dict.fromkeys(str(cell.labels[key]) for cell in results.study.cells))
 
 
 def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
-    """Rows of the samples that both cells have, columns marked A and B."""
+    """Return the rows of the samples that both cells have, with columns marked A and B."""
     a, b = (
         next(lanes for _, lanes in results.by_cell(*COLUMNS_READ, cells=[cell.number]))
         for results, cell in zip((first, second), pair, strict=True)
@@ -132,8 +138,10 @@ def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
 
 
 def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float]) -> pd.DataFrame:
-    """The same lanes, with whether both ended (`ok`) and each was unrecovered: none where nobody may be, and
-    where ā is not known without the code of an attack.
+    """Return the lanes with `ok`, whether both lanes ended, and whether each lane is unrecovered.
+
+    `unrecovered` is not-a-number without a τ or an attack, and where ā is unknown because an attack's code is
+    missing.
     """
     levels = [
         known_or(np.nan, functools.partial(threshold, cell, tau))
@@ -148,13 +156,13 @@ def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float])
 
 
 def taus(first: Results, second: Results) -> list[float]:
-    """`recovery.tau` of both studies, not-a-number where one has none."""
+    """Return `recovery.tau` of both studies; not-a-number for a study without `recovery`."""
     asked = [results.study.config.recovery for results in (first, second)]
     return [np.nan if each is None else each.tau for each in asked]
 
 
 def comparison_row(pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
-    """What the lanes of a pair of cells come to."""
+    """Return the comparison of a pair of cells as a row."""
     ok: Any = lanes[lanes["ok"]]
     row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
     drawn = independent_units(studies[0].study.config, ok["sample"].to_numpy())
@@ -173,10 +181,10 @@ def comparison_row(pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, 
 
 
 class Shift(NamedTuple):
-    """How the share unrecovered of the same lanes differs."""
+    """Difference of the share unrecovered between paired lanes."""
 
-    saved: int  # lanes unrecovered in A alone
-    lost: int  # in B alone
+    saved: int  # lanes unrecovered only in A
+    lost: int  # lanes unrecovered only in B
     unrecovered: float  # share in B − share in A
     unrecovered_low: float
     unrecovered_high: float
@@ -184,7 +192,7 @@ class Shift(NamedTuple):
 
 
 def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) -> Shift:
-    """Of lanes unrecovered in A and in B."""
+    """Return the shift between the lanes unrecovered in A and those unrecovered in B."""
     saved, lost, count = int((a & ~b).sum()), int((b & ~a).sum()), len(a)
     changed = saved + lost
     p = min(1.0, 2 * special.bdtr(min(saved, lost), changed, 0.5)) if changed else 1.0
@@ -193,24 +201,24 @@ def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) ->
 
 
 def cell_numbers(pair: CellPair) -> dict[str, int]:
-    """Numbers of both cells, one where they are the same."""
+    """Return the numbers of both cells, or one number if they are equal."""
     a, b = (cell.number for cell in pair)
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
 
 def lane_table(pairs: Sequence[CellPair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
-    """These lanes of each pair, with the numbers of the cells and what is swept."""
+    """Return a table of these lanes of each pair, with the cells' numbers and swept values."""
     found = []
     for pair, mine in zip(pairs, lanes, strict=True):
-        told = cell_numbers(pair) | pair[0].labels
-        found.append(pd.DataFrame({**{key: [value] * len(mine) for key, value in told.items()}}))
+        labels = cell_numbers(pair) | pair[0].labels
+        found.append(pd.DataFrame({**{key: [value] * len(mine) for key, value in labels.items()}}))
         for name in columns:
             found[-1][name] = mine[name].to_numpy()
     return pd.concat(found, ignore_index=True)
 
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:
-    """The keys in which two studies differ, but those that both sweep: cells say these."""
+    """Return the keys in which two studies differ, without the keys that both sweep."""
     a, b = (by_dotted_key(plain(results.study.config)) for results in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     rows = [
@@ -224,7 +232,7 @@ def differing_settings(first: Results, second: Results) -> pd.DataFrame:
 
 
 def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    """Values by dotted key, as text."""
+    """Return the values as text, by dotted key."""
     found: dict[str, str] = {}
     for key, value in data.items():
         nested = isinstance(value, Mapping) and value
@@ -233,7 +241,7 @@ def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
 
 
 def unpaired_cells(first: Results, second: Results, pairs: Sequence[CellPair]) -> list[str]:
-    """Cells of either study that are in no pair."""
+    """Return the names of the cells of either study that are in no pair."""
     found = []
     for side, results in enumerate((first, second)):
         paired = {pair[side].number for pair in pairs}

@@ -1,6 +1,6 @@
-"""How far the attack of a scenario spreads through its network.
+"""Attack gain of a scenario's network.
 
-The module needs no JAX, so that a config is checked at once.
+The module imports no JAX, so that a config is checked at once.
 """
 
 from jaxnet.config.keys import Scenario
@@ -10,11 +10,11 @@ from jaxnet.theory.spread import AttackGain
 
 
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
-    """Gains γ of a scenario's network, by which bounds multiply ā.
+    """Return the gains γ of a scenario's network, by which bounds multiply ā.
 
-    None where they are not known: whom vehicles retain is not known, or differs from lane to lane; ā does not
-    bound the attack; sources have several identities; a jerk is held. Where attacked vehicles are drawn, the
-    gains are those of an attack on all.
+    None if they are unknown: the retained neighbours are unknown, or differ between lanes; ā does not bound
+    the attack; sources have several identities; or the law holds a jerk. If the attacked vehicles are drawn,
+    the gains are those of an attack on all vehicles.
     """
     known = situation_of(scenario)
     if known.retained is None or differs_by_lane(scenario):

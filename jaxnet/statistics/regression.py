@@ -1,20 +1,21 @@
-"""The best curve through errors of samples at magnitudes: least squares, pinball, envelope.
+"""Regression of errors on magnitudes: least squares, quantile regression (pinball loss), and the envelope.
 
-All of it minimises Σ_j G_j(u_j) over the curves u of `curves`, where G_j collects the errors per ā,
+Each estimator minimises Σ_j G_j(u_j) over the curves u of `families`. G_j collects the errors per ā,
 r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
 
     least squares  G_j(u) = Σ_s n_s (r_js − u)²/2            of y with weights 1/x²
     pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
-    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   what pinball comes to as q → 1: its "quantile 1"
+    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   the limit of pinball as q → 1: its "quantile 1"
 
-Of many lanes, neighbours in the order of r_js share their mean weight, a bin of them at a time. That leaves
-Σ_{r ≤ u} n_s as it is at the edges of bins; in one of w lanes it is off by √w/2 at most (standard deviation),
-where resamples scatter by √(q (1 − q)) of the root of all lanes. Least squares see the samples' own weights.
+For many lanes, neighbours in the order of r_js share their mean weight, one bin at a time. At the edges of
+bins this leaves Σ_{r ≤ u} n_s unchanged. Inside a bin of w lanes the error is at most √w/2 (standard
+deviation). Resamples scatter by √(q (1 − q)) times the root of the number of lanes. Least squares use the
+samples' own weights.
 
-A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
-no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
-cross once; so a curve bent more than all those through two of the points (x_j, m_j) gains at every magnitude
-when it is bent less, about the place where it crosses them.
+A loss gives the best scale for a given shape, and a line search finds the shape. The search interval contains
+all minima. G_j falls down to its own minimiser m_j and rises from there, and two curves of a family cross
+once. Consider a curve with more bend than all curves through two of the points (x_j, m_j). Less bend about
+the crossing lowers the loss at every magnitude.
 """
 
 import functools
@@ -31,25 +32,25 @@ from jaxnet.statistics.families import CURVE_FAMILIES, CurveFamily, Number, PerM
 
 Index = Int[Array, ""]
 Ranks = Int[Array, " j"]
-Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, and how many ratios are at most each curve
+Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, with the ranks of both curves
 
-STRIDES = 64  # from the least shape that may be best to the greatest
+STRIDES = 64  # of the grid from the least candidate shape to the greatest
 
 
 class Effort(NamedTuple):
-    """How closely a minimum is sought."""
+    """Precision of the search for a minimum."""
 
-    stride: Index | int  # a shape is looked at every so many STRIDES first, for there may be several minima
-    shapes: Index | int  # halvings of the bracket of the best shape then
-    scales: Index | int  # halvings of the bracket of the best scale for a shape
+    stride: Index | int  # STRIDES between shapes of the first grid; there may be several minima
+    shapes: Index | int  # halvings of the best shape's bracket
+    scales: Index | int  # halvings of the best scale's bracket, for each shape
 
 
 class Data(NamedTuple):
-    """Errors per ā by magnitude, ascending, in bins of lanes; inf where a lane failed or there is none."""
+    """Errors per ā by magnitude, ascending, in bins of lanes; infinite where there is no ok lane."""
 
     x: Float[Any, " j"]
     ratios: Float[Any, "j bins lanes"]
-    sums: Float[Any, "j bins lanes+1"]  # of the first ratios of a bin
+    sums: Float[Any, "j bins lanes+1"]  # cumulative sums of each bin's ratios
 
 
 class Best(NamedTuple):
@@ -57,11 +58,11 @@ class Best(NamedTuple):
 
     scale: Number
     loss: Number
-    pull: PerMagnitude  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
+    pull: PerMagnitude  # a multiple of the subgradients G_j' with Σ_j G_j'·growth_j = 0
 
 
 class Loss(NamedTuple):
-    """What is minimised."""
+    """The loss Σ_j G_j(u_j) to be minimised."""
 
     weights: PerMagnitude
     least: PerMagnitude  # minimisers m_j of the G_j
@@ -69,7 +70,10 @@ class Loss(NamedTuple):
 
 
 def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
-    """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
+    """Return the loss of least squares from weights and means.
+
+    The constant Σ_s n_s (r_js − m_j)² is left out.
+    """
 
     def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
         scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
@@ -80,16 +84,17 @@ def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
 
 
 def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
-    """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
+    """Return the loss of quantile regression.
 
-    Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
-    first term is left out: beside a few great errors it would drown what many small ones differ by. The
-    envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    The best scale is a weighted quantile of (r_js − offset_j)/growth_j. The loss is `Σ_s n_s ρ_q(r_js − u) =
+    q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`. The first term is left out: with a
+    few large errors it would swamp the differences between many small ones. The envelope is a convex program
+    in (b, s), (log c, p) and (1/c, 1/(c a0)).
     """
     width, ratios, sums = data.ratios.shape[2], flatten_bins(data.ratios), flatten_bins(data.sums)
     lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
     mean = bins / jnp.maximum(lanes, 1).astype(float)
-    # Weights and weighted ratios up to a bin: [:, k] is the sum of the first k.
+    # Cumulative weights and weighted ratios: [:, k] is the sum of the first k bins.
     weight, ratio = (
         jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
     )
@@ -106,7 +111,7 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
         last = last_bin(rank)
         return take_column(ratio, last) + take_column(mean, last) * take_column(
             sums, rank + last
-        )  # a bin has one sum more than lanes
+        )  # a bin has one more sum than lanes
 
     wanted = quantile * weights
     last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
@@ -142,7 +147,7 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
         falling, rising = (weight_of(rank) - wanted for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
         short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
-        share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
+        share = jnp.where(short > 0, long / short, 0.0)  # of falling that balances rising
         scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
         u = offset + scale * growth
         loss = jnp.where(quantile < 1, u * falling - ratio_of(under), u * weights)
@@ -152,12 +157,12 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
 
 
 def flatten_bins(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
-    """Bins side by side."""
+    """Return the ratios of each magnitude without bins."""
     return bins.reshape(len(bins), -1)
 
 
 def ranks(ratios: Float[Array, "j s"], u: PerMagnitude) -> Ranks:
-    """How many ratios of each magnitude are at most u, by bisection."""
+    """Return the number of ratios of each magnitude that are at most u, by bisection."""
     width = ratios.shape[1]
     bits = width.bit_length()
 
@@ -170,12 +175,12 @@ def ranks(ratios: Float[Array, "j s"], u: PerMagnitude) -> Ranks:
 
 
 def take_column(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
-    """One column of each row."""
+    """Return one column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
 
 
 class ShapeSearch(NamedTuple):
-    """A bracket of the best shape, the lowest loss of a row, and where the search looked last."""
+    """A bracket of the best shape, the least loss of the grid, and the last evaluation."""
 
     low: Number
     high: Number
@@ -187,7 +192,7 @@ class ShapeSearch(NamedTuple):
 def fit_curves(
     x: PerMagnitude, loss: Loss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
-    """Parameters of the best curve of some models."""
+    """Return the parameters of the best curve of some models."""
     straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
     curves = [CURVE_FAMILIES[model] for model in models if model in CURVE_FAMILIES]
     if not curves:
@@ -201,12 +206,13 @@ def fit_curves(
 def search_shape(
     curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, effort: Effort
 ) -> ShapeSearch:
-    """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
+    """Return the best shape and its bracket.
 
-    Where all slopes point to an end of the bracket, that end is the answer.
+    The search takes the lowest shape of a grid and bisects between its neighbours by the sign of the slope.
+    If all slopes point to an end of the bracket, that end is the result.
     """
     every = candidate_shapes(curves, kind, x, loss)
-    looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
+    on_grid = jnp.arange(STRIDES + 1) % effort.stride == 0
     first = STRIDES // effort.stride - 1
     last = first + effort.shapes
 
@@ -219,8 +225,8 @@ def search_shape(
         shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
         best, slope = evaluate_shape(curves, kind, x, loss, shape)
         lowest = in_row & (best.loss < search.loss)
-        below = jnp.max(every, initial=every[0], where=looked_at & (every < shape))
-        above = jnp.min(every, initial=every[-1], where=looked_at & (every > shape))
+        below = jnp.max(every, initial=every[0], where=on_grid & (every < shape))
+        above = jnp.min(every, initial=every[-1], where=on_grid & (every > shape))
         return ShapeSearch(
             jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
             jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
@@ -236,9 +242,9 @@ def search_shape(
 def candidate_shapes(
     curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss
 ) -> Float[Array, " shapes"]:
-    """Shapes of the curves through two minimisers: STRIDES quantiles, from the least; 0 if there are none.
+    """Return STRIDES + 1 quantiles of the shapes of curves through two minimisers; 0 if there are none.
 
-    Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
+    Quantiles are robust: shapes from two close magnitudes scatter a thousand times more than the others.
     """
     pairs = np.triu_indices(len(x), 1)
     there = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
@@ -255,7 +261,7 @@ def candidate_shapes(
 def evaluate_shape(
     curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, shape: Number
 ) -> tuple[Best, Number]:
-    """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
+    """Return the best scale for a shape, and a multiple of the derivative of its loss in the shape."""
 
     def bent(shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
@@ -273,7 +279,10 @@ def least_squares(
     effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
-    """Parameters of some models, the proportional one first, for each row of weights and weighted means."""
+    """Return the parameters of some models by least squares, per row of weights and weighted means.
+
+    The proportional model is the first.
+    """
     return jax.vmap(lambda *row: fit_curves(x, squared_loss(*row), effort, models))(weights, means)
 
 
@@ -285,7 +294,7 @@ def quantile_regression(
     effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "q n parameters"]]:
-    """As `least_squares`, at quantiles up to 1, for each row of bins' weights."""
+    """Return the parameters of some models at quantiles up to 1, per row of bin weights."""
 
     def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
         return fit_curves(data.x, pinball_loss(data, bins, quantile, effort.scales), effort, models)

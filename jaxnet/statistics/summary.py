@@ -1,4 +1,4 @@
-"""Statistics of rows: one line per cell."""
+"""Summary of rows: one line of `cells.csv` per cell."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,9 +29,10 @@ UNBOUNDED = -np.inf, np.inf
 def summarise(
     folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, samples: int
 ) -> pd.DataFrame:
-    """`cells.csv`: swept keys, lanes, ok, failed, the spread of the tail errors over ok lanes.
+    """Return `cells.csv`: swept keys, lanes, ok, failed, and statistics of the tail errors over ok lanes.
 
-    And, if asked for, the share that did not recover; `samples` of a cell are those that all shards have.
+    With `recovery` the table also has the share unrecovered. `samples` is the number of samples per cell that
+    all shards have.
     """
     table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
     confidence = recovery.confidence_of(study.samples, samples)
@@ -53,24 +54,27 @@ def summarise(
 
 
 def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, MetricRange]:
-    """Range [m] of the tail errors of some lanes of a cell: from 0 to the greatest that theory allows."""
+    """Return the range [m] of the tail errors in some lanes of a cell.
+
+    The range is from 0 to the greatest error that theory allows.
+    """
     return {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
 
 
 def summarised_metrics(study: Config) -> list[str]:
-    """Metrics that tables show: the tail errors, and what the study measures besides the contract."""
+    """Return the metrics of tables: the tail errors, and the study's metrics beyond the contract."""
     return [*SUMMARISED, *(metric.name for metric in study.measured()[len(CONTRACT) :])]
 
 
 def independent_units(study: Config, samples: Int[np.ndarray, " lanes"]) -> Int[np.ndarray, " lanes"] | None:
-    """The sequence that each sample is of, which are independent; None where the samples themselves are."""
+    """Return the number of each sample's independent sequence; None if the samples are independent."""
     if study.draws == "random" or not isinstance(study.samples, int):
         return None
     return samples // (study.samples // RANDOMISATIONS)
 
 
 def interval_basis(study: Config) -> str:
-    """What means have their intervals over."""
+    """Return the units over which intervals of means are computed, in words."""
     return "lanes" if study.draws == "random" else f"the means of {RANDOMISATIONS} scrambled sequences"
 
 
@@ -80,15 +84,15 @@ def metric_statistics(
     units: Int[np.ndarray, " lanes"] | None = None,
     confidence: float = CONFIDENCE,
 ) -> dict[str, float]:
-    """Mean with its interval, median, quantiles and maximum; not-a-number where there is no lane.
+    """Return mean, interval of the mean, median, quantiles and maximum; not-a-number without a lane.
 
-    The interval rests on the range that values are `within`: an end whose bound is infinite is not-a-number.
-    Lanes of one of the `units` are not independent of each other; the units are.
+    The interval uses the range `within`: an end with an infinite bound is not-a-number. Lanes of one unit
+    depend on each other; the `units` are independent.
     """
     if not len(values):
         return dict.fromkeys(("mean", "low", "high", "median", "q05", "q95", "max"), np.nan)
     sums, counts = values, None
-    with np.errstate(invalid="ignore"):  # infinite ones have no spread
+    with np.errstate(invalid="ignore"):  # infinite values
         if units is not None:
             _, number, counts = np.unique(units, return_inverse=True, return_counts=True)
             sums, counts = np.bincount(number, values), counts.astype(float)
