@@ -31,8 +31,8 @@ def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))
     is_share = settings.maximise == "unrecovered"
     for cell in cells:
-        mine: Any = generations[generations["cell"] == cell.number]
-        lanes, best = mine["lanes"].to_numpy(float), mine["best"].to_numpy(float)
+        progress: Any = generations[generations["cell"] == cell.number]
+        lanes, best = progress["lanes"].to_numpy(float), progress["best"].to_numpy(float)
         thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1
         random = np.empty(0) if is_share else random_course(results, cell.number, settings.maximise)
         places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[

@@ -23,9 +23,8 @@ TARGET_ACCEPTANCE = 0.44  # share of accepted steps
 
 Normals = Float[np.ndarray, "points coordinates"]
 Heights = Float[np.ndarray, " points"]
-Height = Callable[
-    [Normals, Int[np.ndarray, " points"]], Heights
-]  # of points, and the number of each point's chain
+Chains = Int[np.ndarray, " points"]  # number of each point's chain
+Height = Callable[[Normals, Chains], Heights]
 
 
 class Estimate(NamedTuple):

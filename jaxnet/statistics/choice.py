@@ -16,15 +16,15 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
 
     Raises FolderError for a key that is not swept, and for a value without a cell.
     """
-    there = swept_values_of(cells)
-    told = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in there.items())
+    swept = swept_values_of(cells)
+    listing = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in swept.items())
     found = list(cells)
     for key, wanted in where.items():
-        if key not in there:
-            raise FolderError(f"where: {key} is not swept (swept are {told or 'no keys'})")
+        if key not in swept:
+            raise FolderError(f"where: {key} is not swept (swept are {listing or 'no keys'})")
         for value in as_list(wanted):
-            if not any(matches_label(value, label) for label in there[key]):
-                raise FolderError(f"where: {key} has no value {value} (swept are {told})")
+            if not any(matches_label(value, label) for label in swept[key]):
+                raise FolderError(f"where: {key} has no value {value} (swept are {listing})")
         found = [
             cell for cell in found if any(matches_label(value, cell.labels[key]) for value in as_list(wanted))
         ]

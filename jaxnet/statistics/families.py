@@ -25,9 +25,7 @@ class CurveFamily(NamedTuple):
 
     parameters: tuple[str, ...]
     bent: Callable[[PerMagnitude, Number], tuple[PerMagnitude, PerMagnitude]]  # offset and growth
-    through: Callable[
-        [PerMagnitude, PerMagnitude], Pairs
-    ]  # shape of the curves through (x_i, u_i) and (x_j, u_j)
+    through: Callable[[PerMagnitude, PerMagnitude], Pairs]  # shapes through (x_i, u_i) and (x_j, u_j)
     read: Callable[[PerMagnitude, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
 
 

@@ -241,11 +241,11 @@ def bootstrap_suffices(errors: Errors, quantile: float | None) -> bool:
     few draws have large errors. If all errors are rounding, nothing is known of large errors.
     """
     ratios = errors.y / errors.x[:, None]
-    there = np.isfinite(ratios)
-    draws = there.any(axis=0)
+    finite = np.isfinite(ratios)
+    draws = finite.any(axis=0)
     if quantile is not None:
         return bool(draws.sum() * min(quantile, 1 - quantile) >= FEWEST_BEYOND)
-    each = np.nansum(ratios, axis=0)[draws] / there.sum(axis=0)[draws]
+    each = np.nansum(ratios, axis=0)[draws] / finite.sum(axis=0)[draws]
     size = each.max(initial=0.0)
     if size < EXACT_FIT:
         return False
@@ -277,14 +277,14 @@ def aicc(errors: Errors, model: str, parameters: np.ndarray) -> float:
     where k includes the variance (Hurvich and Tsai 1989).
     """
     ratios = errors.y / errors.x[:, None]
-    there, k = np.isfinite(ratios), len(parameters) + 1
-    n = there.sum()
+    finite, k = np.isfinite(ratios), len(parameters) + 1
+    n = finite.sum()
     size = np.nanmax(ratios)
     if n <= k + 1 or size < LEAST_RESIDUAL:
         return np.nan
     with np.errstate(over="ignore", invalid="ignore"):  # a curve may overflow
         residuals = (ratios - (model_value(model, errors.x, parameters) / errors.x)[:, None]) / size
-        spread, scale = (np.sqrt(np.mean(each[there] ** 2)) for each in (residuals, ratios / size))
+        spread, scale = (np.sqrt(np.mean(each[finite] ** 2)) for each in (residuals, ratios / size))
     if not max(EXACT_FIT * scale, LEAST_RESIDUAL / size) <= spread < np.inf:
         return np.nan
     return float(2 * n * (np.log(spread) + np.log(size)) + 2 * k + 2 * k * (k + 1) / (n - k - 1))

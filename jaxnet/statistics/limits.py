@@ -55,7 +55,8 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
             numbered = {str(number): slope for number, slope in enumerate(bound.vehicles.tolist(), 1)}
             slopes = numbered | {"worst": bound.worst, "fleet": bound.fleet}
             blocks += [
-                {**group.labels, "bound": name, "vehicle": who, "slope": s} for who, s in slopes.items()
+                {**group.labels, "bound": name, "vehicle": vehicle, "slope": s}
+                for vehicle, s in slopes.items()
             ]
     return pd.DataFrame(blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"])
 
@@ -63,11 +64,9 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     """Return the bounds of a scenario by name; not-a-number where the attack gain is unknown."""
     reach = scenario_gain(scenario)
-    return (
-        bounds.unknown_bounds(scenario.vehicles)
-        if reach is None
-        else bounds.ultimate_bounds(reach, np.array(scenario.gain))
-    )
+    if reach is None:
+        return bounds.unknown_bounds(scenario.vehicles)
+    return bounds.ultimate_bounds(reach, np.array(scenario.gain))
 
 
 def unchecked_cells(cells: Sequence[Cell]) -> list[int]:

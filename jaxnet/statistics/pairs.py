@@ -157,8 +157,8 @@ def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float])
 
 def taus(first: Results, second: Results) -> list[float]:
     """Return `recovery.tau` of both studies; not-a-number for a study without `recovery`."""
-    asked = [results.study.config.recovery for results in (first, second)]
-    return [np.nan if each is None else each.tau for each in asked]
+    criteria = [results.study.config.recovery for results in (first, second)]
+    return [np.nan if each is None else each.tau for each in criteria]
 
 
 def comparison_row(pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
@@ -209,11 +209,11 @@ def cell_numbers(pair: CellPair) -> dict[str, int]:
 def lane_table(pairs: Sequence[CellPair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
     """Return a table of these lanes of each pair, with the cells' numbers and swept values."""
     found = []
-    for pair, mine in zip(pairs, lanes, strict=True):
+    for pair, rows in zip(pairs, lanes, strict=True):
         labels = cell_numbers(pair) | pair[0].labels
-        found.append(pd.DataFrame({**{key: [value] * len(mine) for key, value in labels.items()}}))
+        found.append(pd.DataFrame({**{key: [value] * len(rows) for key, value in labels.items()}}))
         for name in columns:
-            found[-1][name] = mine[name].to_numpy()
+            found[-1][name] = rows[name].to_numpy()
     return pd.concat(found, ignore_index=True)
 
 

@@ -117,8 +117,8 @@ def widest_half_interval(
     `samples` is the number of samples per cell. Cells without a lane that ended are left out.
     """
     low, high = clopper_pearson(*counts, confidence_at(look_of(samples), criterion.confidence))
-    asked = attacked_mask(cells) & (counts.ended > 0)
-    return float((high - low)[asked].max(initial=0.0)) / 2
+    counted = attacked_mask(cells) & (counts.ended > 0)
+    return float((high - low)[counted].max(initial=0.0)) / 2
 
 
 def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
@@ -129,10 +129,10 @@ def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
 def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
     """Return columns of `cells.csv`; not-a-number without an attack or without a lane that ended."""
     low, high = clopper_pearson(*counts, confidence)
-    asked = attacked_mask(cells) & (counts.ended > 0)
+    counted = attacked_mask(cells) & (counts.ended > 0)
     share = counts.unrecovered / np.maximum(counts.ended, 1)
     columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
-    return pd.DataFrame({name: np.where(asked, values, np.nan) for name, values in columns.items()})
+    return pd.DataFrame({name: np.where(counted, values, np.nan) for name, values in columns.items()})
 
 
 def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:

@@ -83,6 +83,51 @@ def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
     return Loss(weights, means, best)
 
 
+class Cumulative(NamedTuple):
+    """Cumulative weights of the ratios in ascending order, by magnitude; bins have a mean weight per lane."""
+
+    data: Data
+    mean: Float[Array, "j bins"]
+    weight: Float[Array, "j edges"]  # [:, k] is the sum of the first k bins
+    ratio: Float[Array, "j edges"]  # weighted ratios likewise
+
+    def last_bin(self, rank: Ranks) -> Ranks:
+        """Return the bin after the first `rank` ratios."""
+        return jnp.minimum(rank // self.data.ratios.shape[2], self.mean.shape[1] - 1)
+
+    def weight_of(self, rank: Ranks) -> PerMagnitude:
+        """Return the weight of the first `rank` ratios."""
+        last, width = self.last_bin(rank), self.data.ratios.shape[2]
+        inside = (rank - last * width).astype(float)
+        return take_column(self.weight, last) + take_column(self.mean, last) * inside
+
+    def ratio_of(self, rank: Ranks) -> PerMagnitude:
+        """Return the weighted sum of the first `rank` ratios."""
+        last = self.last_bin(rank)
+        inside = take_column(flatten_bins(self.data.sums), rank + last)  # a bin has one more sum than lanes
+        return take_column(self.ratio, last) + take_column(self.mean, last) * inside
+
+    def rank_at(self, wanted: PerMagnitude) -> Ranks:
+        """Return the index of the first ratio at which the cumulative weight reaches `wanted`."""
+        lanes = jnp.sum(jnp.isfinite(self.data.ratios), axis=2)
+        last = jnp.sum(self.weight[:, 1:] < wanted[:, None], axis=1)
+        last = jnp.minimum(last, self.mean.shape[1] - 1)
+        missing = wanted - take_column(self.weight, last)
+        further = jnp.ceil(missing / jnp.where(missing > 0, take_column(self.mean, last), 1.0)).astype(int)
+        first = last * self.data.ratios.shape[2]
+        return first + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
+
+
+def cumulate(data: Data, bins: Float[Array, "j bins"]) -> Cumulative:
+    """Return the cumulative weights for weights of bins."""
+    lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
+    mean = bins / jnp.maximum(lanes, 1).astype(float)
+    weight, ratio = (
+        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
+    )
+    return Cumulative(data, mean, weight, ratio)
+
+
 def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
     """Return the loss of quantile regression.
 
@@ -91,33 +136,10 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
     few large errors it would swamp the differences between many small ones. The envelope is a convex program
     in (b, s), (log c, p) and (1/c, 1/(c a0)).
     """
-    width, ratios, sums = data.ratios.shape[2], flatten_bins(data.ratios), flatten_bins(data.sums)
-    lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
-    mean = bins / jnp.maximum(lanes, 1).astype(float)
-    # Cumulative weights and weighted ratios: [:, k] is the sum of the first k bins.
-    weight, ratio = (
-        jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
-    )
-    weights = weight[:, -1]
-
-    def last_bin(rank: Ranks) -> Ranks:
-        return jnp.minimum(rank // width, bins.shape[1] - 1)
-
-    def weight_of(rank: Ranks) -> PerMagnitude:
-        last = last_bin(rank)
-        return take_column(weight, last) + take_column(mean, last) * (rank - last * width).astype(float)
-
-    def ratio_of(rank: Ranks) -> PerMagnitude:
-        last = last_bin(rank)
-        return take_column(ratio, last) + take_column(mean, last) * take_column(
-            sums, rank + last
-        )  # a bin has one more sum than lanes
-
+    ratios, cumulative = flatten_bins(data.ratios), cumulate(data, bins)
+    weights = cumulative.weight[:, -1]
     wanted = quantile * weights
-    last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
-    missing = wanted - take_column(weight, last)
-    further = jnp.ceil(missing / jnp.where(missing > 0, take_column(mean, last), 1.0)).astype(int)
-    first = last * width + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
+    first = cumulative.rank_at(wanted)
     least = take_column(ratios, first)
 
     def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
@@ -132,7 +154,7 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
             scale = jnp.mean(own, where=between | ~between.any())
             scale = jnp.where(between.any(), scale, (low + high) / 2)
             rank = rank_of(scale)
-            short = jnp.sum(growth * (weight_of(rank) - wanted)) < 0
+            short = jnp.sum(growth * (cumulative.weight_of(rank) - wanted)) < 0
             return (
                 jnp.where(short, scale, low),
                 jnp.where(short, high, scale),
@@ -140,17 +162,17 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
                 jnp.where(short, over, rank),
             )
 
-        there = weights > 0
-        low, high = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
+        known = weights > 0
+        low, high = jnp.min(own, initial=jnp.inf, where=known), jnp.max(own, initial=-jnp.inf, where=known)
         begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
         low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
-        falling, rising = (weight_of(rank) - wanted for rank in (under, over))
+        falling, rising = (cumulative.weight_of(rank) - wanted for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
         short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
         share = jnp.where(short > 0, long / short, 0.0)  # of falling that balances rising
         scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
         u = offset + scale * growth
-        loss = jnp.where(quantile < 1, u * falling - ratio_of(under), u * weights)
+        loss = jnp.where(quantile < 1, u * falling - cumulative.ratio_of(under), u * weights)
         return Best(scale, jnp.sum(loss), rising + share * falling)
 
     return Loss(weights, least, best)
@@ -247,15 +269,15 @@ def candidate_shapes(
     Quantiles are robust: shapes from two close magnitudes scatter a thousand times more than the others.
     """
     pairs = np.triu_indices(len(x), 1)
-    there = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
+    known = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
     through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)[pairs]
-    greatest = jnp.max(through, initial=-jnp.inf, where=there)
-    ascending = jnp.sort(jnp.where(there, through, greatest))
-    last = jnp.maximum(jnp.sum(there) - 1, 0).astype(float)
+    greatest = jnp.max(through, initial=-jnp.inf, where=known)
+    ascending = jnp.sort(jnp.where(known, through, greatest))
+    last = jnp.maximum(jnp.sum(known) - 1, 0).astype(float)
     quantiles = jnp.interp(
         last * jnp.linspace(0, 1, STRIDES + 1), jnp.arange(len(ascending), dtype=float), ascending
     )
-    return jnp.where(there.any(), quantiles, 0.0)
+    return jnp.where(known.any(), quantiles, 0.0)
 
 
 def evaluate_shape(

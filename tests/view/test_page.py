@@ -15,6 +15,7 @@ import jaxnet
 from jaxnet.model import wording
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
+from jaxnet.statistics.bands import all_bands
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.figures import bands, style, ultimate, unrecovered
@@ -261,7 +262,7 @@ def test_values_are_alike_however_a_file_writes_them():
 def test_bands_are_quantiles_over_samples(folder):
     """The same lanes sorted by hand."""
     results = jaxnet.open(folder)
-    band = curves.all_bands(results)[4]
+    band = all_bands(results)[4]
     values = np.sort(results.errors["tracking"].values[4], axis=0)
     np.testing.assert_allclose(band.median, values[1], rtol=1e-6)
     np.testing.assert_allclose(band.greatest, values[2], rtol=1e-6)
@@ -287,7 +288,7 @@ def test_figures_for_paper_show_the_same(folder):
     drawn = unrecovered.figure(results, results.study.cells, found)
     shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
-    over_time = bands.figure(results.study.cells, curves.all_bands(results))
+    over_time = bands.figure(results.study.cells, all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
         "no attack",

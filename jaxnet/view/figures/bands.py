@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import LOG_FLOOR, Band, bands_span, magnitude_words, scenes
+from jaxnet.statistics.bands import Band, bands_span, scenes
+from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 

@@ -12,8 +12,9 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
+from jaxnet.statistics.bands import all_bands
 from jaxnet.statistics.choice import Where, as_list, select_cells
-from jaxnet.statistics.curves import all_bands, curves, no_magnitudes, unrecovered_shares
+from jaxnet.statistics.curves import curves, no_magnitudes, unrecovered_shares
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError

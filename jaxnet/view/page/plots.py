@@ -14,14 +14,13 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import bare, quantity, title
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
+from jaxnet.statistics.bands import Band, bands_span
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     METRIC_NAMES,
     SHARE_COLUMNS,
-    Band,
     Curve,
     axis_ends,
-    bands_span,
     failed_kinds,
     unrecovered_shares,
 )

@@ -14,13 +14,13 @@ from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics import recovery
+from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     LOG_FLOOR,
     Curve,
     cell_magnitudes,
     curves,
-    error_bands,
     no_magnitudes,
     unrecovered_shares,
 )

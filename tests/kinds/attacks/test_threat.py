@@ -53,7 +53,7 @@ def test_the_static_bound_is_attained_and_no_lane_violates(settled):
 
 
 def rows_of(study, outcome, samples):
-    """A frame of rows as `violations` reads them."""
+    """A frame of rows as `violations_table` reads them."""
     cell, sample = np.divmod(np.arange(len(study.cells) * samples), samples)
     errors = outcome.metrics["tail_max"]
     return pd.DataFrame({"cell": cell, "sample": sample, "status": "ok", "tail_max": errors})
