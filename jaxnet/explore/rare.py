@@ -52,7 +52,7 @@ def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, A
     return table[(table["points"] == points) & (table["tau"] == tau)].to_dict("records")
 
 
-def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, float]:
+def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, float | int]:
     """Return the share unrecovered of a cell and its interval.
 
     `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take no fixed

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 from upath import UPath
 
 from jaxnet.config.cells import Cell, plain
@@ -88,7 +87,7 @@ class CellSearch:
         """Return the objective of each lane; not-a-number where the lane failed."""
         return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
 
-    def objective(self, metrics: Mapping[str, ArrayLike]) -> Float[np.ndarray, " lanes"]:
+    def objective(self, metrics: Mapping[str, Any]) -> Float[np.ndarray, " lanes"]:
         """Return the objective of lanes with these metrics."""
         if self.settings.maximise != "unrecovered":
             return np.asarray(metrics[self.settings.maximise])
@@ -133,7 +132,7 @@ class CellSearch:
         except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
             raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
 
-    def save(self, **more: ArrayLike) -> None:
+    def save(self, **more: np.ndarray | str) -> None:
         """Write the values of all choices, unless they are stored already."""
         values = self.trials.values
         if more or len(values) > len(self.trials.known):

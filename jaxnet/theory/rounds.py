@@ -26,7 +26,7 @@ def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
     return np.unique(np.real(found) + 1j * np.abs(np.imag(found)))
 
 
-def growth(mu: Complex[np.ndarray, " some"] | complex, gain: LawGain, tick: float) -> float:
+def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> float:
     """Return the factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
     With M the loop's matrix and s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps
