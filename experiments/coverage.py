@@ -28,7 +28,7 @@ SPREADS = {"samples alike at all magnitudes": (0.8, 0.05), "both": (0.5, 0.5), "
 def main(repeats: int) -> None:
     """A line per kind of scatter."""
     enable()
-    names = "".join(f"{name:>15}" for name in fit.QUANTILES)
+    names = "".join(f"{name:>15}" for name in fit.FITTED_QUANTILES)
     print(f"{'what scatters':32}{names}   covered of {repeats}, nominal 95 %")
     for what, spread in SPREADS.items():
         covered = coverage(repeats, spread)
@@ -39,13 +39,13 @@ def coverage(
     repeats: int, spread: tuple[float, float], magnitudes: int = 12, samples: int = 256, seed: int = 0
 ) -> np.ndarray:
     """Share of studies whose interval holds the slope of each quantile."""
-    counts = list(fit.resamples(samples, fit.ROWS))
+    counts = list(fit.draw_resamples(samples, fit.RESAMPLES_TOGETHER))
     slopes = true_slopes(spread)
 
     def covers(repeat: int) -> np.ndarray:
         errors = synthetic(np.random.default_rng([seed, repeat]), spread, magnitudes, samples)
         drawn = fit.bootstrap(errors.ranked(), counts, ("proportional",))
-        ends = [fit.interval(drawn[quantile]["proportional"]) for quantile in fit.QUANTILES]
+        ends = [fit.percentile_interval(drawn[quantile]["proportional"]) for quantile in fit.FITTED_QUANTILES]
         low, high = np.array(ends)[..., 0].T
         return (low <= slopes) & (slopes <= high)
 
@@ -64,7 +64,7 @@ def synthetic(
 
 def true_slopes(spread: tuple[float, float]) -> np.ndarray:
     """Quantiles of y/x."""
-    return np.exp(np.hypot(*spread) * special.ndtri(fit.QUANTILES))
+    return np.exp(np.hypot(*spread) * special.ndtri(fit.FITTED_QUANTILES))
 
 
 if __name__ == "__main__":

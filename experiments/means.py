@@ -54,7 +54,7 @@ class Population(NamedTuple):
 
     def ours(self, sample: np.ndarray) -> tuple[float, float]:
         """What jaxnet tells."""
-        return means.ends(sample, self.least, self.most, 0.95)
+        return means.mean_interval(sample, self.least, self.most, 0.95)
 
 
 @click.command()

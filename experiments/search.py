@@ -21,11 +21,11 @@ import jaxnet
 from jaxnet.engine import batch
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Trials, searched
+from jaxnet.explore.search import Trials, search_box
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.theory import bounds
 
 BASE: dict[str, Any] = {"engine": "exact", "output_step": 0.5, "horizon": 40, "tail": 5}
@@ -81,7 +81,7 @@ def found(study: jaxnet.Study) -> tuple[Trials, float]:
     trials = Trials(Box(cell.scenario, source, drawn), asked.starts, largest, batch.EVERYTHING)
     begun, batch.simulate = time.perf_counter(), timed
     try:
-        for _ in searched(trials, asked.budget, asked.seed):
+        for _ in search_box(trials, asked.budget, asked.seed):
             pass
     finally:
         batch.simulate = simulate
@@ -108,7 +108,7 @@ def best_set() -> float:
 
 def static_bound(keys: dict[str, Any]) -> float:
     """By the exact solution, of a study without a defence."""
-    reach = spread_of(jaxnet.load(keys | {"defence": "none"}).cells[0].scenario)
+    reach = scenario_gain(jaxnet.load(keys | {"defence": "none"}).cells[0].scenario)
     assert reach is not None
     return bounds.static(reach).worst
 

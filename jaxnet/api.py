@@ -14,7 +14,7 @@ from upath import UPath
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.study import Source, Study, load
 from jaxnet.runs.cache import enable
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import results as stored
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.looking import known_or
@@ -256,10 +256,10 @@ def compare(first: stored.Results | Place, second: stored.Results | Place) -> "C
 
     Raises FolderError if none can be paired.
     """
-    from jaxnet.statistics.pairs import held_against
+    from jaxnet.statistics.pairs import compare_studies
 
     a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
-    return held_against(a, b)
+    return compare_studies(a, b)
 
 
 def sensitivity(study: Source, samples: SupportsInt = 1024, out: Place | None = None) -> pd.DataFrame:
@@ -274,10 +274,12 @@ def sensitivity(study: Source, samples: SupportsInt = 1024, out: Place | None = 
     return stored.read_table(table)
 
 
-def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps = untold) -> Iterator[UPath]:
+def write_sensitivity(
+    study: Study, samples: int, out: Place | None, told: Steps = no_progress
+) -> Iterator[UPath]:
     """Write `sensitivity.csv`, and its figures; the files, one after the other."""
     enable()
-    from jaxnet.explore.sensitivity import analyse
+    from jaxnet.explore.sensitivity import write_indices
     from jaxnet.store.admission import claim
     from jaxnet.view.figures import SENSITIVITY
     from jaxnet.view.figures import every as figures
@@ -285,7 +287,7 @@ def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        yield analyse(study, folder, samples, told=told)
+        yield write_indices(study, folder, samples, progress=told)
         yield from figures.draw(stored.Results(folder.path, folder), SENSITIVITY, told)
 
 
@@ -299,7 +301,7 @@ def rare(study: Source, points: SupportsInt = 1000, out: Place | None = None) ->
     return stored.read_table(write_rare(load(study), whole("points", points), out))
 
 
-def write_rare(study: Study, points: int, out: Place | None, told: Steps = untold) -> UPath:
+def write_rare(study: Study, points: int, out: Place | None, told: Steps = no_progress) -> UPath:
     """Write `rare.csv`; its path."""
     enable()
     from jaxnet.explore.rare import count_rare
@@ -308,7 +310,7 @@ def write_rare(study: Study, points: int, out: Place | None, told: Steps = untol
     folder = Folder(default_out(study, out))
     with folder.writing():
         claim(folder, study.config)
-        return count_rare(study, folder, points, told=told)
+        return count_rare(study, folder, points, progress=told)
 
 
 def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:
@@ -327,7 +329,7 @@ def write_film(
     cell: int,
     sample: int,
     out: Place | None = None,
-    told: Steps = untold,
+    told: Steps = no_progress,
 ) -> UPath:
     """Write a film of one lane; see `Results.animate`."""
     enable()
@@ -349,7 +351,7 @@ def write_film(
     return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 
-def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
+def write_fits(results: stored.Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Fit, and draw what was fitted; the files, one after the other."""
     enable()
     from jaxnet.statistics import ultimate
@@ -358,7 +360,7 @@ def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]
 
     with results.folder.writing():
         results.tell_missing("bounds that need it are")
-        yield from ultimate.analyse(results, told)
+        yield from ultimate.write_ultimate_error(results, told)
         yield from figures.draw(results, ULTIMATE, told)
 
 
@@ -378,7 +380,7 @@ def write_figure(
         yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
 
 
-def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
+def write_report(results: stored.Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Fit, simulate lanes again that the page shows, draw, and write it; the files, one after the other."""
     enable()
     from jaxnet.runs.watched import replay_watched
@@ -389,8 +391,11 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
-        if known_or(False, lambda: ultimate.asked(results)) and not results.file("fit.csv").exists():
-            yield from ultimate.analyse(results, told)
+        if (
+            known_or(False, lambda: ultimate.has_fixed_magnitude(results))
+            and not results.file("fit.csv").exists()
+        ):
+            yield from ultimate.write_ultimate_error(results, told)
         if not results.missing:
             yield from replay_watched(results, told)
         yield from figures.draw(results, told=told)
@@ -416,7 +421,7 @@ def search(
     Raises ConfigError, FolderError or ClusterError.
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
-    with contextlib.nullcontext(untold) if progress is False else reports.stepping() as told:
+    with contextlib.nullcontext(no_progress) if progress is False else reports.stepping() as told:
         for _ in write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results
@@ -433,7 +438,7 @@ def with_random_lanes(study: Source) -> Study:
 
 def write_search(
     results: stored.Results,
-    told: Steps = untold,
+    told: Steps = no_progress,
     devices: int | None = None,
     chunk: int | None = None,
     workers: int | None = None,

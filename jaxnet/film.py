@@ -23,7 +23,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE, title
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
-from jaxnet.statistics.curves import FLOOR, magnitude_words
+from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures import multiples, style
@@ -169,7 +169,7 @@ def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
     for number, errors in enumerate(film.errors.T):
         attacked = number + 1 in film.liars
         panel.plot(
-            film.time, np.maximum(FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
+            film.time, np.maximum(LOG_FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
         )
     panel.set(yscale="log", xlabel="t [s]", ylabel=r"$\|y_i - y_0\|$ [m]", xlim=film.time[[0, -1]])
     multiples.log_ticks(panel.yaxis)

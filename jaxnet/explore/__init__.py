@@ -1,1 +1,1 @@
-"""What is asked of lanes beyond a sweep: the worst of them, and what matters."""
+"""Studies beyond a sweep: the worst choice, rare failures and sensitivity indices."""

@@ -1,4 +1,4 @@
-"""One choice alone, as a study that `jaxnet run` takes and whose lanes come to the same numbers."""
+"""A study of one choice, which `jaxnet run` simulates with the same numbers as the search."""
 
 from collections.abc import Sequence
 from typing import Any, BinaryIO
@@ -12,13 +12,16 @@ from jaxnet.config.study import Study, load
 from jaxnet.config.yaml12 import Dumper
 from jaxnet.engine.batch import Machine
 from jaxnet.explore.box import VEHICLES, Box
-from jaxnet.explore.search import Point
+from jaxnet.explore.search import BoxPoint
 from jaxnet.runs.run import Run
 from jaxnet.store.folder import Folder, digest
 
 
-def study_of(study: Config, cell: Cell, box: Box, point: Point) -> Study:
-    """The study of one point of a cell's box: its numbers written out, the starts those it was tried from."""
+def choice_study(study: Config, cell: Cell, box: Box, point: BoxPoint) -> Study:
+    """Return the study of one point of a cell's box.
+
+    Its config contains the point's numbers. Its samples are the starts of the search.
+    """
     assert study.search is not None
     attacked = box.attacked(point)
     keys: dict[str, Any] = plain(cell.scenario)
@@ -27,13 +30,15 @@ def study_of(study: Config, cell: Cell, box: Box, point: Point) -> Study:
     overrides: dict[str, Any] = {VEHICLES: attacked} if box.lots else {}
     for name in study.search.over:
         if name != VEHICLES:
-            overrides[name] = written_out(box, point, name, attacked)
+            overrides[name] = key_value(box, point, name, attacked)
     with study.scope():
         return load(keys, overrides)
 
 
-def written_out(box: Box, point: Point, name: str, attacked: Sequence[int]) -> Any:
-    """The value of a key at a point: a number, or a list of numbers, by vehicle or component."""
+def key_value(
+    box: Box, point: BoxPoint, name: str, attacked: Sequence[int]
+) -> float | list[float] | list[float | list[float]]:
+    """Return the value of a key at a point: a number, or a list of numbers by vehicle or component."""
     numbers: dict[int, list[float]] = {}
     for place, column in box.columns.items():
         if place.name == name:
@@ -41,24 +46,24 @@ def written_out(box: Box, point: Point, name: str, attacked: Sequence[int]) -> A
     if 0 in numbers:
         components = numbers[0]
         return components if name == "gain" else components[0]
-    listed = [numbers[vehicle] for vehicle in attacked]
-    return [each[0] if len(each) == 1 else each for each in listed]
+    by_vehicle = [numbers[vehicle] for vehicle in attacked]
+    return [each[0] if len(each) == 1 else each for each in by_vehicle]
 
 
-def simulated(study: Study, folder: Folder, machine: Machine) -> UPath:
-    """Run a choice's study into a folder of its own, with the trajectory of its first lane; the folder.
+def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
+    """Simulate a choice's study into its own folder and return the folder.
 
-    What the folder holds of another choice is thrown away.
+    The folder has the trajectory of the first lane. Results of another choice in the folder are removed.
     """
-    shown = load(study, {"save.trajectories": {"samples": [0]}})
+    saved = load(study, {"save.trajectories": {"samples": [0]}})
     with folder.writing():
-        if folder.manifest.get("hash") != digest(shown.config):
+        if folder.manifest.get("hash") != digest(saved.config):
             folder.clear()
-        Run(shown.config, shown.cells, folder, lambda tally: None, machine).whole()
+        Run(saved.config, saved.cells, folder, lambda tally: None, machine).whole()
     return folder.path
 
 
 def write_config(study: Study, name: str, file: BinaryIO) -> None:
-    """Write a study as a file of this name, whose first line is the command that runs it."""
+    """Write a study as a YAML file with this name; its first line is the command that runs it."""
     body = yaml.dump(plain(study.config), Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
     file.write(f"# jaxnet run {name}\n{body}".encode())

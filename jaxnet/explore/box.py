@@ -1,4 +1,4 @@
-"""What a scenario draws, as a box: a coordinate from 0 to 1 for each number."""
+"""The random numbers of a scenario as points of a box, one coordinate from 0 to 1 per number."""
 
 from collections.abc import Collection, Sequence
 from typing import Any
@@ -11,20 +11,20 @@ from jaxnet.engine.batch import Job
 from jaxnet.kinds import fields
 from jaxnet.lanes.draws import quantile
 from jaxnet.lanes.jobs import job, recorded
-from jaxnet.lanes.uniforms import Given, Place, Source
+from jaxnet.lanes.uniforms import Drawn, Entry, Given, Place, Source
 
-INSIDE = 2.0**-54  # from the edges, where a normal number is infinite
-TURN = 1e-9  # [rad] of a full turn
-VEHICLES = "attack.vehicles"  # that are drawn by lots
+INSIDE = 2.0**-54  # least distance to the edges, where a normal number is infinite
+TURN = 1e-9  # [rad] tolerance of a full turn
+VEHICLES = "attack.vehicles"  # key whose vehicles are drawn by lots
 
 Coordinates = Float[np.ndarray, "points coordinates"]
 
 
 class Box:
-    """Some of the numbers that a scenario draws; the others stay those of a lane's sample."""
+    """Box of some random numbers of a scenario; the other numbers are those of a lane's sample."""
 
     def __init__(self, scenario: Scenario, source: Source, places: Sequence[Place]):
-        self.scenario, self.places, self.source = scenario, list(places), Remembered(source)
+        self.scenario, self.places, self.source = scenario, list(places), CachedSource(source)
         self.columns = {place: column for column, place in enumerate(places)}
         self.lots = [column for place, column in self.columns.items() if place.name == VEHICLES]
         self.turns = np.array(
@@ -32,18 +32,21 @@ class Box:
         )
 
     def lanes(self, points: Coordinates, samples: Int[np.ndarray, " lanes"]) -> Job:
-        """A lane for each point, of the sample that stands beside it."""
+        """Return one lane for each point, with the sample beside the point."""
         inside = np.clip(points, INSIDE, 1 - INSIDE)
         given = Given(inside, self.columns, samples, self.source)
         return job(self.scenario, given, range(len(points)))
 
     def number(self, place: Place, coordinate: float) -> float:
-        """The number that a coordinate stands for."""
+        """Return the number at a coordinate of a place."""
         inside = np.clip(np.array([coordinate]), INSIDE, 1 - INSIDE)
         return float(quantile(value_at(self.scenario, place), inside)[0])
 
     def free(self, attacked: Collection[int]) -> list[int]:
-        """Coordinates that matter where these vehicles are attacked: not those of the attack on others."""
+        """Return the coordinates that affect the lanes if these vehicles are attacked.
+
+        Coordinates of the attack on other vehicles have no effect.
+        """
         return [
             column
             for place, column in self.columns.items()
@@ -52,44 +55,44 @@ class Box:
         ]
 
     def centre(self, attacked: Collection[int]) -> Float[np.ndarray, " coordinates"]:
-        """The middle of the box, with lots by which these vehicles are attacked."""
+        """Return the middle of the box, with lots that select these vehicles for the attack."""
         point = np.full(len(self.places), 0.5)
         point[self.lots] = [0.25 if self.places[column].vehicle in attacked else 0.75 for column in self.lots]
         return point
 
     def attacked(self, point: Float[np.ndarray, " coordinates"]) -> list[int]:
-        """Who is attacked at a point."""
+        """Return the numbers of the vehicles that are attacked at a point."""
         if not self.lots:
             return self.scenario.attack.targets()
         order = np.argsort(point[self.lots], kind="stable")[: self.scenario.attack.number()]
         return sorted(self.places[self.lots[number]].vehicle for number in order)
 
 
-class Remembered:
-    """A source that is asked for the same numbers again and again."""
+class CachedSource:
+    """Source that caches its numbers; a box asks for the same numbers many times."""
 
     def __init__(self, source: Source):
-        self.source, self.known = source, dict[Any, np.ndarray]()
+        self.source, self.known = source, dict[tuple[str, tuple[int, ...], tuple[Entry, ...]], Drawn]()
 
-    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Any]) -> np.ndarray:
-        """Its own."""
-        asked = name, tuple(samples), tuple(places)
-        if asked not in self.known:
-            self.known[asked] = self.source.uniforms(name, samples, places)
-        return self.known[asked]
+    def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
+        """Return the source's numbers from the cache."""
+        request = name, tuple(samples), tuple(places)
+        if request not in self.known:
+            self.known[request] = self.source.uniforms(name, samples, places)
+        return self.known[request]
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Its own, from its beginning."""
+        """Return a new generator of the source."""
         return self.source.generator(name, sample)
 
 
 def places_of(scenario: Scenario, source: Source) -> list[Place]:
-    """All that a scenario draws, in the order in which it does."""
+    """Return the places of all random numbers of a scenario, in the order in which they are drawn."""
     return list(recorded(scenario, source).places)
 
 
-def value_at(scenario: Scenario, place: Place) -> Any:
-    """The distribution that a place's number has."""
+def value_at(scenario: Scenario, place: Place) -> object:
+    """Return the distribution of the number at a place."""
     value: Any = scenario
     for key in place.name.split("."):
         value = getattr(value, key)
@@ -101,7 +104,7 @@ def value_at(scenario: Scenario, place: Place) -> Any:
     return value
 
 
-def is_turn(number: Any) -> bool:
-    """Whether a distribution is an angle's, over a full turn, so that its two ends are the same."""
+def is_turn(number: object) -> bool:
+    """Return whether a distribution is uniform over a full turn, so that both ends are the same angle."""
     low, high = fields.bounds(number) if fields.is_drawn(number) else (0.0, 0.0)
     return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN

@@ -1,4 +1,4 @@
-"""How searches went, beside as many random lanes: what a figure and the page draw."""
+"""Progress of searches next to as many random lanes, for a figure and for the page."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -10,38 +10,40 @@ from jaxnet.config.cells import Cell
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
-AT_MOST = 200  # points of a line
+MOST_POINTS = 200  # of a line
 
 
 class Course(NamedTuple):
-    """The best until then, by lanes, of a search and of random lanes; and what theory bounds it by."""
+    """Greatest value so far, by the number of lanes, in a search and among random lanes."""
 
     cell: Cell
     lanes: Float[np.ndarray, " generations"]
     best: Float[np.ndarray, " generations"]
     random_lanes: Float[np.ndarray, " points"]
     random_best: Float[np.ndarray, " points"]
-    bound: float  # not a number where none is known
+    bound: float  # of theory; not-a-number if unknown
 
 
-def courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
-    """Of each of these cells."""
-    asked = results.study.config.search
-    assert asked is not None
+def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
+    """Yield the course of each of these cells."""
+    settings = results.study.config.search
+    assert settings is not None
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))
-    shares = asked.maximise == "unrecovered"
+    is_share = settings.maximise == "unrecovered"
     for cell in cells:
-        mine: Any = generations[generations["cell"] == cell.number]
-        lanes, best = mine["lanes"].to_numpy(float), mine["best"].to_numpy(float)
-        thinned = np.unique(np.geomspace(1, len(lanes), AT_MOST).round().astype(int)) - 1
-        random = np.empty(0) if shares else of_random(results, cell.number, asked.maximise)
-        places = np.unique(np.geomspace(1, max(1, len(random)), AT_MOST).round().astype(int))[: len(random)]
+        progress: Any = generations[generations["cell"] == cell.number]
+        lanes, best = progress["lanes"].to_numpy(float), progress["best"].to_numpy(float)
+        thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1
+        random = np.empty(0) if is_share else random_course(results, cell.number, settings.maximise)
+        places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[
+            : len(random)
+        ]
         yield Course(
             cell, lanes[thinned], best[thinned], places.astype(float), random[places - 1], bounds[cell.number]
         )
 
 
-def of_random(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:
-    """The greatest until then, lane by lane."""
+def random_course(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:
+    """Return the greatest value so far of a cell's random lanes, lane by lane."""
     found = list(results.by_cell(metric, where=rows.OK, cells=[cell]))
     return np.maximum.accumulate(found[0][1][metric].to_numpy()) if found else np.empty(0)

@@ -1,4 +1,4 @@
-"""How rarely the defence fails, where plain lanes would hardly show it: a row a cell in `rare.csv`."""
+"""Probability of rare failures of the defence, by subset simulation: `rare.csv`, one row per cell."""
 
 import math
 from typing import Any
@@ -16,46 +16,47 @@ from jaxnet.explore import subsets
 from jaxnet.explore.box import Box, places_of
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
-TABLE = "rare.csv"
-REPEATS = 10
+RARE_FILE = "rare.csv"
+REPEATS = 10  # independent runs of subset simulation
 
 
 def count_rare(
-    study: Study, folder: Folder, points: int, machine: Machine = EVERYTHING, told: Steps = untold
+    study: Study, folder: Folder, points: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
 ) -> UPath:
-    """Write `rare.csv`, cell by cell; one that is there, of as many points, is not done again.
+    """Write `rare.csv` cell by cell; a stored row with as many points is not computed again.
 
-    Raises FolderError if the study does not say what has recovered.
+    Raises FolderError if the study has no `recovery`.
     """
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
-    tau, rows = study.config.recovery.tau, known_rows(folder, points, study.config.recovery.tau)
+    tau, rows = study.config.recovery.tau, known_rare_rows(folder, points, study.config.recovery.tau)
     known = {row["cell"] for row in rows}
     for number, cell in enumerate(study.cells):
-        told("cells", number, len(study.cells))
+        progress("cells", number, len(study.cells))
         if cell.number not in known and threshold(cell, tau) > 0:
-            rows.append({"cell": cell.number, **cell.labels, **row_of(study, cell, points, tau, machine)})
+            rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, tau, machine)})
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(TABLE, lambda file, table=table: table.to_csv(file, index=False))
-    return folder.path / TABLE
+            folder.put(RARE_FILE, lambda file, table=table: table.to_csv(file, index=False))
+    return folder.path / RARE_FILE
 
 
-def known_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
-    """Rows that the folder holds of the same question."""
-    if not (folder.path / TABLE).exists():
+def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
+    """Return the stored rows with the same number of points and the same τ."""
+    if not (folder.path / RARE_FILE).exists():
         return []
-    table: Any = read_table(folder.path / TABLE)
+    table: Any = read_table(folder.path / RARE_FILE)
     return table[(table["points"] == points) & (table["tau"] == tau)].to_dict("records")
 
 
-def row_of(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, Any]:
-    """The share of a cell, its interval, and what plain lanes would have taken for one as narrow.
+def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, float | int]:
+    """Return the share unrecovered of a cell and its interval.
 
-    What no fixed number of draws can make, a random graph, stays that of the sample that a chain began from.
+    `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take no fixed
+    number of draws. A chain keeps the graph of its first sample.
     """
     source, failed = Keyed(study.config.seed), 0
     box = Box(cell.scenario, source, places_of(cell.scenario, source))
@@ -69,7 +70,7 @@ def row_of(study: Study, cell: Cell, points: int, tau: float, machine: Machine) 
     random, level = np.random.default_rng([study.config.seed, cell.number]), threshold(cell, tau)
     found = subsets.estimate(height, len(box.places), float(level), points, REPEATS, random)
     half = (found.high - found.low) / 2
-    plain = 1.96**2 * found.share * (1 - found.share) / half**2 if half else math.nan
-    counts = {"lanes": found.evaluations, "failed": failed, "plain_lanes": plain}
+    plain_lanes = 1.96**2 * found.share * (1 - found.share) / half**2 if half else math.nan
+    counts = {"lanes": found.evaluations, "failed": failed, "plain_lanes": plain_lanes}
     shares = {"share": found.share, "low": found.low, "high": found.high, "levels": found.levels}
     return {**shares, **counts, "points": points, "tau": tau}

@@ -1,9 +1,9 @@
-"""What matters: Sobol's indices of each thing that a row measures to each quantity that a scenario draws.
+"""Sensitivity: Sobol's indices of each metric with respect to each random quantity of a scenario.
 
-A quantity is all that stands under one dotted name, numbers of all vehicles together. No array of coordinates
-is needed to pick one and freeze the others: the samples from 0 on are drawn, as many after them, and the
-first ones again, each time with one quantity of the later ones. They are drawn at random, whatever `draws`
-says.
+A quantity comprises all numbers under one dotted name, for all vehicles. The method picks and freezes
+quantities by sample number, without an array of coordinates. It draws the first samples, as many later
+samples, and the first samples again with one quantity of the later samples at a time. The draws are random
+for every value of `draws`.
 """
 
 import warnings
@@ -22,63 +22,68 @@ from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job, recorded
 from jaxnet.lanes.uniforms import Keyed, Later
-from jaxnet.statistics.indices import indices
+from jaxnet.statistics.indices import sobol_indices
 from jaxnet.statistics.recovery import threshold
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
 
-FILE = "sensitivity.csv"
-FAILURES_NAMED = 5  # failed lanes of a cell
+SENSITIVITY_FILE = "sensitivity.csv"
+FAILURES_NAMED = 5  # failed lanes of a cell in a warning
 
 
 def quantities(study: Study, cell: Cell) -> list[str]:
-    """What a cell's lanes draw."""
+    """Return the names of the random quantities of a cell."""
     return list(recorded(cell.scenario, Keyed(study.config.seed)).names)
 
 
 def lanes_needed(study: Study, samples: int) -> dict[int, int]:
-    """Lanes of each cell that draws anything; raises FolderError if none does."""
+    """Return the number of lanes of each cell with random quantities.
+
+    Raises FolderError if there is no such cell.
+    """
     drawn = {cell.number: len(quantities(study, cell)) for cell in study.cells}
     if not any(drawn.values()):
         raise FolderError(f"{study.config.name}: nothing is drawn, so nothing varies")
     return {cell: samples * (number + 2) for cell, number in drawn.items() if number}
 
 
-def analyse(
-    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, told: Steps = untold
+def write_indices(
+    study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
 ) -> UPath:
-    """Write `sensitivity.csv`, cell by cell: one that is there, of as many samples, is not done again."""
+    """Write `sensitivity.csv` cell by cell; a stored row with as many samples is not computed again."""
     tau = None if study.config.recovery is None else study.config.recovery.tau
-    rows = there(folder, samples, tau)
+    rows = known_index_rows(folder, samples, tau)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
     done, total = sum(needed[cell] for cell in known), sum(needed.values())
 
     def load_done(lanes: int) -> None:
         nonlocal done
         done += lanes
-        told("lanes", done, total)
+        progress("lanes", done, total)
 
     for cell in study.cells:
         if cell.number in needed.keys() - known:
             names = quantities(study, cell)
-            outcomes = picked(cell, Keyed(study.config.seed), names, samples, machine, load_done)
-            rows += rows_of(cell, names, outcomes, tau)
+            outcomes = pick_freeze_outcomes(
+                cell, Keyed(study.config.seed), names, samples, machine, load_done
+            )
+            rows += index_rows(cell, names, outcomes, tau)
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(FILE, lambda file, table=table: table.to_csv(file, index=False))
-    return folder.path / FILE
+            folder.put(SENSITIVITY_FILE, lambda file, table=table: table.to_csv(file, index=False))
+    return folder.path / SENSITIVITY_FILE
 
 
-def there(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
-    """Rows that the folder holds of the same question."""
-    if not (folder.path / FILE).exists():
+def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
+    """Return the stored rows with the same number of samples and the same τ."""
+    if not (folder.path / SENSITIVITY_FILE).exists():
         return []
-    table: Any = read_table(folder.path / FILE)
+    table: Any = read_table(folder.path / SENSITIVITY_FILE)
     same = (table["samples"] == samples) & (table["tau"].isna() if tau is None else table["tau"] == tau)
     return table[same].to_dict("records")
 
 
-def picked(
+def pick_freeze_outcomes(
     cell: Cell,
     keyed: Keyed,
     names: Sequence[str],
@@ -86,7 +91,10 @@ def picked(
     machine: Machine,
     load_done: Callable[[int], None],
 ) -> list[Outcome]:
-    """Outcomes of the first samples, of as many later ones, and of the first with each quantity of those."""
+    """Return the outcomes of the first samples, the later samples, and the mixed samples per quantity.
+
+    A mixed sample is a first sample with one quantity of the later sample.
+    """
     later = [names, *([name] for name in names)]
     sources = [keyed, *(Later(keyed, samples, some) for some in later)]
     one = job(cell.scenario, keyed, [0])
@@ -95,46 +103,46 @@ def picked(
     return list(batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done))
 
 
-def rows_of(
+def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], tau: float | None
 ) -> list[dict[str, Any]]:
-    """Rows of a cell, by metric and quantity; a sample of which a lane failed counts nowhere."""
+    """Return a cell's rows by metric and quantity; a sample with a failed lane is left out."""
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)
-    tell_failed(cell, names, status)
+    warn_of_failures(cell, names, status)
     measured = {
         metric.name: np.stack([outcome.metrics[metric.name][ok] for outcome in outcomes])
         for metric in cell.scenario.measured()
     }
     if tau is not None and threshold(cell, tau) > 0:
         measured["unrecovered"] = (measured["tail_mean"] > threshold(cell, tau)).astype(float)
-    about = {"cell": cell.number, **cell.labels}
+    identity = {"cell": cell.number, **cell.labels}
     counts = {"samples": len(ok), "left_out": int((~ok).sum()), "tau": tau}
     found = []
     for metric, (a, b, *mixed) in measured.items():
-        of = indices(a, b, np.stack(mixed))
+        of = sobol_indices(a, b, np.stack(mixed))
         for number, name in enumerate(names):
             row = {
                 f"{order}{end}": float(values[place, number])
                 for place, order in enumerate(("first", "total"))
                 for end, values in zip(("", "_low", "_high"), of, strict=True)
             }
-            found.append({**about, "metric": metric, "quantity": name, **row, **counts})
+            found.append({**identity, "metric": metric, "quantity": name, **row, **counts})
     return found
 
 
-def tell_failed(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
-    """Warn of lanes that failed."""
+def warn_of_failures(cell: Cell, names: Sequence[str], status: np.ndarray) -> None:
+    """Warn of failed lanes in a cell."""
     runs, samples = np.nonzero(status)
     if len(runs):
         draws = ["its own draws", "the later draws", *(f"the later {name}" for name in names)]
-        told = [
+        failures = [
             f"sample {sample} with {draws[run]}: {Status(status[run, sample]).name}"
             for run, sample in zip(runs[:FAILURES_NAMED], samples[:FAILURES_NAMED], strict=True)
         ]
         more = f" and {len(runs) - FAILURES_NAMED} more" if len(runs) > FAILURES_NAMED else ""
         warnings.warn(
             f"cell {cell.number}: {len(runs)} lanes failed, whose samples are left out: "
-            f"{', '.join(told)}{more}",
+            f"{', '.join(failures)}{more}",
             stacklevel=2,
         )

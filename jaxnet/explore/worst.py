@@ -1,7 +1,7 @@
-"""A study's search in its results folder: what was tried, the worst found in each cell, and how it stands up.
+"""A study's search in its results folder: generations, the worst choice in each cell, and its verification.
 
-`search/CELL.npz` keeps what all choices came to, so that a search that is broken off goes on; `search.csv`
-has a row a generation, `worst.csv` a row a cell, and `worst.yaml` is a study of the worst choice alone.
+`search/CELL.npz` stores the values of all choices, so that an interrupted search resumes. `search.csv` has a
+row per generation and `worst.csv` a row per cell. `worst.yaml` is a study of the worst choice.
 """
 
 import functools
@@ -20,117 +20,120 @@ from jaxtyping import Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, plain
-from jaxnet.config.keys import Config, Search
+from jaxnet.config.keys import Config, Scenario, Search
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.engine.plan import Outcome
 from jaxnet.explore import alone, late
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.late import Choice
-from jaxnet.explore.search import COURSE, Generation, Point, Trials, searched
+from jaxnet.explore.late import LateChoice
+from jaxnet.explore.search import SEARCH_VERSION, BoxPoint, Generation, Trials, search_box
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cluster import Cluster
 from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
 from jaxnet.store.folder import Folder, FolderError, digest, made_from
 from jaxnet.store.results import Results
 
-CHECKPOINT = 10.0  # [s], or as much longer as keeps the share of WRITING
-WRITING = 0.05  # of the time, at most
-FRESH = 10_000  # starts from which the worst choice is tried again
-BOUNDED = {"tail_max": np.max, "tail_mean": np.mean}  # of what vehicles' bounds come to, metrics are at most
+CHECKPOINT = 10.0  # [s] between checkpoints, at least
+WRITING = 0.05  # share of the time for checkpoints, at most
+FRESH = 10_000  # further starts to verify the worst choice
+REDUCTIONS = {"tail_max": np.max, "tail_mean": np.mean}  # from vehicles' bounds to a metric's bound
 
 
-class Worst(NamedTuple):
-    """What was found in a cell."""
+class WorstChoice(NamedTuple):
+    """Row of `worst.csv`: the worst choice in a cell."""
 
     cell: int
-    found: float  # at the horizon
-    late: float  # the same choice at `until`
+    found: float  # mean over the starts, at the horizon
+    late: float  # mean over the starts, at `until`
     until: float  # [s]
-    greatest: float  # of any choice, at the horizon
+    greatest: float  # of all choices, at the horizon
     magnitude: float  # ā [m]
     attacked: str  # vehicles
-    random: float  # the best of as many random lanes
-    bound: float  # of theory, where one holds
-    fresh: float  # mean over other starts
-    fresh_low: float  # 5 % quantile of them
-    fresh_high: float  # and their greatest
-    nonlinear: float  # from the same starts as `found`
+    random: float  # greatest of as many random lanes
+    bound: float  # of theory; not-a-number if none holds
+    fresh: float  # mean over further starts
+    fresh_low: float  # 5 % quantile over further starts
+    fresh_high: float  # greatest over further starts
+    nonlinear: float  # mean over the starts of `found`, by the nonlinear engine
     lanes: int
     failed: int
 
 
-class Hunt:
+class CellSearch:
     """The search in one cell."""
 
     def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
         assert study.search is not None
         self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
-        self.asked: Search = study.search
+        self.settings: Search = study.search
         source = Keyed(study.seed)
-        drawn = [place for place in places_of(cell.scenario, source) if place.name in self.asked.over]
-        if missing := [key for key in self.asked.over if key not in {place.name for place in drawn}]:
+        drawn = [place for place in places_of(cell.scenario, source) if place.name in self.settings.over]
+        if missing := [key for key in self.settings.over if key not in {place.name for place in drawn}]:
             raise FolderError(f"{cell} does not draw {missing[0]}, so there is nothing to choose")
         self.box = Box(cell.scenario, source, drawn)
-        self.kept = self.read()
-        known = np.split(self.kept["values"], np.cumsum(self.kept["sizes"])[:-1]) if self.kept else []
-        self.trials = Trials(self.box, self.asked.starts, self.measured, machine, known)
+        self.stored = self.load()
+        known = np.split(self.stored["values"], np.cumsum(self.stored["sizes"])[:-1]) if self.stored else []
+        self.trials = Trials(self.box, self.settings.starts, self.measure, machine, known)
 
-    def measured(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
-        """What is maximised, of each lane; not a number where it failed."""
-        return np.where(outcome.status == 0, self.counted(outcome.metrics), math.nan)
+    def measure(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
+        """Return the objective of each lane; not-a-number where the lane failed."""
+        return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
 
-    def counted(self, metrics: Mapping[str, Any]) -> Float[np.ndarray, " lanes"]:
-        """What is maximised, of lanes with these metrics."""
-        if self.asked.maximise != "unrecovered":
-            return np.asarray(metrics[self.asked.maximise])
+    def objective(self, metrics: Mapping[str, Any]) -> Float[np.ndarray, " lanes"]:
+        """Return the objective of lanes with these metrics."""
+        if self.settings.maximise != "unrecovered":
+            return np.asarray(metrics[self.settings.maximise])
         assert self.study.recovery is not None
         over = recovery.threshold(self.cell, self.study.recovery.tau)
         return (np.asarray(metrics["tail_mean"]) > over).astype(float)
 
     def generations(self) -> Iterator[Generation]:
-        """All, those that were there included; what they came to is kept now and then, and at the end."""
+        """Yield all generations, stored ones included; save the values at checkpoints and at the end."""
         due = time.monotonic() + CHECKPOINT
         try:
-            for generation in searched(self.trials, self.asked.budget, self.asked.seed):
+            for generation in search_box(self.trials, self.settings.budget, self.settings.seed):
                 yield generation
                 if (began := time.monotonic()) > due:
-                    self.keep()
+                    self.save()
                     ended = time.monotonic()
                     due = ended + max(CHECKPOINT, (ended - began) / WRITING)
         finally:
-            self.keep()
+            self.save()
 
     @property
     def file(self) -> str:
-        """Where it is kept what the choices came to."""
+        """Name of the file with the values of all choices."""
         return f"search/{self.cell.number}.npz"
 
     def stamp(self) -> str:
-        """Of all that makes the search go its way."""
-        said = json.dumps([COURSE, digest(self.study), plain(self.asked), self.cell.number])
-        return hashlib.sha256(said.encode()).hexdigest()
+        """Return a hash of everything that determines the search."""
+        identity = json.dumps([SEARCH_VERSION, digest(self.study), plain(self.settings), self.cell.number])
+        return hashlib.sha256(identity.encode()).hexdigest()
 
-    def read(self) -> dict[str, np.ndarray]:
-        """What a search like this one has kept; nothing if there was none."""
+    def load(self) -> dict[str, np.ndarray]:
+        """Return the stored values of a search with the same stamp; empty if there is none.
+
+        Raises FolderError if the file is damaged.
+        """
         path = self.folder.path / self.file
         if not path.exists():
             return {}
         try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
-                return dict(kept) if str(kept["stamp"]) == self.stamp() else {}
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+                return dict(stored) if str(stored["stamp"]) == self.stamp() else {}
         except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
             raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
 
-    def keep(self, **more: Any) -> None:
-        """Write what the choices came to, unless it is there."""
+    def save(self, **more: np.ndarray | str) -> None:
+        """Write the values of all choices, unless they are stored already."""
         values = self.trials.values
         if more or len(values) > len(self.trials.known):
             sizes = np.array([len(each) for each in values])
@@ -138,30 +141,33 @@ class Hunt:
             content |= {name: np.array(value) for name, value in more.items()}
             self.folder.put(self.file, lambda file: np.savez_compressed(file, **content))  # pyright: ignore[reportArgumentType]
 
-    def worst(self, results: Results) -> tuple[Study, Worst]:
-        """The choice that the search answers with, as a study of its own, and its row; both are kept."""
-        if "worst" in self.kept:
-            return self.alone(self.kept["point"]), Worst(*json.loads(str(self.kept["worst"])))
-        choice = late.chosen(self.trials, self.asked.until, self.measured, self.machine)
-        study = self.alone(choice.point)
-        found = self.tried_again(choice, study, results)
-        self.keep(worst=json.dumps(found), point=choice.point)
+    def worst(self, results: Results) -> tuple[Study, WorstChoice]:
+        """Return the study of the worst choice and its row; both are stored."""
+        if "worst" in self.stored:
+            return self.study_of(self.stored["point"]), WorstChoice(*json.loads(str(self.stored["worst"])))
+        choice = late.choose_finalist(self.trials, self.settings.until, self.measure, self.machine)
+        study = self.study_of(choice.point)
+        found = self.verify(choice, study, results)
+        self.save(worst=json.dumps(found), point=choice.point)
         return study, found
 
-    def alone(self, point: Point) -> Study:
-        """The study of one choice."""
-        return alone.study_of(self.study, self.cell, self.box, point)
+    def study_of(self, point: BoxPoint) -> Study:
+        """Return the study of one choice."""
+        return alone.choice_study(self.study, self.cell, self.box, point)
 
-    def tried_again(self, choice: Choice, study: Study, results: Results) -> Worst:
-        """The choice beside random lanes and bounds, from other starts and by the other engine."""
-        starts, trials = self.asked.starts, self.trials
+    def verify(self, choice: LateChoice, study: Study, results: Results) -> WorstChoice:
+        """Return the choice's row of `worst.csv`.
+
+        The row compares the choice with random lanes, the bound, further starts and the nonlinear engine.
+        """
+        starts, trials = self.settings.starts, self.trials
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
         same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
-        again, nonlinear = (self.measured(batch.simulate(each, self.machine)) for each in (fresh, same))
+        again, nonlinear = (self.measure(batch.simulate(each, self.machine)) for each in (fresh, same))
         given = found.scenario.attack.amplitude()
         amplitude = math.nan if is_drawn(given) else float(given)
-        return Worst(
+        return WorstChoice(
             self.cell.number,
             choice.found,
             choice.late,
@@ -170,91 +176,95 @@ class Hunt:
             amplitude,
             " ".join(map(str, found.scenario.attack.targets())),
             self.best_random(results),
-            bound_of(found.scenario, self.asked.maximise) * amplitude,
-            *spread_of_values(again),
+            bound_of(found.scenario, self.settings.maximise) * amplitude,
+            *start_statistics(again),
             float(nonlinear.mean()),
             trials.lanes,
             trials.failed + int(np.isnan(again).sum()),
         )
 
     def best_random(self, results: Results) -> float:
-        """Of the folder's lanes of the cell; of shares their mean. Not a number if all failed."""
-        column = "tail_mean" if self.asked.maximise == "unrecovered" else self.asked.maximise
+        """Return the greatest value of the cell's random lanes, or their share unrecovered.
+
+        The value is not-a-number if all lanes failed.
+        """
+        column = "tail_mean" if self.settings.maximise == "unrecovered" else self.settings.maximise
         for _, found in results.by_cell(column, where=rows.OK, cells=[self.cell.number]):
-            values = self.counted({column: found[column].to_numpy()})
-            return float(values.mean() if self.asked.maximise == "unrecovered" else values.max())
+            values = self.objective({column: found[column].to_numpy()})
+            return float(values.mean() if self.settings.maximise == "unrecovered" else values.max())
         return math.nan
 
 
-def spread_of_values(values: Float[np.ndarray, " lanes"]) -> tuple[float, float, float]:
-    """Mean, 5 % quantile and greatest of those that are numbers."""
-    there = values[~np.isnan(values)]
-    if not there.size:
+def start_statistics(values: Float[np.ndarray, " lanes"]) -> tuple[float, float, float]:
+    """Return mean, 5 % quantile and greatest of the finite values."""
+    finite = values[~np.isnan(values)]
+    if not finite.size:
         return math.nan, math.nan, math.nan
-    return float(there.mean()), float(np.quantile(there, 0.05)), float(there.max())
+    return float(finite.mean()), float(np.quantile(finite, 0.05)), float(finite.max())
 
 
-def bound_of(scenario: Any, metric: str) -> float:
-    """The sharpest bound on a metric that holds, per ā; not a number where none is known."""
-    if metric not in BOUNDED or spread_of(scenario) is None:
+def bound_of(scenario: Scenario, metric: str) -> float:
+    """Return the sharpest valid bound on a metric, per ā; not-a-number where none is known."""
+    if metric not in REDUCTIONS or scenario_gain(scenario) is None:
         return math.nan
-    of_vehicles = BOUNDED[metric]
-    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.holding(scenario).values())
+    of_vehicles = REDUCTIONS[metric]
+    return min(float(of_vehicles(bound.vehicles)) for bound, _ in limits.valid_bounds(scenario).values())
 
 
-def table_of(found: Sequence[Worst], cells: Sequence[Cell]) -> pd.DataFrame:
-    """A row a cell, its swept values first."""
+def worst_table(found: Sequence[WorstChoice], cells: Sequence[Cell]) -> pd.DataFrame:
+    """Return a table with a row per cell, its swept values first."""
     labelled = ({"cell": each.cell, **cells[each.cell].labels, **each._asdict()} for each in found)
     return pd.DataFrame(labelled)
 
 
 def search_each(
-    results: Results, machine: Machine, told: Steps, crew: Cluster | None = None
+    results: Results, machine: Machine, progress: Steps, executor: Cluster | None = None
 ) -> Iterator[UPath]:
-    """Search in each cell of a study whose random lanes a folder holds; the files, one after the other.
+    """Search in each cell of a study whose folder contains random lanes, and yield the files one by one.
 
-    A crew searches cells side by side, each to its end, before anything is written of all.
+    With an executor, workers search the cells in parallel, each to its end, before this process writes the
+    files.
     """
     folder, study = results.folder, results.study
     config = study.config
     assert config.search is not None
-    if crew is not None:
-        for done, _ in enumerate(dealt(results, machine, crew), 1):
-            told("cells searched", done, len(study.cells))
-    found, generations = list[Worst](), list[dict[str, Any]]()
+    if executor is not None:
+        for done, _ in enumerate(search_distributed(results, machine, executor), 1):
+            progress("cells searched", done, len(study.cells))
+    found, generations = list[WorstChoice](), list[dict[str, Any]]()
     for cell in study.cells:
-        hunt = Hunt(config, cell, folder, machine)
-        for generation in hunt.generations():
+        search = CellSearch(config, cell, folder, machine)
+        for generation in search.generations():
             words = f"{cell}: {config.search.maximise} {generation.best:.4g}"
-            told(words, generation.lanes, config.search.budget)
+            progress(words, generation.lanes, config.search.budget)
             generations.append({"cell": cell.number, **cell.labels, **generation._asdict()})
         words = f"{cell}: at a late time, and again from other starts"
-        told(words, config.search.budget, config.search.budget)
-        choice, answer = hunt.worst(results)
+        progress(words, config.search.budget, config.search.budget)
+        choice, answer = search.worst(results)
         found.append(answer)
-        yield alone.simulated(choice, folder.inside(f"worst/{cell.number}"), machine)
+        yield alone.simulate_choice(choice, folder.inside(f"worst/{cell.number}"), machine)
         name = "worst.yaml" if len(study.cells) == 1 else f"worst/{cell.number}.yaml"
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
-        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": table_of(found, study.cells)}
+        tables = {"search.csv": pd.DataFrame(generations), "worst.csv": worst_table(found, study.cells)}
         for name, table in tables.items():
             folder.put(name, functools.partial(table.to_csv, index=False))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
 
 
-def dealt(results: Results, machine: Machine, crew: Cluster) -> Iterator[int]:
-    """Cells searched by a crew, as they end; their numbers."""
+def search_distributed(results: Results, machine: Machine, executor: Cluster) -> Iterator[int]:
+    """Search the cells on an executor and yield each cell's number when its search ends."""
     config = results.study.config
     task = functools.partial(search_cell, results.folder.absolute(), machine.chunk)
     cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
-    yield from crew.deal(task, config.scope, made_from(config), cells)
+    yield from executor.deal(task, config.scope, made_from(config), cells)
 
 
 def search_cell(folder: Folder, chunk: int | None, number: int) -> int:
-    """On a worker: search in one cell to its end, and keep what came of it; its number."""
+    """Search in one cell to its end on a worker, store the result, and return the cell's number."""
     results, machine = Results(folder.path), Machine(1, chunk)
     cell = results.study.cells[number]
-    hunt = Hunt(results.study.config, cell, folder, machine)
-    for _ in hunt.generations():
+    search = CellSearch(results.study.config, cell, folder, machine)
+    for _ in search.generations():
         pass
-    hunt.worst(results)
+    search.worst(results)
     return number

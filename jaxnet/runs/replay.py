@@ -95,7 +95,7 @@ def worst_of(results: Results) -> list[tuple[int, int]]:
     asked = results.study.config.recovery
     if asked is None:
         return []
-    return recovery.worst(worst_of_cells(results, asked.worst), results.study.cells, asked.worst)
+    return recovery.worst_lanes(worst_of_cells(results, asked.worst), results.study.cells, asked.worst)
 
 
 def worst_of_cells(results: Results, number: int) -> pd.DataFrame:

@@ -84,7 +84,7 @@ class Run:
             samples = look
             if isinstance(self.study.samples, keys.Sequential):
                 until = self.study.samples.until
-                half = recovery.widest(tally.counts, self.cells, look, until)
+                half = recovery.widest_half_interval(tally.counts, self.cells, look, until)
                 if half <= until.half_width:
                     break
                 tally.last_look = f"± {half:.2g} at {look:,} samples a cell, ± {until.half_width:g} is asked"

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
-from jaxnet.statistics.recovery import Counts, attacked, threshold
+from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
 
 class Sums(NamedTuple):
@@ -68,9 +68,9 @@ class Tally:
         return int((self.sums[:, 0] - self.sums[:, 1]).sum())
 
     @property
-    def counts(self) -> Counts:
+    def counts(self) -> RecoveryCounts:
         """Of each cell, the lanes that ended and those of them that did not recover."""
-        return Counts(self.sums[:, 2].astype(int), self.sums[:, 1].astype(int))
+        return RecoveryCounts(self.sums[:, 2].astype(int), self.sums[:, 1].astype(int))
 
     @property
     def compiling(self) -> bool:
@@ -90,7 +90,7 @@ class Tally:
         """Of each cell that has ok lanes."""
         lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
-            share = np.where(attacked(self.cells) & self.recovery, over / ok, np.nan)
+            share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)
             columns = np.stack([errors / ok, share], axis=1).tolist()
         return [
             Standing(number, int(lanes[number]), *columns[number]) for number in np.flatnonzero(ok).tolist()

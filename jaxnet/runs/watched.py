@@ -11,7 +11,7 @@ import xarray as xr
 from upath import UPath
 
 from jaxnet.runs.replay import replay, store_of, worst_of
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
 from jaxnet.store.arrays import open_store
 from jaxnet.store.results import Results
@@ -51,7 +51,7 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     return found
 
 
-def replay_watched(results: Results, told: Steps = untold) -> Iterator[UPath]:
+def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate again what the report shows and no store holds; the stores, as they are made.
 
     The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.

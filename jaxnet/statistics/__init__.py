@@ -1,1 +1,1 @@
-"""What lanes say: summaries, shares that did not recover, fits, and lanes held against bounds."""
+"""Statistics of lanes: summaries, shares unrecovered, fits, and comparisons with bounds."""

@@ -1,38 +1,46 @@
-"""Some of a study's cells, chosen by the values of their swept keys."""
+"""Selection of a study's cells by the values of their swept keys."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import alike
-from jaxnet.statistics.groups import values_of
+from jaxnet.statistics.curves import canonical_value
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.folder import FolderError
 
-Where = Mapping[str, Any]  # swept key: the value that is wanted, or a list of those
+Where = Mapping[str, Any]  # swept key: the wanted value, or a list of wanted values
 
 
-def chosen(cells: Sequence[Cell], where: Where) -> list[Cell]:
-    """The cells whose swept keys have one of the values wanted; raises FolderError where there is none."""
-    there = values_of(cells)
-    told = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in there.items())
+def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
+    """Return the cells whose swept keys have one of the wanted values.
+
+    Raises FolderError for a key that is not swept, and for a value without a cell.
+    """
+    swept = swept_values_of(cells)
+    listing = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in swept.items())
     found = list(cells)
     for key, wanted in where.items():
-        if key not in there:
-            raise FolderError(f"where: {key} is not swept (swept are {told or 'no keys'})")
-        for value in listed(wanted):
-            if not any(meant(value, label) for label in there[key]):
-                raise FolderError(f"where: {key} has no value {value} (swept are {told})")
-        found = [cell for cell in found if any(meant(value, cell.labels[key]) for value in listed(wanted))]
+        if key not in swept:
+            raise FolderError(f"where: {key} is not swept (swept are {listing or 'no keys'})")
+        for value in as_list(wanted):
+            if not any(matches_label(value, label) for label in swept[key]):
+                raise FolderError(f"where: {key} has no value {value} (swept are {listing})")
+        found = [
+            cell for cell in found if any(matches_label(value, cell.labels[key]) for value in as_list(wanted))
+        ]
     return found
 
 
-def listed(values: Any) -> list[Any]:
-    """One value or several, as a list."""
+def as_list(values: object) -> list[Any]:
+    """Return one value or several values as a list."""
     return list(values) if isinstance(values, list | tuple) else [values]
 
 
-def meant(value: Any, label: Any) -> bool:
-    """Whether a value is a label, as it is stored or, of a number, as tables show it: to four digits."""
-    if isinstance(label, float) and alike(value) == alike(f"{label:.4g}"):
+def matches_label(value: object, label: object) -> bool:
+    """Return whether a value equals a label.
+
+    A number may also equal the label to the four digits that tables show.
+    """
+    if isinstance(label, float) and canonical_value(value) == canonical_value(f"{label:.4g}"):
         return True
-    return alike(value) == alike(label)
+    return canonical_value(value) == canonical_value(label)

@@ -1,32 +1,28 @@
-"""What figures and page both show: δ̂(ā), its bounds and fits, the share unrecovered, ẽ(t) over lanes.
+"""Data of the figures and the page: δ̂(ā) with bounds and fits, and the share unrecovered.
 
-What another command has not written yet is left out: `bounds.csv` and `fit.csv` come from `jaxnet fit`.
+`jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no fits.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.statistics.groups import Group, attacked_groups, shared
+from jaxnet.statistics.groups import Group, Label, attacked_groups
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
-MOST_PANELS = 24  # panels that one figure takes
-MOST_TIMES = 300  # of a band
-FEWEST_TIMES = 60  # of a band where there are many
-MOST_NUMBERS = 180_000  # of all bands together, so that a page of hundreds of cells stays small
-FLOOR = 1e-9  # [m] below it a log axis shows rounding
-VAST = 1e100  # [m] a log axis ends there, and at 1 over it: farther out its ticks overflow
-FAINT = 1e-3  # of the least ā, the bottom of an axis: what ends below a hundredth of ā has recovered
-SHARE = ["unrecovered", "unrecovered_low", "unrecovered_high"]
-METRICS = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
+MOST_PANELS = 24  # of one figure
+LOG_FLOOR = 1e-9  # [m] smaller errors are rounding
+GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond, the ticks overflow
+LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller errors have recovered
+SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
+METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
 
 BOUND_NAMES = {
     "static": "static",
@@ -39,7 +35,10 @@ BOUND_NAMES = {
 
 
 class Curve(NamedTuple):
-    """One group's errors against ā > 0: rows of `cells.csv` indexed by ā, bounds and fits as lines s·ā."""
+    """Errors of one group against ā > 0, with bounds and fits as lines s·ā.
+
+    `cells` contains rows of `cells.csv`, indexed by ā.
+    """
 
     group: Group
     cells: pd.DataFrame
@@ -48,28 +47,32 @@ class Curve(NamedTuple):
 
     @property
     def sizes(self) -> Float[np.ndarray, " cells"]:
-        """ā, ascending [m]."""
+        """Magnitudes ā in ascending order [m]."""
         return self.cells.index.to_numpy(dtype=float)
 
     def spread(self, metric: str, *names: str) -> list[Float[np.ndarray, " cells"]]:
-        """Statistics of a metric over lanes, by ascending ā [m]."""
+        """Return statistics of a metric over lanes, by ascending ā [m]."""
         return [self.cells[f"{metric}_{name}"].to_numpy(dtype=float) for name in names]
 
     def shares(self) -> list[Float[np.ndarray, " cells"]]:
-        """Share unrecovered with its interval's ends, by ascending ā [%]."""
-        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE]
+        """Return the share unrecovered and both ends of its interval, by ascending ā [%]."""
+        return [100 * self.cells[name].to_numpy(dtype=float) for name in SHARE_COLUMNS]
 
     @property
     def worst(self) -> float:
-        """The greatest error of any vehicle in any lane, per ā."""
+        """Greatest error of any vehicle in any lane, per ā."""
         return float(np.fmax.reduce(self.spread("tail_max", "max")[0] / self.sizes))
 
     def slope(self, bound: str, vehicle: str) -> float:
-        """A bound per ā; not-a-number where it says nothing."""
+        """Return a bound per ā; not-a-number where the bound says nothing."""
         return self.bounds.get((bound, vehicle), np.nan)
 
     def limits(self, metric: str) -> dict[str, float]:
-        """Finite slopes to hold a metric against: of the worst vehicle, of `tail_mean` the vehicles' mean."""
+        """Return the finite bounds per ā on a metric.
+
+        The bound on `tail_mean` is the mean over vehicles. The bound on every other metric is that of the
+        worst vehicle.
+        """
         slopes = {
             bound: self.mean_slope(bound) if metric == "tail_mean" else self.slope(bound, "worst")
             for bound in BOUND_NAMES
@@ -77,21 +80,21 @@ class Curve(NamedTuple):
         return {bound: slope for bound, slope in slopes.items() if np.isfinite(slope)}
 
     def mean_slope(self, bound: str) -> float:
-        """A bound per ā of the mean over vehicles; not-a-number where it has none for each of them."""
+        """Return the mean of a bound over vehicles, per ā; not-a-number if the bound has no slopes."""
         each = [
             slope for (name, vehicle), slope in self.bounds.items() if name == bound and vehicle.isdigit()
         ]
         return float(np.mean(each)) if each else np.nan
 
     def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
-        """Slope s of the proportional model with its interval: of least squares, or of a quantile."""
+        """Return the slope s of the proportional model and its ends by least squares or at a quantile."""
         return self.fits.get((metric, quantile))
 
 
 def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
-    """A curve per group of attacked cells, all or these, whose ā is not drawn.
+    """Return a curve for each group of attacked cells whose ā is not drawn.
 
-    Raises FolderError for an unfinished run.
+    `of` restricts the groups to some cells. Raises FolderError for an unfinished run.
     """
     cells, bounds, fits = results.cells, stored_table(results, "bounds"), stored_table(results, "fit")
     found = []
@@ -99,21 +102,24 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
         if not group.attacked:
             continue
         rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
-        lines = slopes(of_group(bounds, group.labels)), proportions(of_group(fits, group.labels))
+        lines = (
+            bound_slopes(group_rows(bounds, group.labels)),
+            proportional_slopes(group_rows(fits, group.labels)),
+        )
         found.append(Curve(group, rows, *lines))
     return found
 
 
-def slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
-    """Rows of `bounds.csv` by bound and vehicle."""
+def bound_slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
+    """Return the slopes of `bounds.csv` by bound and vehicle."""
     return {
         (bound, vehicle): float(slope)
         for bound, vehicle, slope in zip(rows["bound"], rows["vehicle"], rows["slope"], strict=True)
     }
 
 
-def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
-    """Slopes s·ā of `fit.csv` with their intervals, by metric and quantile (None: least squares)."""
+def proportional_slopes(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
+    """Return the slopes s of `fit.csv` with intervals, by metric and quantile (None: least squares)."""
     wanted = (rows["model"] == "proportional") & (rows["parameter"] == "s") & rows["estimate"].notna()
     proportional: Any = rows[wanted]
     return {
@@ -122,150 +128,108 @@ def proportions(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[floa
     }
 
 
-COLUMNS = {
+STORED_COLUMNS = {
     "bounds": ("bound", "vehicle", "slope"),
     "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
 }
-TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
+COLUMN_TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
     ("slope", "quantile", "estimate", "low", "high"), float
 )
 
 
 def stored_table(results: Results, name: str) -> pd.DataFrame:
-    """A table beside `cells.csv`, without rows where it was not written; blanks are not-a-number."""
+    """Return a table stored beside `cells.csv`, without rows if there is no file; blanks are not-a-number."""
     file = results.file(f"{name}.csv")
     if not file.exists():
-        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *COLUMNS[name]])
-        return empty.astype({key: TYPES[key] for key in COLUMNS[name]})
+        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *STORED_COLUMNS[name]])
+        return empty.astype({key: COLUMN_TYPES[key] for key in STORED_COLUMNS[name]})
     with file.open("rb") as held:
-        return pd.read_csv(held, dtype=TYPES, keep_default_na=False, na_values=[""])
+        return pd.read_csv(held, dtype=COLUMN_TYPES, keep_default_na=False, na_values=[""])
 
 
-def of_group(rows: pd.DataFrame, labels: dict[str, Any]) -> pd.DataFrame:
-    """Rows whose swept keys have these values."""
-    mine = np.ones(len(rows), bool)
+def group_rows(rows: pd.DataFrame, labels: Mapping[str, Label]) -> pd.DataFrame:
+    """Return the rows whose swept keys have these values."""
+    selected = np.ones(len(rows), bool)
     for key, label in labels.items():
-        mine &= np.array([alike(value) == alike(label) for value in rows[key]], bool)
-    return rows.iloc[np.flatnonzero(mine)]
+        selected &= np.array([canonical_value(value) == canonical_value(label) for value in rows[key]], bool)
+    return rows.iloc[np.flatnonzero(selected)]
 
 
-def alike(value: Any) -> str:
-    """A swept value so that it is the same read from a CSV file: 1, 1.0 and "1" are."""
+def canonical_value(value: object) -> str:
+    """Return a text that is equal for equal swept values.
+
+    The numbers 1 and 1.0 and the text "1" of a CSV file have equal texts.
+    """
     try:
-        return repr(float(value))
+        return repr(float(cast(Any, value)))
     except ValueError:
         return str(value)
 
 
 def axis_ends(found: Sequence[Curve], metric: str) -> tuple[float, float]:
-    """Ends of a log axis for a metric [m], with all that is drawn but what is far too small to see."""
+    """Return the ends of a log axis for a metric [m], which leaves out negligible errors."""
     low, high = [], []
     for curve in found:
         most = curve.sizes.max()
         low += [value for value in curve.spread(metric, "q05")[0] if value > 0]
         high += [*curve.spread(metric, "max")[0], *(most * s for s in curve.limits(metric).values())]
-    faint = FAINT * min(curve.sizes.min() for curve in found)
-    return decades(max(faint, min(low, default=faint)), max(filter(np.isfinite, high), default=faint))
+    least = LEAST_SHARE_SHOWN * min(curve.sizes.min() for curve in found)
+    return decades(max(least, min(low, default=least)), max(filter(np.isfinite, high), default=least))
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
-    """The powers of ten around a range, as far as an axis goes."""
-    low, high = np.clip([low, high], 1 / VAST, VAST)
+    """Return the powers of ten around a range, within the greatest range of an axis."""
+    low, high = np.clip([low, high], 1 / GREATEST_SHOWN, GREATEST_SHOWN)
     first, last = np.floor(np.log10(low)), np.ceil(np.log10(high))
     return float(10.0**first), float(10.0 ** max(last, first + 1))
 
 
 def no_magnitudes(found: Sequence[Curve]) -> str:
-    """Why there is no axis for ā, in a sentence; nothing where there is one."""
+    """Return a sentence that says why there is no axis for ā, or an empty text if there is one."""
     if not any(len(curve.cells) > 1 for curve in found):
         return "No two cells differ in ā > 0 alone: there is no δ̂(ā) to draw."
     sizes = np.concatenate([curve.sizes for curve in found])
-    if sizes.min() < 1 / VAST or sizes.max() > VAST:
+    if sizes.min() < 1 / GREATEST_SHOWN or sizes.max() > GREATEST_SHOWN:
         ends = f"{sizes.min():.3g} to {sizes.max():.3g} m"
-        return f"ā is {ends}: an axis has room for {1 / VAST:g} to {VAST:g} m, so δ̂(ā) is not drawn."
+        room = f"{1 / GREATEST_SHOWN:g} to {GREATEST_SHOWN:g} m"
+        return f"ā is {ends}: an axis has room for {room}, so δ̂(ā) is not drawn."
     return ""
 
 
-def shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
-    """Share unrecovered and its interval's ends, of the cells, all or these, that have one, by number."""
+def unrecovered_shares(results: Results, of: Sequence[Cell] | None = None) -> pd.DataFrame:
+    """Return the share unrecovered and the ends of its interval, by number of the cell.
+
+    Cells without a share are left out. `of` restricts the table to some cells.
+    """
     cells: Any = results.cells
-    if not set(SHARE) <= set(cells):
-        return pd.DataFrame(columns=SHARE)
+    if not set(SHARE_COLUMNS) <= set(cells):
+        return pd.DataFrame(columns=SHARE_COLUMNS)
     wanted = slice(None) if of is None else [cell.number for cell in of]
-    return cells[SHARE].iloc[wanted].dropna()
+    return cells[SHARE_COLUMNS].iloc[wanted].dropna()
 
 
 def failed_kinds(results: Results) -> dict[int, Counter[str]]:
-    """How many lanes failed of what, of the cells in which some did, by number."""
+    """Return the number of failed lanes by kind of failure, for each cell with failed lanes."""
     if not results.manifest["lanes"]["failed"]:
         return {}
     found = results.by_cell("status", where=~rows.OK)
     return {number: Counter(map(str, failed["status"])) for number, failed in found}
 
 
-class Band(NamedTuple):
-    """ẽ(t) over the ok lanes of a cell [m]."""
-
-    time: Float[np.ndarray, " times"]
-    low: Float[np.ndarray, " times"]
-    median: Float[np.ndarray, " times"]
-    high: Float[np.ndarray, " times"]
-    greatest: Float[np.ndarray, " times"]
-
-
-def band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
-    """5 %, median, 95 % and maximum over samples at so many instants at most; None if no lane is ok."""
-    times = tracking.sizes["time"]
-    chosen = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
-    values = tracking.isel(cell=cell.number).values[:, chosen]
-    values = np.minimum(values[~np.isnan(values).any(axis=1)], VAST, dtype=float)
-    if not len(values):
-        return None
-    return Band(tracking["time"].values[chosen], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
-
-
-def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
-    """Bands of the cells, all or these, of the first MOST_PANELS scenes, by number of the cell."""
-    groups = scenes(results.study.cells if of is None else of)[:MOST_PANELS]
-    return bands_of(results, [cell for group in groups for cell in group.cells])
-
-
-def bands_of(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
-    """Bands of these cells, by number; of many cells at fewer instants, FEWEST_TIMES at least."""
-    tracking = results.errors["tracking"]
-    most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
-    found = {cell.number: band(tracking, cell, most) for cell in cells}
-    return {number: each for number, each in found.items() if each is not None}
-
-
-def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:
-    """Ends of a log axis for bands [m]."""
-    low = min(float(each.low.min()) for each in found.values())
-    return decades(max(FLOOR, low), max(FLOOR, *(float(each.greatest.max()) for each in found.values())))
-
-
-def scenes(cells: Sequence[Cell]) -> list[Group]:
-    """Cells that differ in ā alone, whether or not they have a fixed one, in the study's order."""
-    members: dict[tuple[Any, ...], list[Cell]] = {}
-    for cell in cells:
-        members.setdefault(tuple(shared(cell).items()), []).append(cell)
-    return [Group(dict(labels), tuple(group)) for labels, group in members.items()]
-
-
-def size_of(cell: Cell) -> Any:
-    """ā as the config has it, 0 without an attack."""
+def configured_magnitude(cell: Cell) -> Any:
+    """Return ā as in the config; 0 without an attack."""
     return cell.scenario.attack.amplitude()
 
 
-def scales(results: Results) -> Float[np.ndarray, " cells"]:
-    """ā of each cell [m]; not-a-number where nobody is attacked or it is drawn."""
-    sizes = [size_of(cell) for cell in results.study.cells]
+def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
+    """Return ā of each cell [m]; not-a-number without an attack and where ā is drawn."""
+    sizes = [configured_magnitude(cell) for cell in results.study.cells]
     return np.array([np.nan if is_drawn(size) or size <= 0 else size for size in sizes], float)
 
 
 def magnitude_words(cell: Cell) -> str:
-    """ā of a cell in words."""
-    amount = size_of(cell)
+    """Return ā of a cell in words."""
+    amount = configured_magnitude(cell)
     if is_drawn(amount):
         return "ā drawn"
     return f"ā = {amount:.3g} m" if amount else "no attack"

@@ -1,107 +1,117 @@
-"""What δ̂(ā) may look like: proportional, affine, power, saturating.
+"""Models of δ̂(ā): proportional, affine, power, saturating.
 
-All is said of u(x) = f(x)/x, the error per ā, because that is what the fits compare with the data. Every
-curve is `u = offset + scale·growth`; a number called shape bends offset and growth, and what is best for a
-given shape is a matter of the scale alone. The shape of affine is b; that of power and saturating is
-log(u at the smallest x / u at the greatest).
+The fits compare u(x) = f(x)/x, the error per ā, with the data. Every model is `u = offset + scale·growth`. A
+number called shape bends offset and growth; for a given shape only the scale is left to fit. The shape of the
+affine model is b. The shape of power and saturating models is log(u at the smallest x / u at the greatest).
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-Values = Float[Array, " j"]
+PerMagnitude = Float[Array, " j"]
 Number = Float[Array, ""]
 Pairs = Float[Array, "j j"]
 
-STEEPEST = 100.0  # of power, either way: far beyond data, near enough that nothing overflows
-SHORTEST = 1e-3  # least a0, in smallest magnitudes: f is constant there but for a thousandth
+STEEPEST = 100.0  # greatest |shape| of a power: far beyond data, and without overflow
+LEAST_SATURATION = 1e-3  # least a0, per smallest magnitude; there f is constant to a thousandth
 
 
-class Curve(NamedTuple):
-    """A family f(x), x > 0."""
+class CurveFamily(NamedTuple):
+    """A family of curves f(x), x > 0."""
 
     parameters: tuple[str, ...]
-    bent: Callable[[Values, Number], tuple[Values, Values]]  # offset and growth
-    through: Callable[[Values, Values], Pairs]  # shape of the curves through (x_i, u_i) and (x_j, u_j)
-    read: Callable[[Values, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
+    bent: Callable[[PerMagnitude, Number], tuple[PerMagnitude, PerMagnitude]]  # offset and growth
+    through: Callable[[PerMagnitude, PerMagnitude], Pairs]  # shapes through (x_i, u_i) and (x_j, u_j)
+    read: Callable[[PerMagnitude, Number, Number], tuple[Number, ...]]  # parameters, of shape and scale
 
 
-def straight(x: Values, shape: Number) -> tuple[Values, Values]:
-    """`u = b/x + s`; b = 0 where there is but the scale."""
+def affine_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
+    """Return offset and growth of `u = b/x + s`."""
     return shape / x, jnp.ones_like(x)
 
 
-def intercepts(x: Values, u: Values) -> Pairs:
-    """The b of lines through pairs of points."""
-    return differences(u) / differences(1 / x)
+def affine_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
+    """Return the b of the lines through pairs of points."""
+    return pairwise_differences(u) / pairwise_differences(1 / x)
 
 
-def powers(x: Values, shape: Number) -> tuple[Values, Values]:
-    """`u ∝ x^(p − 1)`, 1 at the geometric middle."""
-    return jnp.zeros_like(x), jnp.exp(-shape * (jnp.log(x) - middle(x)) / span(x))
+def power_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
+    """Return offset and growth of `u ∝ x^(p − 1)`; growth is 1 at the geometric centre of x."""
+    return jnp.zeros_like(x), jnp.exp(-shape * (jnp.log(x) - log_centre(x)) / log_span(x))
 
 
-def exponents(x: Values, u: Values) -> Pairs:
-    """Shapes of the powers through pairs of points; proportional where both errors are 0."""
-    shapes = -span(x) * differences(jnp.log(u)) / differences(jnp.log(x))
+def power_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
+    """Return the shapes of the powers through pairs of points; 0 (proportional) where both errors are 0."""
+    shapes = -log_span(x) * pairwise_differences(jnp.log(u)) / pairwise_differences(jnp.log(x))
     return jnp.clip(jnp.where(jnp.isnan(shapes), 0.0, shapes), -STEEPEST, STEEPEST)
 
 
-def read_power(x: Values, shape: Number, scale: Number) -> tuple[Number, Number]:
-    """The c and p of a shape and scale."""
-    rise = -shape / span(x)
-    return scale * jnp.exp(-rise * middle(x)), 1 + rise
+def power_parameters(x: PerMagnitude, shape: Number, scale: Number) -> tuple[Number, Number]:
+    """Return c and p for a shape and scale."""
+    rise = -shape / log_span(x)
+    return scale * jnp.exp(-rise * log_centre(x)), 1 + rise
 
 
-def saturation(x: Values, shape: Number) -> tuple[Values, Values]:
-    """`u ∝ 1/(1 + x/a0)`."""
-    return jnp.zeros_like(x), 1 / (1 + rate(x, shape) * x)
+def saturating_growth(x: PerMagnitude, shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
+    """Return offset and growth of `u ∝ 1/(1 + x/a0)`."""
+    return jnp.zeros_like(x), 1 / (1 + saturation_rate(x, shape) * x)
 
 
-def rate(x: Values, shape: Number) -> Number:
-    """1/a0."""
+def saturation_rate(x: PerMagnitude, shape: Number) -> Number:
+    """Return 1/a0 for a shape."""
     return jnp.expm1(shape) / (x.max() - jnp.exp(shape) * x.min())
 
 
-def saturations(x: Values, u: Values) -> Pairs:
-    """Shapes of the saturating curves through pairs of points: none if u rises, the shortest if x·u falls."""
-    order = jnp.sign(-differences(x))
-    bend, rise = order * differences(u), -order * differences(u * x)
+def saturating_shapes(x: PerMagnitude, u: PerMagnitude) -> Pairs:
+    """Return the shapes of the saturating curves through pairs of points.
+
+    The shape is 0 where u rises, and that of the least a0 where x·u falls.
+    """
+    order = jnp.sign(-pairwise_differences(x))
+    bend, rise = order * pairwise_differences(u), -order * pairwise_differences(u * x)
     rates = jnp.where(bend <= 0, 0.0, jnp.where(rise <= 0, jnp.inf, bend / rise))
-    rates = jnp.minimum(rates, 1 / (SHORTEST * x.min()))
+    rates = jnp.minimum(rates, 1 / (LEAST_SATURATION * x.min()))
     return jnp.log1p(rates * x.max()) - jnp.log1p(rates * x.min())
 
 
-def differences(values: Values) -> Pairs:
-    """Of all pairs."""
+def pairwise_differences(values: PerMagnitude) -> Pairs:
+    """Return the differences of all pairs."""
     return values[:, None] - values[None, :]
 
 
-def span(x: Values) -> Number:
-    """Of log x; 1 where all are one."""
+def log_span(x: PerMagnitude) -> Number:
+    """Return the range of log x; 1 if all x are equal."""
     width = jnp.log(x.max() / x.min())
     return jnp.where(width > 0, width, 1.0)
 
 
-def middle(x: Values) -> Number:
-    """Of log x."""
+def log_centre(x: PerMagnitude) -> Number:
+    """Return the centre of the range of log x."""
     return (jnp.log(x.max()) + jnp.log(x.min())) / 2
 
 
-BENT: dict[str, Curve] = {
-    "affine": Curve(("b", "s"), straight, intercepts, lambda x, b, s: (b, s)),
-    "power": Curve(("c", "p"), powers, exponents, read_power),
-    "saturating": Curve(("c", "a0"), saturation, saturations, lambda x, shape, c: (c, 1 / rate(x, shape))),
+CURVE_FAMILIES: dict[str, CurveFamily] = {
+    "affine": CurveFamily(("b", "s"), affine_growth, affine_shapes, lambda x, b, s: (b, s)),
+    "power": CurveFamily(("c", "p"), power_growth, power_shapes, power_parameters),
+    "saturating": CurveFamily(
+        ("c", "a0"),
+        saturating_growth,
+        saturating_shapes,
+        lambda x, shape, c: (c, 1 / saturation_rate(x, shape)),
+    ),
 }
 
-MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in BENT.items()}}
+MODELS = {"proportional": ("s",), **{model: curve.parameters for model, curve in CURVE_FAMILIES.items()}}
 
 
-def value(model: str, x: Any, parameters: Any) -> Any:
-    """f(x) of a model by name."""
+def model_value(
+    model: str, x: Float[np.ndarray, " n"], parameters: Sequence[float] | Float[np.ndarray, " parameters"]
+) -> Float[np.ndarray, " n"]:
+    """Return f(x) of a model by name."""
     first, second = (*parameters, 0.0)[:2]
     match model:
         case "power":

@@ -1,49 +1,51 @@
-"""Cells that differ in the attack's magnitude alone: what δ̂(ā) is asked of."""
+"""Groups of cells that differ only in the attack's magnitude: the data of δ̂(ā)."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import MAGNITUDE
 from jaxnet.kinds.fields import is_drawn
 
+Label = int | float | str  # a swept value as tables show it
+
 
 class Group(NamedTuple):
-    """Cells by ascending ā, and the swept keys that they share."""
+    """Cells by ascending ā, and the labels that they share."""
 
-    labels: dict[str, Any]
+    labels: dict[str, Label]
     cells: tuple[Cell, ...]
 
     @property
     def attacked(self) -> dict[int, float]:
-        """ā of the cells in which it is positive, by their number."""
+        """Magnitude ā of the cells with ā > 0, by number of the cell."""
         return {cell.number: magnitude(cell) for cell in self.cells if magnitude(cell) > 0}
 
     def __str__(self) -> str:
-        """How tables and messages name it."""
+        """Return the group's name for tables and messages."""
         return ", ".join(f"{key}={value}" for key, value in self.labels.items()) or "all cells"
 
 
-def values_of(cells: Sequence[Cell]) -> dict[str, list[Any]]:
-    """Swept keys with the values that these cells have, as they come."""
+def swept_values_of(cells: Sequence[Cell]) -> dict[str, list[Label]]:
+    """Return the swept keys with the values that these cells have, in the cells' order."""
     return {key: list(dict.fromkeys(cell.labels[key] for cell in cells)) for key in cells[0].labels}
 
 
 def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
-    """Groups of the cells with an attack whose ā is not drawn."""
-    members: dict[tuple[Any, ...], list[Cell]] = {}
+    """Return the groups of the attacked cells whose ā is not drawn."""
+    members: dict[tuple[tuple[str, Label], ...], list[Cell]] = {}
     for cell in cells:
         attack = cell.scenario.attack
         if attack.present and not is_drawn(attack.amplitude()):
-            members.setdefault(tuple(shared(cell).items()), []).append(cell)
+            members.setdefault(tuple(labels_without_magnitude(cell).items()), []).append(cell)
     return [Group(dict(labels), tuple(sorted(group, key=magnitude))) for labels, group in members.items()]
 
 
-def shared(cell: Cell) -> dict[str, Any]:
-    """The swept keys of a cell other than its ā."""
+def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
+    """Return the labels of a cell without its ā."""
     return {key: label for key, label in cell.labels.items() if key != MAGNITUDE}
 
 
 def magnitude(cell: Cell) -> float:
-    """ā of an attacked cell, if it is not drawn."""
+    """Return ā of an attacked cell whose ā is not drawn."""
     return cell.scenario.attack.amplitude()

@@ -1,11 +1,10 @@
-"""Sobol's indices: which part of a variance comes from which of the numbers drawn, from lanes picked and
-frozen.
+"""Sobol's indices: the part of a variance that each group of random numbers contributes.
 
-`first_i = mean(b (ab_i - a)) / var` and `total_i = mean((a - ab_i)²) / (2 var)`, where a and b are of
-independent draws and ab_i is of the draws of a but for group i, which is that of b (Saltelli and others,
-2010). So SciPy has it, but for numbers of rows that are a power of two, which they no longer are where a lane
-failed. Intervals are those of `fits`: rows are drawn again with replacement. There are none where few rows
-make up the variance, as where few lanes do not recover.
+`first_i = mean(b (ab_i - a)) / var` and `total_i = mean((a - ab_i)²) / (2 var)` (Saltelli and others, 2010).
+The values a and b are from independent draws. The values ab_i are from the draws of a, but with group i from
+the draws of b. SciPy has these estimators for numbers of rows that are a power of two. A failed lane breaks
+that condition. Intervals are bootstrap intervals as in `fits`. They are blank if few rows make up the
+variance.
 """
 
 from typing import NamedTuple
@@ -13,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxnet.statistics.fits import interval, resamples
+from jaxnet.statistics.fits import draw_resamples, percentile_interval
 
-ROUNDING = 1e-9  # of the values, or of 1 m if they are less: what varies by no more does not vary
-TOGETHER = 50  # resamples
-FEWEST = 30  # rows for an index
+LEAST_VARIATION = 1e-9  # of the greatest value and of 1 m; values with a smaller range are constant
+RESAMPLES_AT_ONCE = 50  # evaluated side by side
+FEWEST_ROWS = 30  # for an index
 FEWEST_VARYING = 75  # rows that make up the variance, for an interval
 
 
@@ -29,16 +28,17 @@ class Indices(NamedTuple):
     high: Float[np.ndarray, "2 groups"]
 
 
-def indices(
+def sobol_indices(
     a: Float[np.ndarray, " rows"], b: Float[np.ndarray, " rows"], mixed: Float[np.ndarray, "groups rows"]
 ) -> Indices:
-    """Of values at the draws a, b and ab_i; not-a-number where there are few rows, or nothing varies.
+    """Return the indices from values at the draws a, b and ab_i.
 
-    Ends of intervals are not-a-number also where few rows vary.
+    Indices are not-a-number for few rows and for constant values. Ends of intervals are also not-a-number if
+    few rows make up the variance.
     """
-    if len(a) < FEWEST or not np.ptp([a, b]) > ROUNDING * max(1.0, np.abs(a).max()):
+    if len(a) < FEWEST_ROWS or not np.ptp([a, b]) > LEAST_VARIATION * max(1.0, np.abs(a).max()):
         return Indices(*np.full((3, 2, len(mixed)), np.nan))
-    size = np.abs(np.concatenate([a[None], b[None], mixed])).max()  # squares of great values have no room
+    size = np.abs(np.concatenate([a[None], b[None], mixed])).max()  # squares of great values overflow
     a, b, mixed = a / size, b / size, mixed / size
     centre = np.mean([a, b])
     a, b, mixed = a - centre, b - centre, mixed - centre
@@ -49,18 +49,20 @@ def indices(
         variance = (means[:, -1] - means[:, -2] ** 2)[:, None]
         return means[:, :-2] / np.where(
             variance > 0, variance, np.nan
-        )  # where rows drawn again are all alike
+        )  # a resample of equal rows has no variance
 
     found = ratios(np.ones((1, len(a))))[0]
     blank = np.full_like(found, np.nan)
-    if varying(np.concatenate([a, b])) < 2 * FEWEST_VARYING:
+    if effective_rows(np.concatenate([a, b])) < 2 * FEWEST_VARYING:
         return Indices(*(each.reshape(2, -1) for each in (found, blank, blank)))
-    resampled = np.concatenate([ratios(counts.astype(float)) for counts in resamples(len(a), TOGETHER)])
-    found = found, *interval(resampled)
+    resampled = np.concatenate(
+        [ratios(counts.astype(float)) for counts in draw_resamples(len(a), RESAMPLES_AT_ONCE)]
+    )
+    found = found, *percentile_interval(resampled)
     return Indices(*(each.reshape(2, -1) for each in found))
 
 
-def varying(values: Float[np.ndarray, " n"]) -> float:
-    """How many of some values with mean 0 make up their variance: n over the kurtosis."""
+def effective_rows(values: Float[np.ndarray, " n"]) -> float:
+    """Return the number of values, with mean 0, that make up their variance: n over the kurtosis."""
     squares = np.square(values / np.abs(values).max())
     return float(squares.sum() ** 2 / np.square(squares).sum())

@@ -1,8 +1,8 @@
-"""What theory says of a study's cells: the bounds as a table, and the lanes that break one.
+"""Theory applied to a study's cells: the bounds as a table, and the lanes that violate a bound.
 
-`‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖·‖` at every time, where · is E_i^(k)(0) - G_i^(k)(0) for the
-static bound, G = L⁻¹ d, and E_i^(k)(0) for the peak gain and the harmonic bound (SCIENCE, O5). The other
-sound bounds are never below the peak gain and need no check of their own.
+`‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖F_i^(k)‖` at every time. F_i^(k) is E_i^(k)(0) - G_i^(k)(0)
+for the static bound, where G = L⁻¹ d. It is E_i^(k)(0) for the peak gain and the harmonic bound (SCIENCE,
+O5). The other sound bounds are never below the peak gain and need no check.
 """
 
 import functools
@@ -23,15 +23,15 @@ from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
-from jaxnet.statistics.groups import attacked_groups, shared
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
 
-ROUNDING = 1e-9  # relative
-NUMBERS = 2**24  # limits held at a time, of vehicles, times and lanes
+LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
+MOST_LIMITS = 2**24  # in memory at a time, over vehicles, times and lanes
 UNCHECKED = (
     "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
     " retains, or the law is not solved at every instant"
@@ -39,14 +39,15 @@ UNCHECKED = (
 VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
 
 Limits = Float[np.ndarray, "times m lanes"]
-Response = Callable[[np.ndarray], Any]  # (3, 2, signals, lanes) to (3, 2, m, lanes), of jets
+Response = Callable[[np.ndarray], np.ndarray | float]  # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
 
 
 def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
-    """Slopes per ā of every bound, vehicle by vehicle, worst and fleet, for each group of attacked cells.
+    """Return the slopes per ā of every bound for each group of attacked cells.
 
-    All are blank where weights or gains are drawn, for then each lane has bounds of its own, where nothing is
-    known of whom the defence retains, and where the law has a jerk held.
+    A bound has a slope for each vehicle, for the worst vehicle and for the fleet. Slopes are blank where
+    lanes have bounds of their own, because weights or gains are drawn. They are also blank where nothing is
+    known of the retained neighbours, and where the law holds a jerk.
     """
     blocks = []
     for group in attacked_groups(cells):
@@ -54,59 +55,63 @@ def slopes_table(cells: Sequence[Cell]) -> pd.DataFrame:
             numbered = {str(number): slope for number, slope in enumerate(bound.vehicles.tolist(), 1)}
             slopes = numbered | {"worst": bound.worst, "fleet": bound.fleet}
             blocks += [
-                {**group.labels, "bound": name, "vehicle": who, "slope": s} for who, s in slopes.items()
+                {**group.labels, "bound": name, "vehicle": vehicle, "slope": s}
+                for vehicle, s in slopes.items()
             ]
-    return pd.DataFrame(blocks, columns=[*shared(cells[0]), "bound", "vehicle", "slope"])
+    return pd.DataFrame(blocks, columns=[*labels_without_magnitude(cells[0]), "bound", "vehicle", "slope"])
 
 
 def bounds_of(scenario: Scenario) -> dict[str, Bound]:
-    """Bounds of a scenario by name, blank where nothing is known of whom is retained, or lanes differ."""
-    reach = spread_of(scenario)
-    return bounds.blank(scenario.vehicles) if reach is None else bounds.bounds(reach, np.array(scenario.gain))
+    """Return the bounds of a scenario by name; not-a-number where the attack gain is unknown."""
+    reach = scenario_gain(scenario)
+    if reach is None:
+        return bounds.unknown_bounds(scenario.vehicles)
+    return bounds.ultimate_bounds(reach, np.array(scenario.gain))
 
 
-def unchecked(cells: Sequence[Cell]) -> list[int]:
-    """Numbers of the attacked cells that `violations` leaves out."""
+def unchecked_cells(cells: Sequence[Cell]) -> list[int]:
+    """Return the numbers of the attacked cells that `violations_table` leaves out."""
     attacked = [cell for cell in cells if cell.scenario.attack.present]
-    return [cell.number for cell in attacked if spread_of(cell.scenario) is None]
+    return [cell.number for cell in attacked if scenario_gain(cell.scenario) is None]
 
 
-def violations(results: Results) -> pd.DataFrame:
-    """The ok lanes whose tail_max is over a bound that holds for them, each with the command that replays it.
+def violations_table(results: Results) -> pd.DataFrame:
+    """Return the ok lanes whose tail_max exceeds a valid bound, each with the command that replays the lane.
 
-    The limit is the greatest over vehicles and the tail's output times, with 1e-9 of it and the engine's
-    `accuracy` on top (coarser tolerances than the defaults may exceed that by themselves). Static is asked
-    where retained neighbours cannot change, the peak gain where it is finite, the harmonic bound of attacks
-    that have one frequency. Cells whose weights or gains
-    are drawn, or of whose defence nothing is known, are left out, and a failed lane has no tail_max that
-    could exceed anything.
+    The limit is the greatest over vehicles and the tail's output times. It includes 1e-9 of itself and the
+    engine's `accuracy`; tolerances coarser than the defaults may exceed that. The static bound is checked
+    where retained neighbours cannot change, the peak gain where it is finite. The harmonic bound is checked
+    for attacks of one frequency. Cells with drawn weights or gains, and cells with unknown retained
+    neighbours, are left out. A failed lane has no tail_max.
     """
     found = []
     attacked = {
         cell.number: cell
         for cell in results.study.cells
-        if cell.scenario.attack.present and spread_of(cell.scenario) is not None
+        if cell.scenario.attack.present and scenario_gain(cell.scenario) is not None
     }
     for number, rows in results.by_cell("sample", "tail_max", cells=attacked):
         cell = attacked[number]
         source = source_of(results.study.config, cell.scenario)
-        rows = rows[suspects(cell.scenario, source, rows)]
-        at_once = max(1, NUMBERS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
+        rows = rows[suspect_lanes(cell.scenario, source, rows)]
+        at_once = max(1, MOST_LIMITS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
             found += excesses(results, cell, source, rows[first : first + at_once])
     return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
-def suspects(scenario: Scenario, source: Source, rows: Any) -> Bool[np.ndarray, " lanes"]:
-    """Lanes over what a bound allows without a transient: no others can break it, so no others are drawn."""
+def suspect_lanes(scenario: Scenario, source: Source, rows: pd.DataFrame) -> Bool[np.ndarray, " lanes"]:
+    """Return the lanes that exceed a bound without its transient; no other lane can violate the bound."""
     magnitude = magnitudes(scenario, Draw(source, rows["sample"].tolist(), scenario.vehicles))
     errors = rows["tail_max"].to_numpy()
-    least = [allowed(scenario, bound, magnitude).max(axis=0) for bound, _ in holding(scenario).values()]
+    least = [
+        error_limit(scenario, bound, magnitude).max(axis=0) for bound, _ in valid_bounds(scenario).values()
+    ]
     return np.any([errors > limit for limit in least], axis=0)
 
 
 def excesses(results: Results, cell: Cell, source: Source, rows: Any) -> Iterator[tuple[Any, ...]]:
-    """Rows of the table of violations, of some lanes of one cell."""
+    """Yield the rows of the violations' table for some lanes of one cell."""
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
     for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
@@ -116,7 +121,7 @@ def excesses(results: Results, cell: Cell, source: Source, rows: Any) -> Iterato
 
 
 def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
-    """Output times [s] that stand for t → ∞, both ends of the tail included."""
+    """Return the output times [s] of the tail, both ends included."""
     last, tail = outputs_of(scenario), round(scenario.tail / scenario.output_step)
     return np.arange(last - tail, last + 1) * scenario.output_step
 
@@ -124,36 +129,36 @@ def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:
 def limits_of(
     scenario: Scenario, source: Source, samples: Sequence[int], times: Float[np.ndarray, " times"]
 ) -> dict[str, Limits]:
-    """What ‖y_i - y_0‖ [m] is at most by each bound that holds, its transient and the allowances included."""
+    """Return each valid bound's limit of ‖y_i - y_0‖ [m], with its transient and allowances."""
     draw = Draw(source, samples, scenario.vehicles)
-    error, attack = start_of_errors(scenario, draw)
-    flow = influence(tuple(scenario.gain), tuple(times.tolist()))
+    error, attack = initial_errors(scenario, draw)
+    flow = transient_factors(tuple(scenario.gain), tuple(times.tolist()))
     found = {}
-    for name, (bound, response) in holding(scenario).items():
+    for name, (bound, response) in valid_bounds(scenario).items():
         free = error - response(attack)
-        with np.errstate(over="ignore"):  # an infinite limit is over every error
+        with np.errstate(over="ignore"):  # no error exceeds an infinite limit
             transient = np.einsum("tk,kin->tin", flow, np.linalg.norm(free, axis=1))
-        found[name] = allowed(scenario, bound, magnitudes(scenario, draw), transient)
+        found[name] = error_limit(scenario, bound, magnitudes(scenario, draw), transient)
     return found
 
 
 def ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """Greatest tail_mean and tail_max [m] that theory allows in any of these lanes of a cell.
+    """Return the greatest tail_mean and tail_max [m] that theory allows in some lanes of a cell.
 
-    The least of the bounds that hold, transient included; infinite or not-a-number where theory says nothing,
-    or where the code of a kind is missing.
+    Both are the least of the valid bounds, transient included. They are infinite or not-a-number if theory
+    says nothing, and infinite if the code of a kind is missing.
     """
     unknown = {"tail_mean": np.inf, "tail_max": np.inf}
     return known_or(unknown, lambda: known_ceilings(config, cell, samples))
 
 
 def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[str, float]:
-    """`ceilings` of a cell whose kinds are at hand; raises MissingKindError else."""
+    """Return the ceilings of a cell; raises MissingKindError if the code of a kind is missing."""
     scenario = cell.scenario
-    if spread_of(scenario) is None:
+    if scenario_gain(scenario) is None:
         return {"tail_mean": np.inf, "tail_max": np.inf}
     source, times = source_of(config, scenario), tail_of(scenario)
-    at_once = max(1, NUMBERS // (len(times) * scenario.vehicles))
+    at_once = max(1, MOST_LIMITS // (len(times) * scenario.vehicles))
     found = {"tail_mean": 0.0, "tail_max": 0.0}
     for first in range(0, len(samples), at_once):
         limits = limits_of(scenario, source, samples[first : first + at_once], times)
@@ -164,33 +169,41 @@ def known_ceilings(config: Config, cell: Cell, samples: Sequence[int]) -> dict[s
 
 
 def magnitudes(scenario: Scenario, draw: Draw) -> Float[np.ndarray, " lanes"]:
-    """ā [m] of attacked lanes."""
+    """Return ā [m] of attacked lanes."""
     return draw.one(scenario.attack.amplitude(), "attack.magnitude")
 
 
-def holding(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
-    """Bounds that hold, each with the G of the attack that its transient starts from: 0 where sets may
-    switch.
+def valid_bounds(scenario: Scenario) -> dict[str, tuple[Bound, Response]]:
+    """Return the valid bounds, each with the response G at which its transient starts.
+
+    G is 0 where kept sets may switch.
     """
-    reach, known = spread_of(scenario), situation_of(scenario)
+    reach, known = scenario_gain(scenario), situation_of(scenario)
     assert reach is not None
     gain = np.array(scenario.gain)
-    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), nothing)}
+    found: dict[str, tuple[Bound, Response]] = {"peak_gain": (bounds.peak_gain(reach, gain), zero_response)}
     if scenario.attack.harmonic() and scenario.attack.consistent():
-        found["harmonic"] = bounds.harmonic(reach, gain), nothing
+        found["harmonic"] = bounds.harmonic(reach, gain), zero_response
     if reach.fixed is not None and not np.isinf(reach.norms):
         word = reach.fixed.only(~(known.attacked & scenario.attack.replaces()))
-        found["static"] = bounds.static(reach), forced(scenario, word, reach.fixed.only(known.attacked))
+        found["static"] = (
+            bounds.static(reach),
+            forced_response(scenario, word, reach.fixed.only(known.attacked)),
+        )
     return found
 
 
-def nothing(attack: np.ndarray) -> float:
-    """What no attack does."""
+def zero_response(attack: np.ndarray) -> float:
+    """Return the response of 0."""
     return 0.0
 
 
-def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
-    """`G = L⁻¹ d`, by the graph whose links carry what vehicles say, and the one of attacked links."""
+def forced_response(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
+    """Return the function `G = L⁻¹ d`.
+
+    `word` is the graph of the links that transmit their source's signal. `added` is the graph of attacked
+    links.
+    """
     solve, sources = graph.solver(word), sources_of(scenario)
     signals, weights = signals_of(scenario, sources), hearing.by_slot(added, added.weights, sources)
 
@@ -203,22 +216,24 @@ def forced(scenario: Scenario, word: Digraph, added: Digraph) -> Response:
     return response
 
 
-def allowed(scenario: Scenario, bound: Bound, magnitude: Any, transient: Any = 0.0) -> Any:
-    """`slope ā` + transient [m] with the allowances, by (time,) vehicle and lane."""
-    with np.errstate(invalid="ignore"):  # of nothing an infinite multiple says nothing
+def error_limit(
+    scenario: Scenario, bound: Bound, magnitude: Float[np.ndarray, " lanes"], transient: Limits | float = 0.0
+) -> Float[np.ndarray, "*times m lanes"]:
+    """Return `slope ā` + transient [m] with the allowances, by (time,) vehicle and lane."""
+    with np.errstate(invalid="ignore"):  # infinity times 0 is not-a-number
         limit = bound.vehicles[:, None] * magnitude + transient
-    return limit * (1 + ROUNDING) + scenario.engine.accuracy
+    return limit * (1 + LIMIT_ALLOWANCE) + scenario.engine.accuracy
 
 
 @functools.lru_cache
-def influence(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times 3"]:
-    """`|expm(A_c t)_{0k}|`, remembered, for cells mostly share their gain and tail."""
+def transient_factors(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times 3"]:
+    """Return `|expm(A_c t)_{0k}|` from a cache; most cells share their gain and tail."""
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
-def start_of_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
-    """E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
-    with jax.enable_x64(True):  # kinds may reckon by JAX
+def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
+    """Return E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
+    with jax.enable_x64(True):  # kinds may use JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
         own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))

@@ -1,10 +1,10 @@
-"""Two studies held against each other lane by lane, paired by common random numbers.
+"""Comparison of two studies lane by lane, paired by common random numbers.
 
-The same seed and sample give the same draw, so the difference of two lanes of a sample is that of their
-studies, and its mean varies far less than the means themselves. Of the share unrecovered only the lanes that
-changed sides count. If either way were as likely, the number of those that went one way would be binomial
-with p = 1/2, which is McNemar's exact test. Intervals are those of `means`, of the share too: a lane counts
--1, 0 or 1. The interval of the share leaves out 0 where McNemar's p is below 0.05, and nowhere else.
+The same seed and sample give the same draw. So the difference of two lanes of a sample is the difference of
+their studies, and its mean varies far less than the means themselves. The share unrecovered changes only by
+the lanes that are unrecovered in one study alone. If both directions were equally likely, the number in one
+direction would be binomial with p = 1/2: McNemar's exact test. All intervals are those of `means`; for the
+share a lane counts -1, 0 or 1. The interval of the share excludes 0 exactly where McNemar's p is below 0.05.
 """
 
 import functools
@@ -18,92 +18,101 @@ from scipy import special
 
 from jaxnet.config.cells import Cell, plain
 from jaxnet.statistics import means
-from jaxnet.statistics.curves import alike
+from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.limits import ceilings
 from jaxnet.statistics.recovery import CONFIDENCE, threshold
-from jaxnet.statistics.summary import SUMMARISED, spread, units
+from jaxnet.statistics.summary import SUMMARISED, independent_units, metric_statistics
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
-DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # and what `spread` calls them
+DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # by name in `metric_statistics`
 COLUMNS_READ = ("sample", "status", *SUMMARISED)
-Pair = tuple[Cell, Cell]
+CellPair = tuple[Cell, Cell]
 
 
 class Comparison(NamedTuple):
-    """A study A and a study B, of whose lanes B is held against A: all differences are B − A."""
+    """Comparison of a study B with a study A; all differences are B − A."""
 
     folders: tuple[str, str]
-    settings: pd.DataFrame  # the keys that differ, with A's and B's values
-    alone: list[str]  # cells that have none to be held against
+    settings: pd.DataFrame  # the differing keys, with A's and B's values
+    alone: list[str]  # cells without a partner in the other study
     cells: pd.DataFrame  # a row per pair of cells
-    changed: pd.DataFrame  # lanes unrecovered in one study alone
-    failed: pd.DataFrame  # lanes that failed in either, which count in no difference
+    changed: pd.DataFrame  # lanes unrecovered in only one study
+    failed: pd.DataFrame  # lanes that failed in either study; no difference counts them
 
 
-def held_against(first: Results, second: Results) -> Comparison:
-    """Hold one study's lanes against another's; raises FolderError if none can be paired."""
+def compare_studies(first: Results, second: Results) -> Comparison:
+    """Compare two studies lane by lane; raises FolderError if no lanes can be paired."""
     _ = first.cells, second.cells  # refuses an unfinished run
     pairs = paired_cells(first, second)
-    tables = [joined(first, second, pair) for pair in pairs]
+    tables = [join_lanes(first, second, pair) for pair in pairs]
     if not any(map(len, tables)):
         raise FolderError(f"{first.path} and {second.path} have no sample in common")
-    judged = [judge(lanes, pair, taus(first, second)) for lanes, pair in zip(tables, pairs, strict=True)]
+    judged = [
+        mark_unrecovered(lanes, pair, taus(first, second)) for lanes, pair in zip(tables, pairs, strict=True)
+    ]
     changed = [
         lanes[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna() for lanes in judged
     ]
-    rows = [row_of(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
+    rows = [comparison_row(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
     return Comparison(
         (str(first.path), str(second.path)),
-        settings(first, second),
-        alone(first, second, pairs),
+        differing_settings(first, second),
+        unpaired_cells(first, second, pairs),
         pd.DataFrame(rows),
-        listed_lanes(
+        lane_table(
             pairs, changed, ["sample", "tail_mean_A", "tail_mean_B", "unrecovered_A", "unrecovered_B"]
         ),
-        listed_lanes(pairs, [lanes[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
+        lane_table(pairs, [lanes[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
     )
 
 
-def paired_cells(first: Results, second: Results) -> list[Pair]:
-    """Cells of two studies that have the same values of the keys swept in both; raises FolderError."""
+def paired_cells(first: Results, second: Results) -> list[CellPair]:
+    """Return the cells of two studies with equal values of the keys swept in both.
+
+    Raises FolderError if seeds or draws differ, or if there is no such pair.
+    """
     seeds = [results.study.config.seed for results in (first, second)]
     if seeds[0] != seeds[1]:
         raise FolderError(
             f"seed: {seeds[0]} in {first.path}, {seeds[1]} in {second.path}; lanes are paired by their draws,"
             " so the seed must be the same"
         )
-    drawn = [design(results) for results in (first, second)]
+    drawn = [draw_design(results) for results in (first, second)]
     if drawn[0] != drawn[1]:
         raise FolderError(
             f"draws: {drawn[0]} in {first.path}, {drawn[1]} in {second.path}; lanes are paired by their draws"
         )
     common = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
-    theirs = by_values(second, common, first)
-    mine = by_values(first, common, second)
-    pairs = [(cell, theirs[values]) for values, cell in mine.items() if values in theirs]
+    cells_a = by_values(first, common, second)
+    cells_b = by_values(second, common, first)
+    pairs = [(cell, cells_b[values]) for values, cell in cells_a.items() if values in cells_b]
     if not pairs:
         swept = "; ".join(
-            f"{key} is {told(first, key)} in {first.path}, {told(second, key)} in {second.path}"
+            f"{key} is "
+            + ", ".join(f"{swept_values_text(results, key)} in {results.path}" for results in (first, second))
             for key in common
         )
         raise FolderError(f"sweep: no cell of one study has a like in the other: {swept}")
     return pairs
 
 
-def design(results: Results) -> str:
-    """By what samples are drawn; of Sobol's sequences their length matters too."""
+def draw_design(results: Results) -> str:
+    """Return how samples are drawn; for Sobol's sequences with their length."""
     study = results.study.config
     return study.draws if study.draws == "random" else f"{study.draws} with {study.samples} samples"
 
 
 def by_values(results: Results, common: Sequence[str], other: Results) -> dict[tuple[str, ...], Cell]:
-    """Cells by their values of some swept keys; raises FolderError where two have the same."""
+    """Return the cells by their values of some swept keys.
+
+    Raises FolderError if two cells have equal values.
+    """
     found: dict[tuple[str, ...], Cell] = {}
     for cell in results.study.cells:
-        values = tuple(alike(cell.labels[key]) for key in common)
+        values = tuple(canonical_value(cell.labels[key]) for key in common)
         if values in found:
             more = ", ".join(key for key in cell.labels if key not in common)
             raise FolderError(
@@ -114,13 +123,13 @@ def by_values(results: Results, common: Sequence[str], other: Results) -> dict[t
     return found
 
 
-def told(results: Results, key: str) -> str:
-    """Values of a swept key."""
+def swept_values_text(results: Results, key: str) -> str:
+    """Return the values of a swept key as text."""
     return ", ".join(dict.fromkeys(str(cell.labels[key]) for cell in results.study.cells))
 
 
-def joined(first: Results, second: Results, pair: Pair) -> pd.DataFrame:
-    """Rows of the samples that both cells have, columns marked A and B."""
+def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
+    """Return the rows of the samples that both cells have, with columns marked A and B."""
     a, b = (
         next(lanes for _, lanes in results.by_cell(*COLUMNS_READ, cells=[cell.number]))
         for results, cell in zip((first, second), pair, strict=True)
@@ -128,9 +137,11 @@ def joined(first: Results, second: Results, pair: Pair) -> pd.DataFrame:
     return a.merge(b, on="sample", suffixes=SIDES).sort_values("sample")
 
 
-def judge(lanes: pd.DataFrame, pair: Pair, taus: Sequence[float]) -> pd.DataFrame:
-    """The same lanes, with whether both ended (`ok`) and each was unrecovered: none where nobody may be, and
-    where ā is not known without the code of an attack.
+def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float]) -> pd.DataFrame:
+    """Return the lanes with `ok`, whether both lanes ended, and whether each lane is unrecovered.
+
+    `unrecovered` is not-a-number without a τ or an attack, and where ā is unknown because an attack's code is
+    missing.
     """
     levels = [
         known_or(np.nan, functools.partial(threshold, cell, tau))
@@ -145,69 +156,69 @@ def judge(lanes: pd.DataFrame, pair: Pair, taus: Sequence[float]) -> pd.DataFram
 
 
 def taus(first: Results, second: Results) -> list[float]:
-    """`recovery.tau` of both studies, not-a-number where one has none."""
-    asked = [results.study.config.recovery for results in (first, second)]
-    return [np.nan if each is None else each.tau for each in asked]
+    """Return `recovery.tau` of both studies; not-a-number for a study without `recovery`."""
+    criteria = [results.study.config.recovery for results in (first, second)]
+    return [np.nan if each is None else each.tau for each in criteria]
 
 
-def row_of(pair: Pair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
-    """What the lanes of a pair of cells come to."""
+def comparison_row(pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
+    """Return the comparison of a pair of cells as a row."""
     ok: Any = lanes[lanes["ok"]]
-    row = numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
-    drawn = units(studies[0].study.config, ok["sample"].to_numpy())
+    row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
+    drawn = independent_units(studies[0].study.config, ok["sample"].to_numpy())
     a, b = (
         ceilings(each.study.config, cell, ok["sample"].tolist())
         for each, cell in zip(studies, pair, strict=True)
     )
     for metric in SUMMARISED:
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
-        found = spread(apart, (-a[metric], b[metric]), drawn)
+        found = metric_statistics(apart, (-a[metric], b[metric]), drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
     if ok[["unrecovered_A", "unrecovered_B"]].isna().to_numpy().any() or not len(ok):
         return row | dict.fromkeys(Shift._fields, np.nan)
     a, b = (ok[f"unrecovered{side}"].to_numpy(bool) for side in SIDES)
-    return row | shift(a, b)._asdict()
+    return row | share_shift(a, b)._asdict()
 
 
 class Shift(NamedTuple):
-    """How the share unrecovered of the same lanes differs."""
+    """Difference of the share unrecovered between paired lanes."""
 
-    saved: int  # lanes unrecovered in A alone
-    lost: int  # in B alone
+    saved: int  # lanes unrecovered only in A
+    lost: int  # lanes unrecovered only in B
     unrecovered: float  # share in B − share in A
     unrecovered_low: float
     unrecovered_high: float
     p: float  # McNemar's, exact
 
 
-def shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) -> Shift:
-    """Of lanes unrecovered in A and in B."""
+def share_shift(a: Bool[np.ndarray, " lanes"], b: Bool[np.ndarray, " lanes"]) -> Shift:
+    """Return the shift between the lanes unrecovered in A and those unrecovered in B."""
     saved, lost, count = int((a & ~b).sum()), int((b & ~a).sum()), len(a)
     changed = saved + lost
     p = min(1.0, 2 * special.bdtr(min(saved, lost), changed, 0.5)) if changed else 1.0
-    low, high = means.ends(b.astype(float) - a, -1.0, 1.0, CONFIDENCE)
+    low, high = means.mean_interval(b.astype(float) - a, -1.0, 1.0, CONFIDENCE)
     return Shift(saved, lost, (lost - saved) / count, low, high, float(p))
 
 
-def numbers(pair: Pair) -> dict[str, int]:
-    """Numbers of both cells, one where they are the same."""
+def cell_numbers(pair: CellPair) -> dict[str, int]:
+    """Return the numbers of both cells, or one number if they are equal."""
     a, b = (cell.number for cell in pair)
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
 
-def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
-    """These lanes of each pair, with the numbers of the cells and what is swept."""
+def lane_table(pairs: Sequence[CellPair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
+    """Return a table of these lanes of each pair, with the cells' numbers and swept values."""
     found = []
-    for pair, mine in zip(pairs, lanes, strict=True):
-        told = numbers(pair) | pair[0].labels
-        found.append(pd.DataFrame({**{key: [value] * len(mine) for key, value in told.items()}}))
+    for pair, rows in zip(pairs, lanes, strict=True):
+        labels = cell_numbers(pair) | pair[0].labels
+        found.append(pd.DataFrame({**{key: [value] * len(rows) for key, value in labels.items()}}))
         for name in columns:
-            found[-1][name] = mine[name].to_numpy()
+            found[-1][name] = rows[name].to_numpy()
     return pd.concat(found, ignore_index=True)
 
 
-def settings(first: Results, second: Results) -> pd.DataFrame:
-    """The keys in which two studies differ, but those that both sweep: cells say these."""
+def differing_settings(first: Results, second: Results) -> pd.DataFrame:
+    """Return the keys in which two studies differ, without the keys that both sweep."""
     a, b = (by_dotted_key(plain(results.study.config)) for results in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     rows = [
@@ -221,7 +232,7 @@ def settings(first: Results, second: Results) -> pd.DataFrame:
 
 
 def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    """Values by dotted key, as text."""
+    """Return the values as text, by dotted key."""
     found: dict[str, str] = {}
     for key, value in data.items():
         nested = isinstance(value, Mapping) and value
@@ -229,8 +240,8 @@ def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
     return found
 
 
-def alone(first: Results, second: Results, pairs: Sequence[Pair]) -> list[str]:
-    """Cells of either study that are in no pair."""
+def unpaired_cells(first: Results, second: Results, pairs: Sequence[CellPair]) -> list[str]:
+    """Return the names of the cells of either study that are in no pair."""
     found = []
     for side, results in enumerate((first, second)):
         paired = {pair[side].number for pair in pairs}

@@ -1,13 +1,10 @@
-"""How often the defence fails, as the share of lanes whose mean error stays above τ ā (SCIENCE O6).
+"""How often the defence fails: the share of lanes whose mean error stays above τ ā (SCIENCE O6).
 
-And when enough lanes were simulated to say so.
-
-One interval serves both. With a fixed number of lanes it is the exact binomial one of Clopper and Pearson
-(1934). Where lanes are added until it is narrow enough, it is looked at again and again, and an interval
-honest for one look is not for many; so the i-th look, after 256 · 1.5^(i - 1) samples, has the error
-α / (i (i + 1)). These sum to α: with probability 1 - α all intervals that are ever looked at hold at once,
-wherever one stops. The looks lie ever further apart, for one that comes after few new lanes costs a part of
-the error and says little.
+A fixed number of lanes has the exact binomial interval of Clopper and Pearson (1934). In a sequential study,
+lanes are added until the interval is narrow enough, so the interval is computed repeatedly, once per look.
+Look i comes after 256 · 1.5^(i - 1) samples and has the error α / (i (i + 1)). These errors sum to α. With
+probability 1 - α all intervals therefore hold at once, wherever the study stops. Looks lie ever further
+apart, because a look after few new lanes costs a part of the error and adds little information.
 """
 
 import itertools
@@ -22,14 +19,14 @@ from scipy import special
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Criterion, Sequential
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.statistics.groups import shared
+from jaxnet.statistics.groups import labels_without_magnitude
 
 CONFIDENCE = 0.95
-FIRST = 256  # samples of a cell at the first look
+FIRST_LOOK = 256  # samples of a cell
 
 
-class Counts(NamedTuple):
-    """Of each cell, the lanes that ended and those of them that did not recover."""
+class RecoveryCounts(NamedTuple):
+    """For each cell, the number of lanes that ended and how many of them did not recover."""
 
     unrecovered: Int[np.ndarray, " cells"]
     ended: Int[np.ndarray, " cells"]
@@ -40,13 +37,13 @@ class Counts(NamedTuple):
         self.ended[cell.number] += len(errors)
 
 
-def nobody(cells: Sequence[Cell]) -> Counts:
-    """Counts before the first lane."""
-    return Counts(np.zeros(len(cells), int), np.zeros(len(cells), int))
+def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
+    """Return counts of 0 for each cell."""
+    return RecoveryCounts(np.zeros(len(cells), int), np.zeros(len(cells), int))
 
 
 def threshold(cell: Cell, tau: float) -> float:
-    """`τ ā` [m], above which a lane of the cell has not recovered; not-a-number where nobody is attacked."""
+    """Return `τ ā` [m], above which a lane of the cell is unrecovered; not-a-number without an attack."""
     amplitude = cell.scenario.attack.amplitude()
     return tau * amplitude if not is_drawn(amplitude) and amplitude > 0 else np.nan
 
@@ -54,7 +51,7 @@ def threshold(cell: Cell, tau: float) -> float:
 def clopper_pearson(
     successes: Int[np.ndarray, "*n"], trials: Int[np.ndarray, "*n"], confidence: float
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """Both ends of the exact interval of a share; 0 to 1 where there was no trial."""
+    """Return both ends of the exact interval of a share; 0 and 1 without a trial."""
     tail = (1.0 - confidence) / 2
     with np.errstate(invalid="ignore"):
         low = special.betaincinv(successes, trials - successes + 1.0, tail)
@@ -63,29 +60,29 @@ def clopper_pearson(
 
 
 def below_greatest(draws: int) -> float:
-    """Share of all draws that, with 95 % confidence, stay below the greatest of so many: 0.05^(1/n).
+    """Return the share of all draws that, with 95 % confidence, stay below the greatest of n draws.
 
-    About 1 - 3/n (an order statistic; Wilks, 1941). Of the envelope s·ā the draws are samples, for cells
-    share them: it is the greatest of their independent maxima.
+    The share is 0.05^(1/n), about 1 - 3/n (an order statistic; Wilks, 1941). For the envelope s·ā the draws
+    are samples, because cells share them: the envelope is the greatest of the samples' independent maxima.
     """
     return float((1 - CONFIDENCE) ** (1 / draws))
 
 
 def samples_at(look: int) -> int:
-    """Samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
-    return -(-FIRST * 3 ** (look - 1) // 2 ** (look - 1))
+    """Return the samples of a cell at a look, from 1: 256, then half as many more each time, rounded up."""
+    return -(-FIRST_LOOK * 3 ** (look - 1) // 2 ** (look - 1))
 
 
 def look_of(samples: int) -> int:
-    """The look that so many samples belong to: the first that has as many."""
+    """Return the first look with at least this number of samples."""
     return next(look for look in itertools.count(1) if samples_at(look) >= samples)
 
 
 def looks(there: int, at_most: int) -> Iterator[int]:
-    """Samples of a cell after which to look; so many are there or begun, and looked at before any are added.
+    """Yield the samples of a cell at which to look, `there` samples first.
 
-    No two of them belong to one look, also over runs that each allow more: so the errors sum to no more than
-    they may.
+    No two numbers belong to one look, even over runs that each allow more samples. So the errors of all looks
+    sum to the allowed error at most.
     """
     if there:
         yield there
@@ -96,54 +93,56 @@ def looks(there: int, at_most: int) -> Iterator[int]:
 
 
 def confidence_at(look: int, confidence: float) -> float:
-    """Confidence of one look, so that all looks hold at once with `confidence`."""
+    """Return the confidence of one look, so that all looks hold at once with `confidence`."""
     return 1.0 - (1.0 - confidence) / (look * (look + 1))
 
 
 def confidence_of(asked: int | Sequential, samples: int) -> float:
-    """Confidence of the interval to be told: the ordinary one, or that of the look that ended the run."""
+    """Return the confidence at which intervals are computed: 95 %, or that of the last look."""
     if not isinstance(asked, Sequential):
         return CONFIDENCE
     return confidence_at(look_of(samples), asked.until.confidence)
 
 
 def confidence_told(samples: int | Sequential) -> float:
-    """Confidence that the intervals of `cells.csv` have, however often was looked."""
+    """Return the confidence of the intervals in `cells.csv`, which holds over all looks."""
     return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
-def widest(counts: Counts, cells: Sequence[Cell], samples: int, criterion: Criterion) -> float:
-    """Half the widest interval of the attacked cells, at so many samples of a cell, which says when to stop.
+def widest_half_interval(
+    counts: RecoveryCounts, cells: Sequence[Cell], samples: int, criterion: Criterion
+) -> float:
+    """Return half the widest interval of the attacked cells, for the study's stopping rule.
 
-    A cell none of whose lanes ended is not waited for.
+    `samples` is the number of samples per cell. Cells without a lane that ended are left out.
     """
     low, high = clopper_pearson(*counts, confidence_at(look_of(samples), criterion.confidence))
-    asked = attacked(cells) & (counts.ended > 0)
-    return float((high - low)[asked].max(initial=0.0)) / 2
+    counted = attacked_mask(cells) & (counts.ended > 0)
+    return float((high - low)[counted].max(initial=0.0)) / 2
 
 
-def attacked(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
-    """Cells in which somebody is attacked."""
+def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
+    """Return which cells have an attack with a known ā."""
     return np.array([threshold(cell, 1.0) > 0 for cell in cells])
 
 
-def shares(counts: Counts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
-    """Columns of `cells.csv`; not-a-number where nobody is attacked, or no lane ended."""
+def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
+    """Return columns of `cells.csv`; not-a-number without an attack or without a lane that ended."""
     low, high = clopper_pearson(*counts, confidence)
-    asked = attacked(cells) & (counts.ended > 0)
+    counted = attacked_mask(cells) & (counts.ended > 0)
     share = counts.unrecovered / np.maximum(counts.ended, 1)
     columns = {"unrecovered": share, "unrecovered_low": low, "unrecovered_high": high}
-    return pd.DataFrame({name: np.where(asked, values, np.nan) for name, values in columns.items()})
+    return pd.DataFrame({name: np.where(counted, values, np.nan) for name, values in columns.items()})
 
 
-def worst(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
-    """Cell and sample of those of some ok lanes that have the greatest mean error for their ā.
+def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
+    """Return cell and sample of the ok lanes with the greatest mean error per ā.
 
-    First the worst lane of each group of cells that differ in ā alone, then the second of each, and so on:
-    otherwise one group would often fill the list with lanes that are all alike.
+    The list takes the worst lane of each group of cells that differ only in ā, then the second of each group,
+    and so on. Otherwise one group would often fill the list with similar lanes.
     """
     scale = np.array([threshold(cell, 1.0) for cell in cells])
-    groups = np.array([str(shared(cell)) for cell in cells])
+    groups = np.array([str(labels_without_magnitude(cell)) for cell in cells])
     lanes = pd.DataFrame(
         {
             "cell": rows["cell"],

@@ -1,20 +1,21 @@
-"""The best curve through errors of samples at magnitudes: least squares, pinball, envelope.
+"""Regression of errors on magnitudes: least squares, quantile regression (pinball loss), and the envelope.
 
-All of it minimises Σ_j G_j(u_j) over the curves u of `curves`, where G_j collects the errors per ā,
+Each estimator minimises Σ_j G_j(u_j) over the curves u of `families`. G_j collects the errors per ā,
 r_js = y_js/x_j, at magnitude x_j, each with its sample's weight n_s:
 
     least squares  G_j(u) = Σ_s n_s (r_js − u)²/2            of y with weights 1/x²
     pinball        G_j(u) = Σ_s n_s ρ_q(r_js − u)            of y with weights 1/x; ρ_q(r) = r (q − 1[r < 0])
-    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   what pinball comes to as q → 1: its "quantile 1"
+    envelope       G_j(u) = Σ_s n_s u where u ≥ max_s r_js   the limit of pinball as q → 1: its "quantile 1"
 
-Of many lanes, neighbours in the order of r_js share their mean weight, a bin of them at a time. That leaves
-Σ_{r ≤ u} n_s as it is at the edges of bins; in one of w lanes it is off by √w/2 at most (standard deviation),
-where resamples scatter by √(q (1 − q)) of the root of all lanes. Least squares see the samples' own weights.
+For many lanes, neighbours in the order of r_js share their mean weight, one bin at a time. At the edges of
+bins this leaves Σ_{r ≤ u} n_s unchanged. Inside a bin of w lanes the error is at most √w/2 (standard
+deviation). Resamples scatter by √(q (1 − q)) times the root of the number of lanes. Least squares use the
+samples' own weights.
 
-A loss tells the best scale for a given shape, and the shape is searched along one line. Where it is searched
-no minimum is lost: G_j falls down to its own minimiser m_j and rises from there, and two curves of a family
-cross once; so a curve bent more than all those through two of the points (x_j, m_j) gains at every magnitude
-when it is bent less, about the place where it crosses them.
+A loss gives the best scale for a given shape, and a line search finds the shape. The search interval contains
+all minima. G_j falls down to its own minimiser m_j and rises from there, and two curves of a family cross
+once. Consider a curve with more bend than all curves through two of the points (x_j, m_j). Less bend about
+the crossing lowers the loss at every magnitude.
 """
 
 import functools
@@ -27,29 +28,29 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int, Shaped
 
-from jaxnet.statistics.families import BENT, Curve, Number, Values
+from jaxnet.statistics.families import CURVE_FAMILIES, CurveFamily, Number, PerMagnitude
 
 Index = Int[Array, ""]
 Ranks = Int[Array, " j"]
-Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, and how many ratios are at most each curve
+Bracket = tuple[Number, Number, Ranks, Ranks]  # of a scale, with the ranks of both curves
 
-STRIDES = 64  # from the least shape that may be best to the greatest
+STRIDES = 64  # of the grid from the least candidate shape to the greatest
 
 
 class Effort(NamedTuple):
-    """How closely a minimum is sought."""
+    """Precision of the search for a minimum."""
 
-    stride: Index | int  # a shape is looked at every so many STRIDES first, for there may be several minima
-    shapes: Index | int  # halvings of the bracket of the best shape then
-    scales: Index | int  # halvings of the bracket of the best scale for a shape
+    stride: Index | int  # STRIDES between shapes of the first grid; there may be several minima
+    shapes: Index | int  # halvings of the best shape's bracket
+    scales: Index | int  # halvings of the best scale's bracket, for each shape
 
 
 class Data(NamedTuple):
-    """Errors per ā by magnitude, ascending, in bins of lanes; inf where a lane failed or there is none."""
+    """Errors per ā by magnitude, ascending, in bins of lanes; infinite where there is no ok lane."""
 
     x: Float[Any, " j"]
     ratios: Float[Any, "j bins lanes"]
-    sums: Float[Any, "j bins lanes+1"]  # of the first ratios of a bin
+    sums: Float[Any, "j bins lanes+1"]  # cumulative sums of each bin's ratios
 
 
 class Best(NamedTuple):
@@ -57,21 +58,24 @@ class Best(NamedTuple):
 
     scale: Number
     loss: Number
-    pull: Values  # a multiple of the G_j' with Σ_j G_j'·growth_j = 0, of the subgradients one
+    pull: PerMagnitude  # a multiple of the subgradients G_j' with Σ_j G_j'·growth_j = 0
 
 
 class Loss(NamedTuple):
-    """What is minimised."""
+    """The loss Σ_j G_j(u_j) to be minimised."""
 
-    weights: Values
-    least: Values  # minimisers m_j of the G_j
-    best: Callable[[Values, Values], Best]  # of offset and growth
+    weights: PerMagnitude
+    least: PerMagnitude  # minimisers m_j of the G_j
+    best: Callable[[PerMagnitude, PerMagnitude], Best]  # of offset and growth
 
 
-def squares(weights: Values, means: Values) -> Loss:
-    """Least squares, which see of the data the weights and the means; Σ_s n_s (r_js − m_j)² is left out."""
+def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
+    """Return the loss of least squares from weights and means.
 
-    def best(offset: Values, growth: Values) -> Best:
+    The constant Σ_s n_s (r_js − m_j)² is left out.
+    """
+
+    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
         scale = jnp.sum(weights * growth * (means - offset)) / jnp.sum(weights * growth**2)
         residual = offset + scale * growth - means
         return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
@@ -79,41 +83,66 @@ def squares(weights: Values, means: Values) -> Loss:
     return Loss(weights, means, best)
 
 
-def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
-    """Quantile regression; the best scale is a weighted quantile of (r_js − offset_j)/growth_j.
+class Cumulative(NamedTuple):
+    """Cumulative weights of the ratios in ascending order, by magnitude; bins have a mean weight per lane."""
 
-    Of `Σ_s n_s ρ_q(r_js − u) = q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js` the
-    first term is left out: beside a few great errors it would drown what many small ones differ by. The
-    envelope is a convex program in (b, s), (log c, p) and (1/c, 1/(c a0)).
-    """
-    width, ratios, sums = data.ratios.shape[2], flat(data.ratios), flat(data.sums)
+    data: Data
+    mean: Float[Array, "j bins"]
+    weight: Float[Array, "j edges"]  # [:, k] is the sum of the first k bins
+    ratio: Float[Array, "j edges"]  # weighted ratios likewise
+
+    def last_bin(self, rank: Ranks) -> Ranks:
+        """Return the bin after the first `rank` ratios."""
+        return jnp.minimum(rank // self.data.ratios.shape[2], self.mean.shape[1] - 1)
+
+    def weight_of(self, rank: Ranks) -> PerMagnitude:
+        """Return the weight of the first `rank` ratios."""
+        last, width = self.last_bin(rank), self.data.ratios.shape[2]
+        inside = (rank - last * width).astype(float)
+        return take_column(self.weight, last) + take_column(self.mean, last) * inside
+
+    def ratio_of(self, rank: Ranks) -> PerMagnitude:
+        """Return the weighted sum of the first `rank` ratios."""
+        last = self.last_bin(rank)
+        inside = take_column(flatten_bins(self.data.sums), rank + last)  # a bin has one more sum than lanes
+        return take_column(self.ratio, last) + take_column(self.mean, last) * inside
+
+    def rank_at(self, wanted: PerMagnitude) -> Ranks:
+        """Return the index of the first ratio at which the cumulative weight reaches `wanted`."""
+        lanes = jnp.sum(jnp.isfinite(self.data.ratios), axis=2)
+        last = jnp.sum(self.weight[:, 1:] < wanted[:, None], axis=1)
+        last = jnp.minimum(last, self.mean.shape[1] - 1)
+        missing = wanted - take_column(self.weight, last)
+        further = jnp.ceil(missing / jnp.where(missing > 0, take_column(self.mean, last), 1.0)).astype(int)
+        first = last * self.data.ratios.shape[2]
+        return first + jnp.clip(further, 1, jnp.maximum(take_column(lanes, last), 1)) - 1
+
+
+def cumulate(data: Data, bins: Float[Array, "j bins"]) -> Cumulative:
+    """Return the cumulative weights for weights of bins."""
     lanes = jnp.sum(jnp.isfinite(data.ratios), axis=2)
     mean = bins / jnp.maximum(lanes, 1).astype(float)
-    # Weights and weighted ratios up to a bin: [:, k] is the sum of the first k.
     weight, ratio = (
         jnp.pad(jnp.cumsum(each, axis=1), ((0, 0), (1, 0))) for each in (bins, mean * data.sums[:, :, -1])
     )
-    weights = weight[:, -1]
+    return Cumulative(data, mean, weight, ratio)
 
-    def last_bin(rank: Ranks) -> Ranks:
-        return jnp.minimum(rank // width, bins.shape[1] - 1)
 
-    def weight_of(rank: Ranks) -> Values:
-        last = last_bin(rank)
-        return at(weight, last) + at(mean, last) * (rank - last * width).astype(float)
+def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
+    """Return the loss of quantile regression.
 
-    def ratio_of(rank: Ranks) -> Values:
-        last = last_bin(rank)
-        return at(ratio, last) + at(mean, last) * at(sums, rank + last)  # a bin has one sum more than lanes
-
+    The best scale is a weighted quantile of (r_js − offset_j)/growth_j. The loss is `Σ_s n_s ρ_q(r_js − u) =
+    q Σ_s n_s r_js + u (Σ_{r ≤ u} n_s − q Σ_s n_s) − Σ_{r ≤ u} n_s r_js`. The first term is left out: with a
+    few large errors it would swamp the differences between many small ones. The envelope is a convex program
+    in (b, s), (log c, p) and (1/c, 1/(c a0)).
+    """
+    ratios, cumulative = flatten_bins(data.ratios), cumulate(data, bins)
+    weights = cumulative.weight[:, -1]
     wanted = quantile * weights
-    last = jnp.minimum(jnp.sum(weight[:, 1:] < wanted[:, None], axis=1), bins.shape[1] - 1)
-    missing = wanted - at(weight, last)
-    further = jnp.ceil(missing / jnp.where(missing > 0, at(mean, last), 1.0)).astype(int)
-    first = last * width + jnp.clip(further, 1, jnp.maximum(at(lanes, last), 1)) - 1
-    least = at(ratios, first)
+    first = cumulative.rank_at(wanted)
+    least = take_column(ratios, first)
 
-    def best(offset: Values, growth: Values) -> Best:
+    def best(offset: PerMagnitude, growth: PerMagnitude) -> Best:
         own = (least - offset) / growth
 
         def rank_of(scale: Number) -> Ranks:
@@ -125,7 +154,7 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
             scale = jnp.mean(own, where=between | ~between.any())
             scale = jnp.where(between.any(), scale, (low + high) / 2)
             rank = rank_of(scale)
-            short = jnp.sum(growth * (weight_of(rank) - wanted)) < 0
+            short = jnp.sum(growth * (cumulative.weight_of(rank) - wanted)) < 0
             return (
                 jnp.where(short, scale, low),
                 jnp.where(short, high, scale),
@@ -133,47 +162,47 @@ def pinball(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings
                 jnp.where(short, over, rank),
             )
 
-        there = weights > 0
-        low, high = jnp.min(own, initial=jnp.inf, where=there), jnp.max(own, initial=-jnp.inf, where=there)
+        known = weights > 0
+        low, high = jnp.min(own, initial=jnp.inf, where=known), jnp.max(own, initial=-jnp.inf, where=known)
         begin = low, high, jnp.minimum(rank_of(low), first), jnp.maximum(rank_of(high), first + 1)
         low, high, under, over = lax.fori_loop(0, halvings, halve, begin)
-        falling, rising = (weight_of(rank) - wanted for rank in (under, over))
+        falling, rising = (cumulative.weight_of(rank) - wanted for rank in (under, over))
         rising = jnp.where(quantile < 1, rising, weights)
         short, long = -jnp.sum(growth * falling), jnp.sum(growth * rising)
-        share = jnp.where(short > 0, long / short, 0.0)  # of falling that holds rising in balance
+        share = jnp.where(short > 0, long / short, 0.0)  # of falling that balances rising
         scale = jnp.where(quantile < 1, low + (high - low) / (1 + share), high)
         u = offset + scale * growth
-        loss = jnp.where(quantile < 1, u * falling - ratio_of(under), u * weights)
+        loss = jnp.where(quantile < 1, u * falling - cumulative.ratio_of(under), u * weights)
         return Best(scale, jnp.sum(loss), rising + share * falling)
 
     return Loss(weights, least, best)
 
 
-def flat(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
-    """Bins side by side."""
+def flatten_bins(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
+    """Return the ratios of each magnitude without bins."""
     return bins.reshape(len(bins), -1)
 
 
-def ranks(ratios: Float[Array, "j s"], u: Values) -> Ranks:
-    """How many ratios of each magnitude are at most u, by bisection."""
+def ranks(ratios: Float[Array, "j s"], u: PerMagnitude) -> Ranks:
+    """Return the number of ratios of each magnitude that are at most u, by bisection."""
     width = ratios.shape[1]
     bits = width.bit_length()
 
     def step(number: Index, rank: Ranks) -> Ranks:
         further = rank + (1 << (bits - 1 - number))
-        reached = at(ratios, jnp.minimum(further, width) - 1) <= u
+        reached = take_column(ratios, jnp.minimum(further, width) - 1) <= u
         return jnp.where((further <= width) & reached, further, rank)
 
     return lax.fori_loop(0, bits, step, jnp.zeros(u.shape, int))
 
 
-def at(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
-    """One column of each row."""
+def take_column(table: Shaped[Array, "j n"], column: Ranks) -> Shaped[Array, " j"]:
+    """Return one column of each row."""
     return jnp.take_along_axis(table, column[:, None], axis=1, mode="promise_in_bounds")[:, 0]
 
 
-class Search(NamedTuple):
-    """A bracket of the best shape, the lowest loss of a row, and where the search looked last."""
+class ShapeSearch(NamedTuple):
+    """A bracket of the best shape, the least loss of the grid, and the last evaluation."""
 
     low: Number
     high: Number
@@ -182,42 +211,45 @@ class Search(NamedTuple):
     scale: Number
 
 
-def fitted(
-    x: Values, loss: Loss, effort: Effort, models: tuple[str, ...]
+def fit_curves(
+    x: PerMagnitude, loss: Loss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
-    """Parameters of the best curve of some models."""
+    """Return the parameters of the best curve of some models."""
     straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
-    curves = [BENT[model] for model in models if model in BENT]
+    curves = [CURVE_FAMILIES[model] for model in models if model in CURVE_FAMILIES]
     if not curves:
         return {"proportional": straight[None]}
-    found = jax.vmap(lambda kind: scan(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
+    found = jax.vmap(lambda kind: search_shape(curves, kind, x, loss, effort))(jnp.arange(len(curves)))
     ends = zip(curves, found.shape, found.scale, strict=True)
     read = [jnp.stack(curve.read(x, shape, scale)) for curve, shape, scale in ends]
     return dict(zip(models, [straight[None], *read], strict=True))
 
 
-def scan(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort) -> Search:
-    """The best shape: the lowest of a row, then halved by the sign of the slope between its neighbours.
+def search_shape(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, effort: Effort
+) -> ShapeSearch:
+    """Return the best shape and its bracket.
 
-    Where all slopes point to an end of the bracket, that end is the answer.
+    The search takes the lowest shape of a grid and bisects between its neighbours by the sign of the slope.
+    If all slopes point to an end of the bracket, that end is the result.
     """
-    every = shapes(curves, kind, x, loss)
-    looked_at = jnp.arange(STRIDES + 1) % effort.stride == 0
+    every = candidate_shapes(curves, kind, x, loss)
+    on_grid = jnp.arange(STRIDES + 1) % effort.stride == 0
     first = STRIDES // effort.stride - 1
     last = first + effort.shapes
 
-    def step(number: Index, search: Search) -> Search:
+    def step(number: Index, search: ShapeSearch) -> ShapeSearch:
         in_row = number < first
         middle = (search.low + search.high) / 2
         end = jnp.where(search.low == every[0], every[0], middle)
         end = jnp.where(search.high == every[-1], every[-1], end)
         in_turn = every[jnp.minimum((number + 1) * effort.stride, STRIDES)]
         shape = jnp.where(in_row, in_turn, jnp.where(number < last, middle, end))
-        best, slope = look(curves, kind, x, loss, shape)
+        best, slope = evaluate_shape(curves, kind, x, loss, shape)
         lowest = in_row & (best.loss < search.loss)
-        below = jnp.max(every, initial=every[0], where=looked_at & (every < shape))
-        above = jnp.min(every, initial=every[-1], where=looked_at & (every > shape))
-        return Search(
+        below = jnp.max(every, initial=every[0], where=on_grid & (every < shape))
+        above = jnp.min(every, initial=every[-1], where=on_grid & (every > shape))
+        return ShapeSearch(
             jnp.where(lowest, below, jnp.where(in_row | (slope > 0), search.low, shape)),
             jnp.where(lowest, above, jnp.where(in_row | (slope < 0), search.high, shape)),
             jnp.where(lowest, best.loss, search.loss),
@@ -225,31 +257,35 @@ def scan(curves: list[Curve], kind: Index, x: Values, loss: Loss, effort: Effort
             best.scale,
         )
 
-    begin = Search(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
+    begin = ShapeSearch(every[0], every[-1], jnp.full_like(every[0], jnp.inf), every[0], every[0])
     return lax.fori_loop(0, last + 1, step, begin)
 
 
-def shapes(curves: list[Curve], kind: Index, x: Values, loss: Loss) -> Float[Array, " shapes"]:
-    """Shapes of the curves through two minimisers: STRIDES quantiles, from the least; 0 if there are none.
+def candidate_shapes(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss
+) -> Float[Array, " shapes"]:
+    """Return STRIDES + 1 quantiles of the shapes of curves through two minimisers; 0 if there are none.
 
-    Quantiles, for what two near magnitudes tell of a shape scatters a thousand times as far as the rest.
+    Quantiles are robust: shapes from two close magnitudes scatter a thousand times more than the others.
     """
     pairs = np.triu_indices(len(x), 1)
-    there = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
+    known = jnp.all(loss.weights[jnp.stack(pairs)] > 0, axis=0)
     through = lax.switch(kind, [curve.through for curve in curves], x, loss.least)[pairs]
-    greatest = jnp.max(through, initial=-jnp.inf, where=there)
-    ascending = jnp.sort(jnp.where(there, through, greatest))
-    last = jnp.maximum(jnp.sum(there) - 1, 0).astype(float)
+    greatest = jnp.max(through, initial=-jnp.inf, where=known)
+    ascending = jnp.sort(jnp.where(known, through, greatest))
+    last = jnp.maximum(jnp.sum(known) - 1, 0).astype(float)
     quantiles = jnp.interp(
         last * jnp.linspace(0, 1, STRIDES + 1), jnp.arange(len(ascending), dtype=float), ascending
     )
-    return jnp.where(there.any(), quantiles, 0.0)
+    return jnp.where(known.any(), quantiles, 0.0)
 
 
-def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number) -> tuple[Best, Number]:
-    """The best scale for a shape, and a multiple of the slope of its loss with the shape."""
+def evaluate_shape(
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, shape: Number
+) -> tuple[Best, Number]:
+    """Return the best scale for a shape, and a multiple of the derivative of its loss in the shape."""
 
-    def bent(shape: Number) -> tuple[Values, Values]:
+    def bent(shape: Number) -> tuple[PerMagnitude, PerMagnitude]:
         return lax.switch(kind, [curve.bent for curve in curves], x, shape)
 
     (offset, growth), (offset_bends, growth_bends) = jax.jvp(bent, (shape,), (jnp.ones_like(shape),))
@@ -259,14 +295,17 @@ def look(curves: list[Curve], kind: Index, x: Values, loss: Loss, shape: Number)
 
 @functools.partial(jax.jit, static_argnames="models")
 def least_squares(
-    x: Values,
+    x: PerMagnitude,
     weights: Float[Array, "n j"],
     means: Float[Array, "n j"],
     effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "n parameters"]]:
-    """Parameters of some models, the proportional one first, for each row of weights and weighted means."""
-    return jax.vmap(lambda *row: fitted(x, squares(*row), effort, models))(weights, means)
+    """Return the parameters of some models by least squares, per row of weights and weighted means.
+
+    The proportional model is the first.
+    """
+    return jax.vmap(lambda *row: fit_curves(x, squared_loss(*row), effort, models))(weights, means)
 
 
 @functools.partial(jax.jit, static_argnames="models")
@@ -277,9 +316,9 @@ def quantile_regression(
     effort: Effort,
     models: tuple[str, ...],
 ) -> dict[str, Float[Array, "q n parameters"]]:
-    """As `least_squares`, at quantiles up to 1, for each row of bins' weights."""
+    """Return the parameters of some models at quantiles up to 1, per row of bin weights."""
 
     def one(quantile: Number, bins: Float[Array, "j bins"]) -> dict[str, Float[Array, " parameters"]]:
-        return fitted(data.x, pinball(data, bins, quantile, effort.scales), effort, models)
+        return fit_curves(data.x, pinball_loss(data, bins, quantile, effort.scales), effort, models)
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(quantiles, bins)

@@ -1,9 +1,9 @@
-"""How long work says how far it is."""
+"""Callback by which long computations report progress."""
 
 from collections.abc import Callable
 
-Steps = Callable[[str, int, int], None]  # what is done, how often it is, and how often it will be
+Steps = Callable[[str, int, int], None]  # arguments: activity, units done, units in total
 
 
-def untold(what: str, done: int, total: int) -> None:
-    """Tell nobody."""
+def no_progress(what: str, done: int, total: int) -> None:
+    """Ignore the report of progress."""

@@ -1,9 +1,9 @@
-"""What a heat map shows: the cells over two swept keys, and of each what its lanes come to."""
+"""Data of heat maps: the cells over two swept keys, with statistics of their lanes."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
@@ -12,33 +12,37 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count, counted
-from jaxnet.statistics.curves import SHARE, failed_kinds, scales, size_of
-from jaxnet.statistics.groups import values_of
+from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
+from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.store.results import Results
 
 FREQUENCY = "attack.frequency"
 NO_CELL = -1
-ROUNDING = 1e-9  # of ā, below which an error is arithmetic
+NEGLIGIBLE_ERROR = 1e-9  # of ā; smaller errors are rounding
 
 
 class Tiling(NamedTuple):
-    """Two swept keys with their values from the left and from the top, and a panel for each of the others."""
+    """Two swept keys with their values, and a panel for each combination of the other labels.
+
+    Columns are from the left, rows from the top.
+    """
 
     column: str
     row: str
-    columns: list[Any]
-    rows: list[Any]
-    panels: list[dict[str, Any]]
-    cells: Int[np.ndarray, "panels rows columns"]  # numbers; NO_CELL where there is none
+    columns: list[Label]
+    rows: list[Label]
+    panels: list[dict[str, Label]]
+    cells: Int[np.ndarray, "panels rows columns"]  # numbers of cells, NO_CELL for none
 
 
 def tiling(cells: Sequence[Cell]) -> Tiling | None:
-    """Frequencies, else the numbers or kinds varied most, by defences, else by what is varied most then.
+    """Return the tiling of cells by two swept keys; None if fewer than two swept keys have two values.
 
-    Nothing where fewer than two swept keys have two values.
+    The columns are frequencies if these are swept, else the numeric key or kind with most values. The rows
+    are defences, else the remaining key with most values.
     """
-    values = values_of(cells)
+    values = swept_values_of(cells)
     varied = [key for key, each in values.items() if len(each) > 1]
     if len(varied) < 2:
         return None
@@ -49,7 +53,7 @@ def tiling(cells: Sequence[Cell]) -> Tiling | None:
     left = [key for key in varied if key != column]
     row = max(left, key=lambda key: (key == "defence", len(values[key])))
     columns, rows = ascending(values[column]), ascending(values[row])
-    rows = rows[::-1] if numeric(rows) else rows  # numbers rise as on an axis
+    rows = rows[::-1] if numeric(rows) else rows  # numbers rise upwards, as on an axis
     labels = [{key: cell.labels[key] for key in values if key not in (column, row)} for cell in cells]
     panels = {tuple(each.values()): each for each in labels}
     places = {named: place for place, named in enumerate(panels)}
@@ -64,54 +68,56 @@ def tiling(cells: Sequence[Cell]) -> Tiling | None:
     return Tiling(column, row, columns, rows, list(panels.values()), numbers)
 
 
-def numeric(values: Sequence[Any]) -> bool:
-    """Whether a key's swept values are numbers."""
+def numeric(values: Sequence[Label]) -> bool:
+    """Return whether all values of a swept key are numbers."""
     return all(isinstance(value, int | float) for value in values)
 
 
-def ascending(values: list[Any]) -> list[Any]:
-    """Numbers by size, anything else as the study has it."""
-    return sorted(values) if numeric(values) else values
+def ascending(values: list[Label]) -> list[Label]:
+    """Return numbers in ascending order, other values in the study's order."""
+    return sorted(cast("list[float]", values)) if numeric(values) else values
 
 
-def outcomes(results: Results) -> pd.DataFrame:
-    """Of each cell the share unrecovered with its interval [%], and the worst tail error per ā.
+def tile_table(results: Results) -> pd.DataFrame:
+    """Return the share unrecovered with its interval [%], and the worst tail error per ā, by cell.
 
-    The interval stands there in words too; and how many lanes ended and failed, and in words why there is
-    neither share nor error.
+    Further columns are the interval as text, the numbers of ok and failed lanes, and the reason for a tile
+    without numbers.
     """
     cells: Any = results.cells
-    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE}, index=cells.index)
-    found["worst"] = cells["tail_max_max"] / scales(results)
+    found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index)
+    found["worst"] = cells["tail_max_max"] / cell_magnitudes(results)
     found[["ok", "failed"]] = cells[["ok", "failed"]]
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
-    found["interval"] = [between(low, high) if low < high else "" for low, high in ends]
-    found["blank"] = [blank(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)]
+    found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
+    found["blank"] = [
+        blank_reason(cell, ok) for cell, ok in zip(results.study.cells, cells["ok"], strict=True)
+    ]
     return found
 
 
-def blank(cell: Cell, ok: int) -> str:
-    """Why nothing can be said of a cell's lanes per ā; nothing where it can."""
-    size = size_of(cell)
+def blank_reason(cell: Cell, ok: int) -> str:
+    """Return why a cell has no number per ā, or an empty text if it has one."""
+    size = configured_magnitude(cell)
     if is_drawn(size):
         return "ā is drawn"
     return "no attack" if size <= 0 else "" if ok else "no lane ended"
 
 
-def blanks(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
-    """Why some of these tiles have no number."""
+def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
+    """Return why some of these tiles have no number."""
     reasons = [*found["blank"].reindex(numbers.ravel()).dropna().unique()]
     return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
 
 
-def notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
-    """Of how many lanes these tiles are, how sure their shares, and which lanes are in no number."""
-    cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), outcomes(results)
+def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
+    """Return notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
+    cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & (found["blank"] == "")]
     least, most = int(known["ok"].min()), int(known["ok"].max())
     words = [f"{f'{least:,} to ' if least < most else ''}{count(most, 'lane')} a tile"]
     if metric == "unrecovered":
-        middle, low, high = (known[name] for name in SHARE)
+        middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         half = max((high - middle).max(), (middle - low).max())
         words.append(f"{sure:g} % intervals, at most {half:.2g} points to a side")
@@ -120,17 +126,21 @@ def notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> lis
     return words
 
 
-def digits(metric: str, value: float) -> str:
-    """Few digits; of a share, of what it is nearer to, 0 or 100, so that only all lanes are 100 %."""
+def tile_text(metric: str, value: float) -> str:
+    """Return a value with few digits.
+
+    A share over 50 % has two digits of its distance from 100 %, so that only a share of all lanes reads 100
+    %.
+    """
     if metric == "unrecovered":
         return f"{value:.2g}" if value <= 50 else f"{100 - float(f'{100 - value:.2g}'):.6g}"
     if value >= 0.1:
         return f"{value:.2g}"
-    return "0" if value < ROUNDING else f"{value:.0e}".replace("e-0", "e-")
+    return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
 
 
-def between(low: float, high: float) -> str:
-    """To two digits of its width, rounded to be no narrower."""
+def interval_text(low: float, high: float) -> str:
+    """Return an interval to two digits of its width, rounded outwards."""
     places = max(0, 1 - math.floor(math.log10(high - low)))
     ends = math.floor(low * 10**places), math.ceil(high * 10**places)
     return "–".join(f"{end / 10**places:g}" for end in ends)

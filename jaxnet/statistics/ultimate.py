@@ -1,4 +1,4 @@
-"""The ultimate error against the attack's magnitude: what the lanes say of it, and what theory does."""
+"""Ultimate error against the attack's magnitude: tables of bounds, violations and fits."""
 
 from collections.abc import Callable, Iterator
 
@@ -8,31 +8,31 @@ from upath import UPath
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
-from jaxnet.statistics.steps import Steps, untold
+from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 
-def analyse(results: Results, told: Steps = untold) -> Iterator[UPath]:
-    """Write `bounds.csv`, `violations.csv` and, which takes longest, `fit.csv`; each when it is written.
+def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Iterator[UPath]:
+    """Write `bounds.csv`, `violations.csv` and `fit.csv`, and yield each file when it is written.
 
-    A table that needs the code of a kind that is not here is left out.
-    Raises FolderError for an unfinished run, and where no ā is fixed or swept.
+    `fit.csv` takes longest. A table that needs the code of a missing kind is left out. Raises FolderError for
+    an unfinished run, and if no ā is fixed or swept.
     """
     fit.fitted_groups(results)
     _ = results.cells
     tables: dict[str, Callable[[], pd.DataFrame]] = {
         "bounds.csv": lambda: bounds.slopes_table(results.study.cells),
-        "violations.csv": lambda: bounds.violations(results),
-        "fit.csv": lambda: fit.table(results, told),
+        "violations.csv": lambda: bounds.violations_table(results),
+        "fit.csv": lambda: fit.fit_table(results, progress),
     }
     for name, table in tables.items():
-        made = known_or(None, table)
-        if made is None:
+        frame = known_or(None, table)
+        if frame is None:
             continue
-        yield results.folder.put(name, lambda file, made=made: made.to_csv(file, index=False))
+        yield results.folder.put(name, lambda file, frame=frame: frame.to_csv(file, index=False))
 
 
-def asked(results: Results) -> bool:
-    """Whether lanes are attacked with an ā > 0 that is fixed or swept."""
+def has_fixed_magnitude(results: Results) -> bool:
+    """Return whether lanes are attacked with an ā > 0 that is fixed or swept."""
     return any(group.attacked for group in attacked_groups(results.study.cells))

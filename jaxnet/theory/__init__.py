@@ -1,1 +1,4 @@
-"""What is known without simulating: certificate, bounds and exact solution. Rests on model."""
+"""Results without simulation: certificates, bounds and the exact solution.
+
+This folder depends on `jaxnet.model` alone.
+"""

@@ -1,18 +1,21 @@
-"""What announced trimming leaves of an attack, by theorem 3 (docs/guarantees.md)."""
+"""The effect of an attack on announced trimming, by theorem 3 (docs/guarantees.md)."""
 
 import numpy as np
 
 from jaxnet.theory import response
-from jaxnet.theory.response import Gain
-from jaxnet.theory.spread import Gains, Spread
+from jaxnet.theory.response import LawGain
+from jaxnet.theory.spread import AttackGain, Gains
 
 
-def between_ticks(reach: Spread, gain: Gain, fastest: float, tick: float, one_frequency: bool) -> Gains:
-    """`‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), Λ the greatest rate of R(a) within a tick, per ā.
+def between_ticks(
+    reach: AttackGain, gain: LawGain, fastest: float, tick: float, one_frequency: bool
+) -> Gains:
+    """Return `‖h‖₁ γ_i Λ h` of theorem 3 (docs/guarantees.md), per ā, for each vehicle.
 
-    `fastest` is the highest angular frequency Ω of the signal [rad/s], `tick` h [s]. With k3 = 1,
-    `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified orders k. ‖a^(k+1)‖ is within Ωā (Bernstein's inequality), and
-    within ā if order k + 1 is falsified too. A signal of one frequency has `Λ ≤ Ω η ā` besides.
+    Λ is the greatest rate of R(a) within a tick. `fastest` is the highest angular frequency Ω of the signal
+    [rad/s] and `tick` is h [s]. With k3 = 1, `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified orders k.
+    Bernstein's inequality gives ‖a^(k+1)‖ ≤ Ωā. If order k + 1 is falsified too, ‖a^(k+1)‖ ≤ ā.
+    A signal of one frequency also has `Λ ≤ Ω η ā`.
     """
     rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
     most = float(np.append(gain, 1.0)[list(reach.orders)] @ np.minimum(rates, fastest))

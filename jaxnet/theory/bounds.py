@@ -1,16 +1,15 @@
-"""Bounds on the ultimate error, per ā: what ‖y_i - y_0‖ comes to at most under attacks of size ā (SCIENCE,
-O5).
+"""Bounds on the ultimate error ‖y_i - y_0‖, per ā, under attacks of size ā (SCIENCE, O5).
 
-Each is a constant of one axis times how far attacks spread through the network (`spread`). With
-β = 1 + k0 + k1 + k2, attacks whose value and first three derivatives are within ā disturb an axis by ρ with
-`‖ρ_i‖ ≤ β γ_i ā`, in E = y - y_0, whatever kept sets follow each other. Where only some of the received
-derivatives are falsified, β has their terms alone.
+Each bound is a constant of one axis times the attack gain of the network (`spread`). Let β = 1 + k0 + k1 +
+k2. If the attacks and their first three derivatives are within ā, the disturbance ρ of an axis in E = y - y_0
+obeys `‖ρ_i‖ ≤ β γ_i ā` for every sequence of kept sets. If an attack falsifies only some of the received
+derivatives, β has only their terms.
 
-                         holds for
+    bound                holds for
     static               consistent derivatives, kept sets that cannot switch
     harmonic             attacks of one frequency each, consistent derivatives, switching too (not in tables)
     peak_gain            any ρ within its bound: inconsistent derivatives and switching too
-    lyapunov_printed     nobody: it is false in general (see `lyapunov`)
+    lyapunov_printed     no case in general: it is false (see `lyapunov`)
     lyapunov_corrected,  as peak_gain
     lyapunov_best,
     star_norm
@@ -24,27 +23,30 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxnet.theory import lyapunov, response
-from jaxnet.theory.response import Gain
-from jaxnet.theory.spread import Gains, Spread
+from jaxnet.theory.response import LawGain
+from jaxnet.theory.spread import AttackGain, Gains
 
 
 class Bound(NamedTuple):
-    """Slopes per ā: of each vehicle's error, and of all vehicles' errors stacked."""
+    """Slopes per ā: one for each vehicle's error, one for the norm of all vehicles' errors."""
 
     vehicles: Gains
     fleet: float
 
     @property
     def worst(self) -> float:
-        """Of the vehicle that may be farthest off."""
+        """Slope of the vehicle with the greatest bound."""
         return float(self.vehicles.max())
 
 
-NAMES = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
+BOUND_KEYS = ("static", "peak_gain", "lyapunov_printed", "lyapunov_corrected", "lyapunov_best", "star_norm")
 
 
-def bounds(reach: Spread, gain: Gain) -> dict[str, Bound]:
-    """All of them by name: not-a-number where one says nothing, infinite where a vehicle may be cut off."""
+def ultimate_bounds(reach: AttackGain, gain: LawGain) -> dict[str, Bound]:
+    """Return all bounds by name.
+
+    A slope is not-a-number where the bound says nothing, and infinite where a vehicle may be cut off.
+    """
     return {
         "static": static(reach),
         "peak_gain": peak_gain(reach, gain),
@@ -55,73 +57,81 @@ def bounds(reach: Spread, gain: Gain) -> dict[str, Bound]:
     }
 
 
-def blank(vehicles: int) -> dict[str, Bound]:
-    """Nothing is known."""
-    return dict.fromkeys(NAMES, Bound(np.full(vehicles, np.nan), np.nan))
+def unknown_bounds(vehicles: int) -> dict[str, Bound]:
+    """Return bounds whose slopes are all not-a-number."""
+    return dict.fromkeys(BOUND_KEYS, Bound(np.full(vehicles, np.nan), np.nan))
 
 
-def static(reach: Spread) -> Bound:
-    """`s_i = Σ_l (L⁻¹)_il Σ_j w_lj` over attacked (l, j), in the fleet ‖s‖₂.
+def static(reach: AttackGain) -> Bound:
+    """Return `s_i = Σ_l (L⁻¹)_il Σ_j w_lj` over attacked links (l, j); the fleet's slope is ‖s‖₂.
 
-    Holds, by the exact solution (O2), for every smooth attack whose derivatives are consistent, of any
-    frequency, while the kept set is fixed; constant attacks in phase attain it. Blank where it may switch.
+    By the exact solution (O2) the bound holds for every smooth attack with consistent derivatives, at any
+    frequency, while the kept set is fixed. Constant attacks in phase attain it. Slopes are not-a-number where
+    the kept set may switch.
     """
     gains = np.full(reach.gains.shape, np.nan) if reach.fixed is None else reach.gains
     return Bound(gains, float(np.linalg.norm(gains)))
 
 
-def peak_gain(reach: Spread, gain: Gain) -> Bound:
-    """`β ‖h‖₁ γ_i`, in the fleet their 2-norm.
+def peak_gain(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return `β ‖h‖₁ γ_i`; the fleet's slope is the 2-norm of these.
 
-    Holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
+    The bound holds for any ρ within its bound. Source: ‖h * ρ‖_∞ ≤ ‖h‖₁ ‖ρ‖_∞ (Desoer and Vidyasagar, 1975).
     """
     return per_vehicle(response.impulse_norm(gain), reach, gain)
 
 
-def harmonic(reach: Spread, gain: Gain) -> Bound:
-    """`η ‖h‖₁ γ_i`, η the greatest ‖R(a)‖ of any attack of one frequency (`response.harmonic_norm`).
+def harmonic(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return `η ‖h‖₁ γ_i` for attacks of one frequency.
 
-    As `peak_gain`, of which η takes β's place: at every instant `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, whoever is
-    retained (O2b).
+    η is the greatest ‖R(a)‖ of such an attack (`response.harmonic_norm`). The bound is `peak_gain` with η in
+    place of β. At every instant `‖R(E_i)‖ ≤ γ_i max ‖R(a)‖`, for every choice of retained neighbours (O2b).
     """
     slopes = response.impulse_norm(gain) * response.harmonic_norm(gain) * reach.gains
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
-def lyapunov_printed(reach: Spread, gain: Gain) -> Bound:
-    """`c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q), Q = I, as in the paper.
+def lyapunov_printed(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return the paper's `c β s_i` and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` with c = 2‖PB‖ / λ_min(Q) and Q = I.
 
-    False in general, for the constant lacks √κ(P); blank where kept sets may switch, for ε jumps there.
+    The bound is false in general, because the constant lacks √κ(P). Slopes are not-a-number where kept sets
+    may switch, because ε jumps there.
     """
-    return stacked(lyapunov.printed(gain), reach, gain, np.nan)
+    return fleet_bound(lyapunov.printed_constant(gain), reach, gain, np.nan)
 
 
-def lyapunov_corrected(reach: Spread, gain: Gain) -> Bound:
-    """The printed bound times √κ(P), which makes it one; `c β γ_i`, in E, where kept sets may switch.
+def lyapunov_corrected(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return the printed bound times √κ(P), and `c β γ_i`, in E, where kept sets may switch.
 
-    Holds for any ρ within its bound. Source: Khalil, theorem 4.18.
+    The bound holds for any ρ within its bound. Source: Khalil, theorem 4.18.
     """
-    return stacked(lyapunov.corrected(gain), reach, gain, 1.0)
+    return fleet_bound(lyapunov.corrected_constant(gain), reach, gain, 1.0)
 
 
-def lyapunov_best(reach: Spread, gain: Gain) -> Bound:
-    """The corrected bound with the Q ≻ 0 that makes it least, of those that a search finds."""
-    return stacked(lyapunov.best(gain), reach, gain, 1.0)
+def lyapunov_best(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return the corrected bound for the best Q ≻ 0 that a numerical search finds."""
+    return fleet_bound(lyapunov.best_constant(gain), reach, gain, 1.0)
 
 
-def star_norm(reach: Spread, gain: Gain) -> Bound:
-    """As corrected, with the star norm for c: what an ellipsoid proves of the position."""
-    return stacked(response.star_norm(gain), reach, gain, 1.0)
+def star_norm(reach: AttackGain, gain: LawGain) -> Bound:
+    """Return the corrected bound with the star norm as constant c.
+
+    An invariant ellipsoid proves this bound on the position.
+    """
+    return fleet_bound(response.axis_star_norm(gain), reach, gain, 1.0)
 
 
-def per_vehicle(constant: float, reach: Spread, gain: Gain) -> Bound:
-    """`c β γ_i`, and their 2-norm."""
+def per_vehicle(constant: float, reach: AttackGain, gain: LawGain) -> Bound:
+    """Return `c β γ_i`; the fleet's slope is the 2-norm of these."""
     slopes = constant * reach.disturbance(gain) * reach.gains
     return Bound(slopes, float(np.linalg.norm(slopes)))
 
 
-def stacked(constant: float, reach: Spread, gain: Gain, switching: float) -> Bound:
-    """`c β γ_i`, of a fleet that is settled `c β ‖L⁻¹‖₂ ‖W_a 1‖₂`; times `switching` where it is not."""
+def fleet_bound(constant: float, reach: AttackGain, gain: LawGain, switching: float) -> Bound:
+    """Return `c β γ_i`, and `c β ‖L⁻¹‖₂ ‖W_a 1‖₂` for a fleet whose kept sets are fixed.
+
+    Where kept sets may switch, the slopes are those of `per_vehicle` times `switching`.
+    """
     one = per_vehicle(constant, reach, gain)
     if reach.fixed is None:
         return Bound(one.vehicles * switching, one.fleet * switching)

@@ -1,6 +1,6 @@
-"""What a network promises before anything moves: reach, gain, and the paper's Assumption 1.
+"""Certificate of a network before a simulation: reach, gain, and the paper's Assumption 1.
 
-NumPy alone, so that a config is checked at once.
+The module imports NumPy alone, so that a config is checked at once.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,23 +14,23 @@ from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Vehicles
 
-MOST_TRIED = 3  # vehicles in a set that is tried
-MOST_INVERTED = 1_000  # vehicles whose L is inverted, in less than a second
+MOST_TRIED = 3  # vehicles in a set
+MOST_INVERTED = 1_000  # vehicles; L of a larger fleet takes over a second to invert
 
 
 class Certificate(NamedTuple):
-    """Facts about one network; vehicles are listed by number, from 1."""
+    """Facts about one network; lists contain vehicle numbers, from 1."""
 
     heard: Int[np.ndarray, " m"]  # |N_i|, sources that each vehicle hears
     unreachable: list[int]
-    inverse_norm: float | None  # ‖L⁻¹‖₂, infinite if L is singular; of large fleets it is not found
-    attacked_links: list[tuple[int, int]]  # (i, j): what i hears of j is corrupted
-    all_attacked: list[int]  # vehicles all of whose links are attacked
-    cut_off: list[int]  # vehicles that no honest path joins to the navigator
+    inverse_norm: float | None  # ‖L⁻¹‖₂, infinite if L is singular; None for large fleets
+    attacked_links: list[tuple[int, int]]  # (i, j): i receives corrupted signals from j
+    all_attacked: list[int]  # vehicles whose links are all attacked
+    cut_off: list[int]  # vehicles without an honest path from the navigator
 
 
 def certify(network: Digraph, attacked: Links) -> Certificate:
-    """Certificate of a graph and the links attacked on it."""
+    """Return the certificate of a graph with attacked links."""
     honest = network.heard & ~attacked
     lost = graph.unreachable(network)
     norm = np.inf if lost else None
@@ -41,32 +41,35 @@ def certify(network: Digraph, attacked: Links) -> Certificate:
         unreachable=lost,
         inverse_norm=norm,
         attacked_links=[(int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(attacked)],
-        all_attacked=vehicles(np.asarray(~honest.any(axis=1))),
+        all_attacked=vehicle_numbers(np.asarray(~honest.any(axis=1))),
         cut_off=graph.unreachable(network.only(honest)),
     )
 
 
-def vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
-    """Numbers of the vehicles in a mask."""
+def vehicle_numbers(mask: Bool[np.ndarray, " m"]) -> list[int]:
+    """Return the numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]
 
 
 class Margin(NamedTuple):
-    """What breaks the safety of each vehicle, as far as sets of three vehicles tell."""
+    """Attacked sets that break the safety of each vehicle; sets of at most three vehicles are tried."""
 
-    sets: list[list[tuple[int, ...]]]  # of who is not safe: least sets of the attacked that suffice for it
-    further: Int[np.ndarray, " m"]  # that break who is safe, attacked too; 0 if not safe, 4 at most
+    sets: list[list[tuple[int, ...]]]  # for each unsafe vehicle, the minimal attacked sets that break it
+    further: Int[np.ndarray, " m"]  # least number of further attacked vehicles that break it; 0 if unsafe
 
 
 def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehicles: int) -> Margin:
-    """By trying: `safe` says who is if these vehicles are attacked, fewer the more there are."""
+    """Return the margin by brute force.
+
+    `safe(attacked)` returns the safe vehicles. It is monotone: more attacked vehicles, fewer safe vehicles.
+    """
     sets: list[list[tuple[int, ...]]] = [[] for _ in range(vehicles)]
     further = np.where(safe([*attacked]), MOST_TRIED + 1, 0)
-    for few in some_of(attacked, 0):
+    for few in small_sets(attacked, 0):
         for i in np.flatnonzero(~safe([*few]) & (further == 0)):
             if not any(set(each) <= set(few) for each in sets[i]):
                 sets[i].append(few)
-    for more in some_of([i for i in range(1, vehicles + 1) if i not in attacked], 1):
+    for more in small_sets([i for i in range(1, vehicles + 1) if i not in attacked], 1):
         if (further <= len(more)).all():
             break
         broken = ~safe([*attacked, *more])
@@ -74,6 +77,6 @@ def margin(safe: Callable[[list[int]], Vehicles], attacked: Sequence[int], vehic
     return Margin(sets, further)
 
 
-def some_of(vehicles: Sequence[int], least: int) -> list[tuple[int, ...]]:
-    """Sets of `least` to three of some vehicles, smaller ones first."""
+def small_sets(vehicles: Sequence[int], least: int) -> list[tuple[int, ...]]:
+    """Return the subsets of some vehicles with `least` to three members, smaller subsets first."""
     return [each for size in range(least, MOST_TRIED + 1) for each in combinations(vehicles, size)]

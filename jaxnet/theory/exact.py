@@ -1,4 +1,4 @@
-"""The closed loop solved (SCIENCE, O1 and O2): what a simulation must give while the kept sets are known.
+"""Exact solution of the closed loop for known kept sets (SCIENCE, O1 and O2).
 
 `E_i = y_i - y_0` obeys `E‴ + k2 Ë + k1 Ė + k0 E = 0` around `G = L⁻¹ d`, so from t to t + h
 
@@ -13,11 +13,11 @@ from scipy.linalg import expm
 
 from jaxnet.model import graph
 
-Jets = Float[np.ndarray, "3 m 2"]
+ErrorJets = Float[np.ndarray, "3 m 2"]
 
 
 def companion(gain: Float[np.ndarray, "*lanes 3"]) -> Float[np.ndarray, "*lanes 3 3"]:
-    """`A_c`, of one vehicle and axis."""
+    """Return the companion matrix `A_c` of one vehicle and axis."""
     matrix = np.zeros((*gain.shape, 3))
     matrix[..., 0, 1] = matrix[..., 1, 2] = 1.0
     matrix[..., 2, :] = -gain
@@ -25,10 +25,10 @@ def companion(gain: Float[np.ndarray, "*lanes 3"]) -> Float[np.ndarray, "*lanes 
 
 
 def backward_reach(gain: Float[np.ndarray, "lanes 3"], interval: float) -> Float[np.ndarray, "lanes 3"]:
-    """Bounds on the numbers of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
+    """Return bounds on the entries of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
 
-    The last row gives E‴ at earlier times from E, Ė and Ë now. Over a piece d of the interval a row r grows
-    to `|r| expm(|A_c| d)` at most, number by number.
+    The last row gives E‴ at earlier times from E, Ė and Ë now. Over a piece d of the interval, a row r grows
+    to `|r| expm(|A_c| d)` at most, entry by entry.
     """
     matrix = companion(gain)
     pieces = int(np.clip(4 * np.abs(matrix).sum(axis=2).max() * interval, 8, 1_000))
@@ -41,15 +41,16 @@ def backward_reach(gain: Float[np.ndarray, "lanes 3"], interval: float) -> Float
 
 
 def tracking_errors(
-    start: Jets,
-    corruption: Callable[[float, Float[np.ndarray, "m sources"]], Jets],
+    start: ErrorJets,
+    corruption: Callable[[float, Float[np.ndarray, "m sources"]], ErrorJets],
     weights: Float[np.ndarray, "times m sources"],
     gain: Float[np.ndarray, "3"],
     interval: float,
 ) -> Float[np.ndarray, "times m 2"]:
-    """`E` [m] at times 0, interval, 2 interval …, with `weights[n]` in force from the n-th to the next.
+    """Return `E` [m] at times 0, interval, 2 interval …
 
-    `start` holds E, Ė and Ë at time 0; `corruption(t, weights)` gives the jets of d.
+    `weights[n]` is in force from the n-th time to the next. `start` contains E, Ė and Ë at time 0.
+    `corruption(t, weights)` returns the jets of d.
     """
     step = expm(companion(gain) * interval)
     error, path = start, [start[0]]

@@ -1,9 +1,9 @@
-"""Lyapunov's constants of one axis: `limsup ‖η‖ ≤ c sup ‖ρ‖` for η̇ = A_c η + B ρ.
+"""Lyapunov constants of one axis: `limsup ‖η‖ ≤ c sup ‖ρ‖` for η̇ = A_c η + B ρ.
 
 With `A_c'P + P A_c = -Q`, `V = η'Pη` falls wherever `‖η‖ > 2‖PB‖ / λ_min(Q) · sup ‖ρ‖`. The paper takes this
-radius for the ultimate bound; but η leaves that ball again along the longest axis of the ellipsoid around
-it, which needs the further factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18). Without
-it the bound is false in general, though true at gain (1, 3, 3) (SCIENCE O5).
+radius as the ultimate bound. But η leaves that ball again along the longest axis of the ellipsoid around the
+ball. The bound therefore needs the factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18).
+Without this factor the bound is false in general, though true at gain (1, 3, 3) (SCIENCE O5).
 """
 
 import functools
@@ -17,49 +17,53 @@ from jaxtyping import Array, Float
 from scipy.linalg import solve_continuous_lyapunov
 
 from jaxnet.theory import exact
-from jaxnet.theory.response import Gain
+from jaxnet.theory.response import LawGain
 
 Weight = Float[np.ndarray, "3 3"]
 
-IDENTITY = np.eye(3)
+IDENTITY_WEIGHT = np.eye(3)
 STEPS = 2000
-RATE = 0.1
+LEARNING_RATE = 0.1
 BELOW = np.tril_indices(3)
 
 
-def solution(gain: Gain, Q: Weight = IDENTITY) -> Weight:
-    """`P`, for which `A_c'P + P A_c = -Q`."""
+def lyapunov_matrix(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> Weight:
+    """Return the solution `P` of `A_c'P + P A_c = -Q`."""
     return solve_continuous_lyapunov(exact.companion(gain).T, -Q)
 
 
-def printed(gain: Gain, Q: Weight = IDENTITY) -> float:
-    """`2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
-    return float(2 * np.linalg.norm(solution(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
+def printed_constant(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> float:
+    """Return `2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
+    return float(2 * np.linalg.norm(lyapunov_matrix(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
 
 
-def corrected(gain: Gain, Q: Weight = IDENTITY) -> float:
-    """`√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
-    return printed(gain, Q) * float(np.sqrt(np.linalg.cond(solution(gain, Q))))
+def corrected_constant(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> float:
+    """Return `√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
+    return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(lyapunov_matrix(gain, Q))))
 
 
-def best(gain: Gain) -> float:
-    """The corrected constant, minimised over Q ≻ 0."""
-    return best_known(tuple(gain.tolist()))
+def best_constant(gain: LawGain) -> float:
+    """Return the corrected constant, minimised over Q ≻ 0."""
+    return cached_best_constant(tuple(gain.tolist()))
 
 
 @functools.cache
-def best_known(gain: tuple[float, ...]) -> float:
-    """The same, remembered. The Q found is judged in NumPy, so the search can be lazy but not wrong."""
+def cached_best_constant(gain: tuple[float, ...]) -> float:
+    """Return the minimised corrected constant from a cache.
+
+    NumPy evaluates the constant of the Q that the search finds. A poor search gives a greater bound, never a
+    wrong bound.
+    """
     given = np.array(gain)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # optax counts in 32 bits
-        Q = np.asarray(best_form(jnp.asarray(exact.companion(given))))
-    return min(corrected(given), corrected(given, Q))
+        Q = np.asarray(best_weight(jnp.asarray(exact.companion(given))))
+    return min(corrected_constant(given), corrected_constant(given, Q))
 
 
 @jax.jit
-def best_form(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
-    """Q of the least corrected constant met on a descent (Adam) from the identity."""
-    adam = optax.adam(optax.cosine_decay_schedule(RATE, STEPS))
+def best_weight(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Return the Q with the least corrected constant on a gradient descent (Adam) from the identity."""
+    adam = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
 
     def step(carry: Any, _: None) -> tuple[Any, None]:
         place, state, least, lowest = carry
@@ -71,19 +75,19 @@ def best_form(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
 
     start = jnp.zeros(6)
     carry = start, adam.init(start), start, log_constant(start, matrix)
-    return weight(jax.lax.scan(step, carry, None, length=STEPS)[0][2])
+    return weight_matrix(jax.lax.scan(step, carry, None, length=STEPS)[0][2])
 
 
-def weight(place: Float[Array, "6"]) -> Float[Array, "3 3"]:
-    """`Q = F F'` of a lower triangular F, its diagonal given by logarithms."""
+def weight_matrix(place: Float[Array, "6"]) -> Float[Array, "3 3"]:
+    """Return `Q = F F'` for a lower triangular F whose diagonal is given by logarithms."""
     lower = jnp.zeros((3, 3)).at[BELOW].set(place)
     factor = jnp.tril(lower, -1) + jnp.diag(jnp.exp(jnp.diag(lower)))
     return factor @ factor.T
 
 
 def log_constant(place: Float[Array, "6"], matrix: Float[Array, "3 3"]) -> Float[Array, ""]:
-    """Logarithm of the corrected constant."""
-    Q, one = weight(place), jnp.eye(3)
+    """Return the logarithm of the corrected constant."""
+    Q, one = weight_matrix(place), jnp.eye(3)
     equation = jnp.kron(matrix.T, one) + jnp.kron(one, matrix.T)
     P = jnp.linalg.solve(equation, -Q.reshape(9)).reshape(3, 3)
     axes = jnp.linalg.eigvalsh((P + P.T) / 2)

@@ -1,7 +1,7 @@
-"""What one axis of a vehicle makes of a bounded disturbance: ‖h‖₁, exactly, and the star norm above it.
+"""Response of one axis to a bounded disturbance: ‖h‖₁, exactly, and the star norm above it.
 
-The axis is `ẋ = A_c x + B ρ` with B = [0, 0, 1]', its output the position error; h is its impulse response,
-of the transfer function `1 / (s³ + k2 s² + k1 s + k0)`.
+The axis is `ẋ = A_c x + B ρ` with B = [0, 0, 1]' and the position error as output. Its impulse response is h,
+with the transfer function `1 / (s³ + k2 s² + k1 s + k0)`.
 """
 
 from collections.abc import Callable
@@ -13,23 +13,23 @@ from scipy.optimize import minimize_scalar
 
 from jaxnet.theory import exact
 
-Gain = Float[np.ndarray, "3"]
-Points = Float[np.ndarray, " points"]
+LawGain = Float[np.ndarray, "3"]
+PerPeriod = Float[np.ndarray, " periods"]  # a number for each period of the impulse response
 
-ENTRY = np.array([0.0, 0.0, 1.0])  # B
-POSITION = np.array([[1.0, 0.0, 0.0]])
-DECAYED = 80.0  # half of it is enough: e^-40 is under rounding
-HALVINGS = 60  # of an interval of length π
+ENTRY = np.array([0.0, 0.0, 1.0])  # input vector B
+POSITION = np.array([[1.0, 0.0, 0.0]])  # output matrix C
+DECAYED = 80.0  # exponent of a decayed term; e^-40 is below rounding already
+BISECTIONS = 60  # of an interval of length π
 
 
-def impulse_norm(gain: Gain) -> float:
-    """`‖h‖₁ = ∫|h| dt` [s³] of a stable gain: the greatest that ρ of size 1 can make of the output.
+def impulse_norm(gain: LawGain) -> float:
+    """Return `‖h‖₁ = ∫|h| dt` [s³] of a stable gain: the greatest output for a ρ of size 1.
 
-    For poles -p and -σ ± jω it is `h = (e^{-pt} - R e^{-σt} cos u) / D` with δ = p - σ, D = δ² + ω²,
-    R = √D / ω and u = ωt + atan2(δ, ω). As ∫h = 1/k0, it is enough to add twice what lies below zero, where
-    R cos u exceeds e^{-δt}. Where the cosine is positive this excess is concave, so that h is below zero in
-    one interval of a period or in none; there it is integrated in closed form. Once e^{-δt} is gone the
-    intervals are a geometric series. With real poles h is positive throughout.
+    With poles -p and -σ ± jω it is `h = (e^{-pt} - R e^{-σt} cos u) / D` with δ = p - σ, D = δ² + ω², R = √D
+    / ω and u = ωt + atan2(δ, ω). Because ∫h = 1/k0, the norm is 1/k0 plus twice the area of h below zero.
+    There R cos u exceeds e^{-δt}. Where the cosine is positive, this excess is concave. So h is below zero in
+    one interval of a period or in none; the integral over the interval has a closed form. When e^{-δt} has
+    decayed, the intervals form a geometric series. With real poles h is positive throughout.
     """
     k0, k1, k2 = gain
     poles = np.roots([1.0, k2, k1, k0])
@@ -42,13 +42,13 @@ def impulse_norm(gain: Gain) -> float:
     R = np.sqrt(D) / omega
     periods = np.arange(1.0, np.floor(DECAYED * omega / (2 * np.pi * max(delta, sigma))) + 1)
 
-    def area(v: Points, n: Points) -> Points:
-        """Antiderivative of -h."""
+    def area(v: PerPeriod, n: PerPeriod) -> PerPeriod:
+        """Return the antiderivative of -h."""
         t = (2 * np.pi * n + v - psi) / omega
         swing = np.exp(-sigma * t) * (omega * np.sin(v) - sigma * np.cos(v)) / (sigma**2 + omega**2)
         return (R * swing + np.exp(-p * t) / p) / D
 
-    n, start, end = below_zero(periods, delta, omega, R, psi)
+    n, start, end = negative_intervals(periods, delta, omega, R, psi)
     below = (area(end, n) - area(start, n)).sum()
     if delta > 0:
         ends = (2 * np.pi * (len(periods) + 1) + np.array([-np.pi, np.pi]) / 2 - psi) / omega
@@ -57,56 +57,62 @@ def impulse_norm(gain: Gain) -> float:
     return float(1 / k0 + 2 * below)
 
 
-def below_zero(
-    n: Points, delta: float, omega: float, R: float, psi: float
+def negative_intervals(
+    n: PerPeriod, delta: float, omega: float, R: float, psi: float
 ) -> tuple[Float[np.ndarray, " some"], Float[np.ndarray, " some"], Float[np.ndarray, " some"]]:
-    """Periods in which `R cos u > e^{-δt}` somewhere, and where that begins and ends, as u - 2πn."""
+    """Return the periods in which `R cos u > e^{-δt}` somewhere, with its start and end as u - 2πn."""
 
-    def decay(v: Points) -> Points:
+    def decay(v: PerPeriod) -> PerPeriod:
         return np.exp(-delta * (2 * np.pi * n + v - psi) / omega)
 
-    def excess(v: Points) -> Points:
+    def excess(v: PerPeriod) -> PerPeriod:
         return R * np.cos(v) - decay(v)
 
     low, high = np.full(n.shape, -np.pi / 2), np.full(n.shape, np.pi / 2)
-    top = last_positive(lambda v: delta / omega * decay(v) - R * np.sin(v), low, high)
-    start = last_positive(lambda v: -excess(v), low, top)
-    end = last_positive(excess, top, high)
+    top = find_falling_zero(lambda v: delta / omega * decay(v) - R * np.sin(v), low, high)
+    start = find_falling_zero(lambda v: -excess(v), low, top)
+    end = find_falling_zero(excess, top, high)
     some = excess(top) > 0
     return n[some], start[some], end[some]
 
 
-def last_positive(function: Callable[[Points], Points], low: Points, high: Points) -> Points:
-    """Where a function, point by point, falls through zero, by bisection; an end where it does not."""
-    for _ in range(HALVINGS):
+def find_falling_zero(
+    function: Callable[[PerPeriod], PerPeriod], low: PerPeriod, high: PerPeriod
+) -> PerPeriod:
+    """Return the points where a function falls through zero, by bisection.
+
+    Where the function does not fall through zero, the result is an end of the interval.
+    """
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         positive = function(middle) > 0
         low, high = np.where(positive, middle, low), np.where(positive, high, middle)
     return (low + high) / 2
 
 
-def harmonic_norm(gain: Gain) -> float:
-    """The greatest ‖R(a)‖ of an attack of one frequency, whichever, that is within 1 with its derivatives.
+def harmonic_norm(gain: LawGain) -> float:
+    """Return the greatest ‖R(a)‖ of attacks of one frequency that are within 1 with their derivatives.
 
-    Of amplitude 1 / max(1, ω³) it is `|R(iω)| / max(1, ω³)`. `|R(iω)|²` is a cubic of ω², and over ω⁶ the
-    reversed cubic of 1/ω², so that both are looked for between 0 and 1.
+    At amplitude 1 / max(1, ω³) the norm is `|R(iω)| / max(1, ω³)`. `|R(iω)|²` is a cubic in ω². Divided by ω⁶
+    it is the reversed cubic in 1/ω². So both maxima are searched between 0 and 1.
     """
     k0, k1, k2 = gain
     cubic = np.array([1.0, k2**2 - 2 * k1, k1**2 - 2 * k0 * k2, k0**2])
-    return float(np.sqrt(max(peak(cubic), peak(cubic[::-1]))))
+    return float(np.sqrt(max(greatest_value(cubic), greatest_value(cubic[::-1]))))
 
 
-def peak(polynomial: Float[np.ndarray, " coefficients"]) -> float:
-    """Its greatest value from 0 to 1."""
+def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
+    """Return the greatest value of a polynomial on [0, 1]."""
     turns = np.roots(np.polyder(polynomial)).real
     return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
 
 
-def star_norm(gain: Gain, output: Float[np.ndarray, "rows 3"] = POSITION) -> float:
-    """Least peak-to-peak gain that an invariant ellipsoid proves, `inf over α of √‖C Q_α C'‖₂`.
+def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows 3"] = POSITION) -> float:
+    """Return the least peak-to-peak gain that an invariant ellipsoid proves.
 
-    `A Q + Q A' + α Q + B B'/α = 0` with 0 < α < -2 max Re λ(A). Every such α gives a bound, so it holds
-    however well the least one is found. Source: Abedor, Nagpal and Poolla, A linear matrix inequality
+    The gain is `inf over α of √‖C Q_α C'‖₂` with
+    `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the result is a
+    bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear matrix inequality
     approach to peak-to-peak gain minimization, 1996.
     """
     matrix, entry = exact.companion(gain), np.outer(ENTRY, ENTRY)

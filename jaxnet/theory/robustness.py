@@ -1,4 +1,4 @@
-"""r-robustness and its kin: what rules of the literature that know nobody's number ask of a graph.
+"""r-robustness and its variants: requirements on the graph in the literature's rules without trusted sources.
 
 Sources: LeBlanc, Zhang, Koutsoukos and Sundaram, Resilient asymptotic consensus in robust networks, 2013, for
 (r, s)-robustness; Usevitch and Panagou, Resilient leader-follower consensus to arbitrary reference values in
@@ -11,14 +11,14 @@ from jaxtyping import Bool
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.safety import Nodes, Vehicles, percolate
 
-MOST_NODES = 16  # whose sets are all looked at
+MOST_NODES = 16  # in a graph whose subsets are all enumerated
 
 
 def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
-    """For r = 1, 2, … the greatest s of which a graph is (r, s)-robust, while there is one.
+    """Return, for r = 1, 2, …, the greatest s for which a graph is (r, s)-robust, while s > 0.
 
-    Of two disjoint sets of nodes, one has r sources outside at each of its nodes, or s nodes of the two have.
-    The graph is r-robust if it is (r, 1)-robust. Exact; for at most 16 nodes.
+    For every two disjoint sets of nodes: every node of one set has r sources outside its set, or at least s
+    nodes of both sets together do. The graph is r-robust if it is (r, 1)-robust. Exact, for at most 16 nodes.
     """
     n = len(heard)
     sets, bits = np.arange(2**n, dtype=np.uint32), np.uint32(1) << np.arange(n, dtype=np.uint32)
@@ -38,10 +38,11 @@ def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
     return found
 
 
-def led(graph: Digraph, leaders: Nodes) -> int:
-    """The greatest r for which a graph is strongly r-robust with respect to leaders, of any size.
+def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
+    """Return the greatest r for which a graph of any size is strongly r-robust with respect to leaders.
 
-    Of every set of others somebody hears r outside the set: percolation by r reaches everybody.
+    Every set of other nodes must contain a node with r sources outside the set. Equivalently, percolation
+    with threshold r reaches every node.
     """
     r, votes, needed = 0, np.ones(graph.sources.shape, int), np.ones(graph.vehicles, int)
     while r < graph.vehicles and percolate(graph, votes, (r + 1) * needed, leaders).all():
@@ -49,8 +50,9 @@ def led(graph: Digraph, leaders: Nodes) -> int:
     return r
 
 
-def followers(graph: Digraph, trusted: Links, leaders: Nodes) -> Vehicles:
-    """Leaders, and whom percolation from them reaches that bears one liar: who hear three of the reached
-    (2F + 1), or trust two of them (F + 1).
+def percolated_vehicles(graph: Digraph, trusted: Links, leaders: Nodes) -> Vehicles:
+    """Return the leaders and the vehicles that percolation from them reaches despite one liar, F = 1.
+
+    A vehicle is reached if it hears 2F + 1 reached vehicles or trusts F + 1 of them.
     """
     return percolate(graph, np.where(trusted, 3, 2), np.full(graph.vehicles, 6), leaders)[1:]

@@ -1,61 +1,60 @@
-"""Stability of the law by exchanges with neighbours, the jerk held between ticks (SCIENCE O12).
+"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (SCIENCE O12).
 
 With T = A^r for r rounds, a tick of length h and E = y - y_0,
 
-    q ← T q + (1 - T) L⁻¹b,      (E, Ė, Ë) ← Φ (E, Ė, Ë) + Γ q,      Γ = [h³/6, h²/2, h]',
+    q ← T q + (1 - T) L⁻¹b,      (E, Ė, Ë) ← Φ (E, Ė, Ë) + Γ q,      Γ = [h³/6, h²/2, h]'.
 
-and L⁻¹b = -P(E) but for navigator and attacks, which are inputs. T has the eigenvectors of A, so along each
-of them the loop is a matrix of four by four, of μ = λ^r alone.
+L⁻¹b equals -P(E) plus inputs from the navigator and the attacks. T has the eigenvectors of A. Along each
+eigenvector the loop is a matrix of four by four that depends on μ = λ^r alone.
 """
-
-from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from jaxnet.model.graph import Weights
-from jaxnet.theory.response import Gain
+from jaxnet.theory.response import LawGain
 
 LEAST_TICK, MOST_TICK = 1e-6, 10.0  # [s]
-RATIO = 1.05  # from a tick to the next that is looked at
+RATIO = 1.05  # of a tick to the one before it in the search
 HALVINGS = 40
-ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # of a circle's upper half
+ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # points of the upper unit circle
 
 
 def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
-    """Those of A for a graph `[a0 | A]`, each once, of a conjugate pair the upper one."""
+    """Return the distinct eigenvalues of A for a graph `[a0 | A]`, the upper one of each conjugate pair."""
     found = np.linalg.eigvals(weights[:, 1:]).round(12)
     return np.unique(np.real(found) + 1j * np.abs(np.imag(found)))
 
 
-def growth(left: Any, gain: Gain, tick: float) -> float:
-    """By what the slowest motion is multiplied at each tick, the greatest over these μ: stable below 1.
+def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> float:
+    """Return the factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
-    From the eigenvalues s of `(M - 1)/h`, M that matrix, as `|1 + h s|`, which loses nothing for short ticks.
+    With M the loop's matrix and s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps
+    its precision for short ticks.
     """
-    mu, h = np.atleast_1d(np.asarray(left, complex)), tick
-    asked = -(1 - mu)[:, None] * gain
+    mu, h = np.atleast_1d(np.asarray(mu, complex)), tick
+    wanted = -(1 - mu)[:, None] * gain
     entry = np.array([h * h / 6, h / 2, 1.0])
     rates = np.zeros((len(mu), 4, 4), complex)
-    rates[:, :3, :3] = np.array([[0, 1, h / 2], [0, 0, 1], [0, 0, 0]]) + entry[:, None] * asked[:, None]
+    rates[:, :3, :3] = np.array([[0, 1, h / 2], [0, 0, 1], [0, 0, 0]]) + entry[:, None] * wanted[:, None]
     rates[:, :3, 3] = entry * mu[:, None]
-    rates[:, 3, :3], rates[:, 3, 3] = asked / h, (mu - 1) / h
+    rates[:, 3, :3], rates[:, 3, 3] = wanted / h, (mu - 1) / h
     return float(np.abs(1 + h * np.linalg.eigvals(rates)).max())
 
 
-def spectral_radius(weights: Weights, gain: Gain, tick: float, rounds: int) -> float:
-    """The same of a graph, with so many rounds at each tick."""
+def spectral_radius(weights: Weights, gain: LawGain, tick: float, rounds: int) -> float:
+    """Return the growth factor at each tick for a graph and a number of rounds."""
     return growth(eigenvalues(weights) ** rounds, gain, tick)
 
 
-def least_rounds(weights: Weights, gain: Gain, tick: float) -> tuple[int, int] | None:
-    """The least number of rounds that is stable, and one from which on every number is.
+def least_rounds(weights: Weights, gain: LawGain, tick: float) -> tuple[int, int] | None:
+    """Return the least stable number of rounds, and a number from which on every number is stable.
 
-    None where a law solved exactly at ticks is not stable, or somebody is cut off. The growth is subharmonic
-    in μ, for M is affine in it: so a disc is stable just if its edge is, and all numbers of rounds are that
-    bring every μ inside.
+    None if the law solved exactly at ticks is unstable, or if a vehicle is cut off. The growth is subharmonic
+    in μ, because M is affine in μ. So a disc is stable if and only if its edge is stable. Every number of
+    rounds that moves all μ into the disc is then stable.
     """
-    found, low, high = eigenvalues(weights), 0.0, 1.0  # of the edge of the greatest such disc
+    found, low, high = eigenvalues(weights), 0.0, 1.0  # low, high: radius of the greatest stable disc
     most, slow = np.abs(found).max(), found[np.real(found).argmax()]
     if growth(0.0, gain, tick) >= 1 or most >= 1:
         return None
@@ -69,8 +68,11 @@ def least_rounds(weights: Weights, gain: Gain, tick: float) -> tuple[int, int] |
     return surely, surely
 
 
-def greatest_tick(weights: Weights, gain: Gain, rounds: int) -> float:
-    """The tick [s] up to which all are stable with so many rounds; infinite if those up to MOST_TICK are."""
+def greatest_tick(weights: Weights, gain: LawGain, rounds: int) -> float:
+    """Return the tick [s] up to which all ticks are stable.
+
+    The tick is infinite if all ticks up to MOST_TICK are stable.
+    """
     left = eigenvalues(weights) ** rounds
     low = LEAST_TICK
     while growth(left, gain, low * RATIO) < 1:
@@ -84,20 +86,20 @@ def greatest_tick(weights: Weights, gain: Gain, rounds: int) -> float:
     return low
 
 
-def lateness(weights: Weights, tick: float, number: int) -> Float[np.ndarray, " m"]:
-    """By how much [s] what vehicles hold is late for the navigator's jerk, `h (1/2 + (1 - T)⁻¹T 1)`.
+def lateness(weights: Weights, tick: float, rounds: int) -> Float[np.ndarray, " m"]:
+    """Return the delay [s] of each vehicle's held jerk behind the navigator's, `h (1/2 + (1 - T)⁻¹T 1)`.
 
-    Behind a slow navigator E comes to that times `-d⁴y_0/dt⁴ / k0`.
+    Behind a slow navigator E tends to this delay times `-d⁴y_0/dt⁴ / k0`.
     """
-    left, one = np.linalg.matrix_power(weights[:, 1:], number), np.ones(len(weights))
+    left, one = np.linalg.matrix_power(weights[:, 1:], rounds), np.ones(len(weights))
     return tick * (0.5 + np.linalg.solve(np.eye(len(weights)) - left, left @ one))
 
 
-def least_rate(eigenvalue: float, gain: Gain) -> float:
-    """Exchanges a second [1/s] above which a real eigenvalue λ of A, 0 < λ < 1, is stable for short ticks.
+def least_rate(eigenvalue: float, gain: LawGain) -> float:
+    """Return the exchange rate [1/s] above which a real eigenvalue 0 < λ < 1 of A is stable for short ticks.
 
-    There `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, near r (1 - λ)/h; by Routh's criterion it must be over
-    `k1² / (k1 k2 - k0)`.
+    For short ticks `q̇ = -c (q + P(E))` with c = (1 - λ^r)/h, approximately r (1 - λ)/h. By Routh's criterion
+    stability needs `c > k1² / (k1 k2 - k0)`.
     """
     k0, k1, k2 = gain
     return float(k1**2 / (k1 * k2 - k0) / (1 - eigenvalue))

@@ -1,9 +1,9 @@
-"""How far attacks spread through a network: the γ of SCIENCE, O5.
+"""Attack gains of a network: the γ of SCIENCE, O5.
 
-Of each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, w̃ the
-weights in force: a Markov decision process that ends at the navigator. Where an attack replaces what is sent,
-γ_j of an attacked link is the navigator's, 0. Where only one set of neighbours may be retained, γ is the
-static gain `s = L⁻¹ W_a 1`.
+For each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, where w̃
+are the weights in force. This is a Markov decision process that ends at the navigator. If an attack replaces
+the transmitted signal, γ_j of an attacked link is the navigator's, 0. If only one set of neighbours may be
+retained, γ is the static gain `s = L⁻¹ W_a 1`.
 """
 
 from typing import NamedTuple
@@ -16,54 +16,55 @@ from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory.certificate import MOST_INVERTED
-from jaxnet.theory.response import Gain
+from jaxnet.theory.response import LawGain
 
 Gains = Float[np.ndarray, " m"]
-ROUNDING = 1e-12  # relative; less is no improvement
-NOTHING = 1e-15  # of the greatest gain; less is not made better, as it is far from every attack
-LEAST_NORMAL = float(np.finfo(float).tiny)  # what is smaller has no relative precision
+GAIN_TOLERANCE = 1e-12  # relative; a smaller improvement ends the iteration
+LEAST_GAIN_SHARE = 1e-15  # of the greatest gain; smaller gains, far from every attack, are not improved
+LEAST_NORMAL = float(np.finfo(float).tiny)  # smaller numbers have no relative precision
 
 
-class Spread(NamedTuple):
-    """How far attacks spread through a network."""
+class AttackGain(NamedTuple):
+    """Gains from attacks to the errors of a network's vehicles."""
 
     gains: Gains  # γ
-    fixed: Digraph | None  # in force for good; None where retained neighbours, or attacks, may jump
-    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the weights in force for good, else, or of large fleets, not-a-number
-    orders: tuple[int, ...] = ORDERS  # of the received derivatives, those that are falsified
+    fixed: Digraph | None  # weights in force for good; None where retained neighbours, or attacks, may jump
+    norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without these and for large fleets
+    orders: tuple[int, ...] = ORDERS  # of the received derivatives that attacks falsify
 
-    def disturbance(self, gain: Gain) -> float:
-        """β, what attacks of size 1 on these orders come to in ρ."""
+    def disturbance(self, gain: LawGain) -> float:
+        """Return β: the greatest ρ for attacks of size 1 on the falsified orders."""
         return float(np.append(gain, 1.0)[list(self.orders)].sum())
 
 
-def spread_of(
+def attack_gain(
     retained: AnySubset,
     attacked: Links,
     carried: Links,
     smooth: bool = True,
     orders: tuple[int, ...] = ORDERS,
-) -> Spread:
-    """How far attacks on some links spread, `carried` those that carry what their source says.
+) -> AttackGain:
+    """Return the gains for attacks on some links.
 
-    `smooth` attacks are paths with their derivatives; `orders` are those that they falsify.
+    `carried` are the links that transmit the signal of their source. `smooth` attacks are paths with their
+    derivatives. `orders` are the derivatives that the attacks falsify.
     """
     gains = worst_gains(retained, attacked, carried)
     fixed = retained.fixed if smooth else None
     if fixed is None:
-        return Spread(gains, None, np.nan, orders)
+        return AttackGain(gains, None, np.nan, orders)
     if graph.unreachable(fixed):
-        return Spread(gains, fixed, np.inf, orders)
+        return AttackGain(gains, fixed, np.inf, orders)
     inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
     added = fixed.only(attacked).weights.sum(axis=1)
-    return Spread(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
+    return AttackGain(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 
-def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
-    """Vehicles that the navigator may not reach, or that may keep a link from such a one.
+def disconnected_vehicles(retained: AnySubset) -> Bool[np.ndarray, " m"]:
+    """Return the vehicles that the navigator may not reach, and those that may keep a link from them.
 
-    The first are the largest set of which everybody can drop whatever they hear from outside it, found by
-    taking out, again and again, those who cannot.
+    The unreachable vehicles are the largest set whose members can each drop all sources outside the set. The
+    loop removes vehicles that cannot do so, until none is left to remove.
     """
     network, links, number = retained
     heard, cut = network.heard, np.ones(network.vehicles, bool)
@@ -82,15 +83,15 @@ def severed(retained: AnySubset) -> Bool[np.ndarray, " m"]:
 
 
 def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
-    """γ, by policy iteration; infinite where some choice disconnects a vehicle (`severed`).
+    """Return γ by policy iteration; infinite where some choice disconnects a vehicle.
 
-    `carried` are the links that carry what their source says. Holds for whatever neighbours are retained one
-    after the other, within what is allowed. Source: Howard's policy iteration (Puterman, Markov Decision
-    Processes, 1994, section 7.2): all policies left end at the navigator, so the values of all vehicles rise
-    together and the last are the greatest. The first policy looks at what gains are where nobody is dropped,
-    for from gains of 0 they would grow by one vehicle a round.
+    `carried` are the links that transmit the signal of their source. The gains hold for every sequence of
+    allowed retained neighbours. Source: Howard's policy iteration (Puterman, Markov Decision Processes, 1994,
+    section 7.2). All remaining policies end at the navigator, so the values of all vehicles rise together and
+    the last values are the greatest. The first policy uses the gains without dropped sources. From gains of 0
+    the iteration would extend by one vehicle a round.
     """
-    joined = ~severed(retained)
+    joined = ~disconnected_vehicles(retained)
     given = *retained.graph, *retained[1:], attacked, carried
     sources, weights, links, number, attacked, carried = (each[joined] for each in given)
 
@@ -102,22 +103,24 @@ def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
     gains, better = np.zeros(len(joined)), gains_of(weights)
     while True:
         reward = attacked + carried * np.append(0.0, better)[sources]
-        better = gains_of(worst_kept(weights, reward, links, number))
-        if (better <= np.maximum(gains * (1 + ROUNDING), NOTHING * better.max())).all():
+        better = gains_of(worst_kept_weights(weights, reward, links, number))
+        if (better <= np.maximum(gains * (1 + GAIN_TOLERANCE), LEAST_GAIN_SHARE * better.max())).all():
             return np.where(joined, better, np.inf)
         gains = better
 
 
-def worst_kept(
+def worst_kept_weights(
     weights: Float[np.ndarray, "some slots"],
     reward: Float[np.ndarray, "some slots"],
     links: Bool[np.ndarray, "some slots"],
     number: Int[np.ndarray, " some"],
 ) -> Float[np.ndarray, "some slots"]:
-    """Weights in force that make `Σ w r / Σ w` over kept sources greatest, so many `links` being dropped.
+    """Return the weights in force that maximise `Σ w r / Σ w` over kept sources.
 
-    At a ratio λ the best is to drop those of least w (r - λ); its own ratio is the next λ, until none is
-    greater (Dinkelbach, 1967).
+    `number` of the `links` are dropped.
+
+    At a ratio λ the best choice drops the sources with the least w (r - λ). The ratio of that choice is the
+    next λ, until the ratio no longer rises (Dinkelbach, 1967).
     """
     ratio = np.zeros(len(weights))
     while True:
@@ -126,6 +129,6 @@ def worst_kept(
         kept = np.where(dropped, 0.0, weights)
         kept = kept / kept.sum(axis=1, keepdims=True)
         better = (kept * reward).sum(axis=1)
-        if (better <= ratio * (1 + ROUNDING) + LEAST_NORMAL).all():
+        if (better <= ratio * (1 + GAIN_TOLERANCE) + LEAST_NORMAL).all():
             return kept
         ratio = better

@@ -17,7 +17,7 @@ from jaxnet import api
 from jaxnet.config.keys import Scenario
 from jaxnet.explore import late, search, worst
 from jaxnet.explore.box import Box, places_of
-from jaxnet.explore.search import Finalist, Trials, searched
+from jaxnet.explore.search import Finalist, Trials, search_box
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
@@ -51,7 +51,7 @@ def test_the_worst_is_found_where_it_is_known(case):
     topology, attack, over, exact = KNOWN[case]
     keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0, "tail": 1.0}
     trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, systems.FEW)
-    lanes = [generation.lanes for generation in searched(trials, 4000, 1)]
+    lanes = [generation.lanes for generation in search_box(trials, 4000, 1)]
     assert lanes == sorted(lanes)
     assert lanes[-1] == trials.lanes <= 4000
     assert 0.99 * exact < trials.best / 10 < 1.001 * exact
@@ -61,7 +61,7 @@ def test_sets_of_vehicles_are_all_tried():
     """Of six vehicles on a ring, the best pair is the one that the exact solution of all pairs has."""
     given = study({"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE)
     trials = Trials(box_of(given), 2, largest, systems.FEW)
-    (only,) = searched(trials, 200, 0)
+    (only,) = search_box(trials, 200, 0)
     assert only.phase == "sets"
     assert only.lanes == 2 * math.comb(6, 2)
     found = {
@@ -94,7 +94,7 @@ def test_choices_of_which_a_lane_fails_count_less():
         return np.where(next(count) % 2, largest(outcome), math.nan)
 
     trials = Trials(box_of(given), 2, failing, systems.FEW)
-    *_, last = searched(trials, 2000, 0)
+    *_, last = search_box(trials, 2000, 0)
     assert last.failed > 500
     assert last.best > 25
 
@@ -102,11 +102,11 @@ def test_choices_of_which_a_lane_fails_count_less():
 def test_larger_budgets_have_more_populations(monkeypatch):
     """So many that none has more generations than it is to have; a batch then has work for all cores."""
     monkeypatch.setattr(search, "MOST_GENERATIONS", 20)
-    monkeypatch.setattr(Trials, "simulated", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+    monkeypatch.setattr(Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
 
     def searching(budget):
         trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
-        lanes = [each.lanes for each in searched(trials, budget, 0) if each.phase == "search"]
+        lanes = [each.lanes for each in search_box(trials, budget, 0) if each.phase == "search"]
         return len(lanes), lanes[1] - lanes[0], trials.best
 
     (few, small, _), (many, large, best) = searching(2_000), searching(20_000)
@@ -120,9 +120,9 @@ def test_larger_budgets_have_more_populations(monkeypatch):
 def test_polishing_is_kept_little_of_a_large_budget(budget, kept, monkeypatch):
     """A tenth, or ten steps: a step tries two choices a number, of four, and 24 along the slope."""
     monkeypatch.setattr(search, "MOST_STEPS", 10)
-    monkeypatch.setattr(Trials, "simulated", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
+    monkeypatch.setattr(Trials, "simulate", lambda _, points: -((points - 0.3) ** 2).sum(axis=1)[:, None])
     trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
-    lanes = [each.lanes for each in searched(trials, budget, 0) if each.phase == "search"]
+    lanes = [each.lanes for each in search_box(trials, budget, 0) if each.phase == "search"]
     assert lanes[-1] <= budget - kept < 2 * lanes[-1] - lanes[-2]
 
 
@@ -173,13 +173,13 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     """It ends as one that nobody disturbed, and does nothing twice."""
     results, given = whole
     random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
-    simulated, simulate = [], Trials.simulated
+    simulated, simulate = [], Trials.simulate
 
     def counting(trials, points):
         simulated.append(len(points))
         return simulate(trials, points)
 
-    monkeypatch.setattr(Trials, "simulated", counting)
+    monkeypatch.setattr(Trials, "simulate", counting)
 
     def stop(what, lanes, total):
         if lanes > 200:
@@ -235,7 +235,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(worst, "FRESH", 48)
     random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
     monkeypatch.setattr(cluster, "crew", lambda *_: contextlib.nullcontext(Here()))
-    told, counts, simulate = [], [], Trials.simulated
+    told, counts, simulate = [], [], Trials.simulate
 
     def counting(trials, points):
         counts.append(len(points))
@@ -244,7 +244,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     def tell(what, done, total):
         told.append((what, len(counts)))
 
-    monkeypatch.setattr(Trials, "simulated", counting)
+    monkeypatch.setattr(Trials, "simulate", counting)
     list(api.write_search(random, tell, workers=2))
     assert told[1] == ("cells searched", len(results.searched))
     assert len(counts) == len(results.searched)
@@ -256,7 +256,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
 def test_a_cell_that_has_ended_is_not_tried_from_other_starts_again(whole, monkeypatch):
     """What was found there is kept with the search."""
     results, _ = whole
-    monkeypatch.setattr(worst.Hunt, "tried_again", lambda *_: pytest.fail("again"))
+    monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
     before = results.worst
     list(api.write_search(results))
     assert results.worst.equals(before)
@@ -324,8 +324,8 @@ def test_the_choice_is_the_finalist_that_is_worst_at_the_late_time(found, after,
     points = np.arange(3.0)[:, None] + np.zeros(len(trials.box.places))
     trials.best, trials.point = found[0], points[0]
     trials.finalists = [Finalist(value, point) for value, point in zip(found, points, strict=True)][1:]
-    monkeypatch.setattr(late, "at", lambda *_: np.array(after))
-    choice = late.chosen(trials, 1000.0, largest, systems.FEW)
+    monkeypatch.setattr(late, "late_means", lambda *_: np.array(after))
+    choice = late.choose_finalist(trials, 1000.0, largest, systems.FEW)
     assert (choice.point[0], choice.found, choice.until) == (chosen, found[chosen], 1000.0)
     np.testing.assert_equal(choice.late, after[chosen])
 
@@ -334,9 +334,9 @@ def test_a_search_until_the_horizon_looks_no_further(monkeypatch):
     """The choice is then the greatest at the horizon, of 20 s."""
     trials = Trials(box_of(study({"attack.direction": "each"})), 1, largest, systems.FEW)
     trials.best, trials.finalists = 3.0, [Finalist(2.0, trials.point)]
-    monkeypatch.setattr(late, "at", lambda *_: pytest.fail("a lane"))
+    monkeypatch.setattr(late, "late_means", lambda *_: pytest.fail("a lane"))
     for until in (10.0, 20.0):
-        assert late.chosen(trials, until, largest, systems.FEW)[1:] == (3.0, 3.0, 20.0)
+        assert late.choose_finalist(trials, until, largest, systems.FEW)[1:] == (3.0, 3.0, 20.0)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from scipy import stats
 import jaxnet
 from jaxnet.engine.plan import Outcome
 from jaxnet.engine.status import Status
-from jaxnet.explore.sensitivity import picked, rows_of
+from jaxnet.explore.sensitivity import index_rows, pick_freeze_outcomes
 from jaxnet.kinds.fields import PI, Number, Uniform
 from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
-from jaxnet.statistics.indices import indices
+from jaxnet.statistics.indices import sobol_indices
 
 TURN = Uniform(uniform=[-PI, PI])
 QUICK = {
@@ -79,7 +79,7 @@ def test_the_formula_is_scipys():
     known = stats.sobol_indices(
         func={"f_A": a[None], "f_B": b[None], "f_AB": np.stack(mixed)[:, None]}, n=len(a)
     )
-    found = indices(a, b, np.stack(mixed)).estimate
+    found = sobol_indices(a, b, np.stack(mixed)).estimate
     np.testing.assert_allclose(found, [known.first_order, known.total_order], rtol=1e-12)
 
 
@@ -89,7 +89,7 @@ def test_intervals_hold_the_indices_as_often_as_they_say():
     for seed in range(200):
         a, b = np.random.default_rng(seed).normal(size=(2, 2, 300))
         mixed = [b[0] + 2 * a[1], a[0] + 2 * b[1]]
-        found = indices(a[0] + 2 * a[1], b[0] + 2 * b[1], np.stack(mixed))
+        found = sobol_indices(a[0] + 2 * a[1], b[0] + 2 * b[1], np.stack(mixed))
         held.append((found.low <= [[0.2, 0.8]] * 2) & (found.high >= [[0.2, 0.8]] * 2))
     assert (np.abs(np.mean(held, axis=0) - 0.95) < 0.05).all()
 
@@ -133,8 +133,8 @@ def test_a_failed_lane_takes_its_sample_with_it_and_is_named():
         ]
 
     with pytest.warns(UserWarning, match="sample 7 with the later y: disconnected"):
-        found = rows_of(study.cells[0], names, outcomes(slice(None)), 0.3)
-    known = rows_of(study.cells[0], names, outcomes(np.arange(200) != 7), 0.3)
+        found = index_rows(study.cells[0], names, outcomes(slice(None)), 0.3)
+    known = index_rows(study.cells[0], names, outcomes(np.arange(200) != 7), 0.3)
     counted = {"samples": 200, "left_out": 1}
     assert found == [row | counted for row in known]
     assert np.isfinite(pd.DataFrame(found)["first"]).all()
@@ -150,9 +150,9 @@ def test_cells_that_are_there_are_not_done_again(tmp_path, monkeypatch):
         if len(done) == 2:
             raise KeyboardInterrupt
         done.append(cell.number)
-        return picked(cell, *rest)
+        return pick_freeze_outcomes(cell, *rest)
 
-    monkeypatch.setattr("jaxnet.explore.sensitivity.picked", interrupted)
+    monkeypatch.setattr("jaxnet.explore.sensitivity.pick_freeze_outcomes", interrupted)
     with pytest.raises(KeyboardInterrupt):
         jaxnet.sensitivity(study, 64, tmp_path / "parts")
     assert done == [0, 1]

@@ -12,7 +12,7 @@ from jaxnet.lanes.jobs import job, source_of
 from jaxnet.lanes.uniforms import Keyed, Place, Scrambled
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import limits, means
-from jaxnet.statistics.summary import spread
+from jaxnet.statistics.summary import metric_statistics
 from jaxnet.view.text import tables
 from tests import systems
 
@@ -54,7 +54,7 @@ def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
     held, means, random = [], [], []
     for seed in range(500):
         values = integrand(Scrambled(seed, 16, COLUMNS).uniforms("x", samples.tolist(), ENTRIES))
-        found = spread(values, (0.85**5, 1.4**5), samples // 16)
+        found = metric_statistics(values, (0.85**5, 1.4**5), samples // 16)
         held.append(found["low"] <= 1 <= found["high"])
         means.append(found["mean"])
         random.append(integrand(np.random.default_rng(seed).random((len(samples), DIMENSIONS))).mean())
@@ -114,7 +114,7 @@ def test_intervals_are_over_the_sequences(tmp_path):
     results = jaxnet.run(study, tmp_path / "out", progress=False)
     found = results.lanes["tail_mean"].to_numpy().reshape(RANDOMISATIONS, -1).mean(axis=1)
     most = limits.ceilings(study.config, study.cells[0], range(64))["tail_mean"]
-    low, high = means.ends(found, 0.0, most, 0.95)
+    low, high = means.mean_interval(found, 0.0, most, 0.95)
     assert results.cells["tail_mean_low"][0] == pytest.approx(low, rel=1e-9)
     assert results.cells["tail_mean_high"][0] == pytest.approx(high, rel=1e-9)
     assert "scrambled sequences" in tables.summary(results)
@@ -150,7 +150,7 @@ def test_studies_drawn_otherwise_are_not_held_against_each_other():
         limits.ceilings(each.study.config, each.study.cells[0], range(64))["tail_mean"]
         for each in (one, other)
     )
-    low, _ = means.ends(apart.reshape(RANDOMISATIONS, -1).mean(axis=1), -a, b, 0.95)
+    low, _ = means.mean_interval(apart.reshape(RANDOMISATIONS, -1).mean(axis=1), -a, b, 0.95)
     assert found["tail_mean_low"][0] == pytest.approx(low, rel=1e-9)
     with pytest.raises(jaxnet.FolderError, match="draws: sobol with 64 samples"):
         jaxnet.compare(one, random)

@@ -116,7 +116,7 @@ def test_cells_summarise_the_rows(results):
             most = ceilings(results.study.config, results.study.cells[number], mine["sample"].tolist())[
                 metric
             ]
-            ends = means.ends(mine[metric].to_numpy(), 0.0, most, 0.95)
+            ends = means.mean_interval(mine[metric].to_numpy(), 0.0, most, 0.95)
             assert (cell[f"{metric}_low"], cell[f"{metric}_high"]) == pytest.approx(ends, rel=1e-9)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxnet.statistics.choice import chosen
+from jaxnet.statistics.choice import select_cells
 from jaxnet.store.folder import FolderError
 from tests import systems
 
@@ -28,7 +28,7 @@ def cells():
 )
 def test_cells_of_some_values(cells, where, numbers):
     """One value or several, as text or number, with the digits that tables show."""
-    assert [cell.number for cell in chosen(cells, where)] == numbers
+    assert [cell.number for cell in select_cells(cells, where)] == numbers
 
 
 @pytest.mark.parametrize(
@@ -42,5 +42,5 @@ def test_cells_of_some_values(cells, where, numbers):
 def test_what_is_not_there_is_refused_with_what_is(cells, where, words):
     """Keys and values."""
     with pytest.raises(FolderError, match=words) as refused:
-        chosen(cells, where)
+        select_cells(cells, where)
     assert "(swept are topology: star, path; attack.magnitude: 1, 2.0, 0.123456789)" in str(refused.value)

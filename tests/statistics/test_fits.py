@@ -10,7 +10,7 @@ import jaxnet
 from experiments import coverage
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import recovery
-from jaxnet.statistics.families import MODELS, value
+from jaxnet.statistics.families import MODELS, model_value
 from jaxnet.store.folder import FolderError
 from tests import systems
 
@@ -18,7 +18,7 @@ X = np.array([0.1, 0.5, 3.0, 20.0, 100.0])
 S = 40  # with X the shape of all data here: one compiled program
 ONCE = np.ones((1, S), np.int16)
 TRUE = {"proportional": (2.5,), "affine": (0.7, 3.0), "power": (2.0, 0.6), "saturating": (4.0, 8.0)}
-QUANTILES = (*fit.QUANTILES, fit.ENVELOPE)
+QUANTILES = (*fit.FITTED_QUANTILES, fit.ENVELOPE)
 
 
 @pytest.fixture(autouse=True)
@@ -37,21 +37,21 @@ def noisy(seed=0, model="affine", spread=0.4):
     """Skewed errors about a curve, some lanes failed."""
     random = np.random.default_rng(seed)
     scatter = random.lognormal(sigma=spread, size=(1, S)) * random.lognormal(sigma=spread, size=(len(X), S))
-    y = value(model, X, TRUE[model])[:, None] * scatter
+    y = model_value(model, X, TRUE[model])[:, None] * scatter
     y[1, 3:9] = y[4, 0] = np.nan
     return fit.Errors(X, y)
 
 
 def pinball(errors, model, parameters, quantile):
     """Its loss, of y with weights 1/x, as the definition has it."""
-    residual = (errors.y - value(model, errors.x, parameters)[:, None]) / errors.x[:, None]
+    residual = (errors.y - model_value(model, errors.x, parameters)[:, None]) / errors.x[:, None]
     return np.nansum(np.where(residual >= 0, quantile, quantile - 1) * residual)
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_noiseless_data_give_their_parameters_back(model):
     """By every estimator; no saturation is found where there is none."""
-    y = np.repeat(value(model, X, TRUE[model])[:, None], S, axis=1)
+    y = np.repeat(model_value(model, X, TRUE[model])[:, None], S, axis=1)
     for at in best(fit.Errors(X, y)).values():
         np.testing.assert_allclose(at[model], TRUE[model], rtol=1e-9)
         if model == "proportional":
@@ -60,7 +60,7 @@ def test_noiseless_data_give_their_parameters_back(model):
             assert at["saturating"][1] > 1e12
 
 
-@pytest.mark.parametrize("quantile", fit.QUANTILES)
+@pytest.mark.parametrize("quantile", fit.FITTED_QUANTILES)
 @pytest.mark.parametrize("model", ["proportional", "affine"])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_quantile_regression_solves_the_linear_program(model, quantile, seed):
@@ -87,7 +87,7 @@ def erratic(seed):
     return fit.Errors(X, X[:, None] * slopes * random.lognormal(sigma=0.5, size=(len(X), S)))
 
 
-@pytest.mark.parametrize("quantile", fit.QUANTILES)
+@pytest.mark.parametrize("quantile", fit.FITTED_QUANTILES)
 @pytest.mark.parametrize(
     ("model", "errors"),
     [
@@ -112,7 +112,7 @@ def test_no_curve_of_a_fine_grid_is_better(model, errors, quantile):
 
 def near(errors, model, second, quantile):
     """The weighted quantile of y/f, one of which is the best scale, and its neighbours."""
-    curve = value(model, X, (1.0, second))[:, None]
+    curve = model_value(model, X, (1.0, second))[:, None]
     there = np.isfinite(errors.y).ravel()
     scale, weight = (errors.y / curve).ravel()[there], np.repeat(curve[:, 0] / X, S)[there]
     order = np.argsort(scale)
@@ -141,7 +141,7 @@ def test_least_squares_have_no_slope_left(model):
     found = best(errors)[None][model]
 
     def loss(parameters):
-        return np.nansum(((errors.y - value(model, X, parameters)[:, None]) / X[:, None]) ** 2)
+        return np.nansum(((errors.y - model_value(model, X, parameters)[:, None]) / X[:, None]) ** 2)
 
     around = [
         found * (1 + 1e-3 * np.array(step)) for step in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1))
@@ -152,10 +152,10 @@ def test_least_squares_have_no_slope_left(model):
 def test_counts_stand_for_samples_drawn_more_than_once():
     """Fits with the counts of a resample are fits to its samples."""
     errors = noisy(3)
-    counts = next(fit.resamples(S, 1))
+    counts = next(fit.draw_resamples(S, 1))
     drawn = fit.Errors(X, np.repeat(errors.y, counts[0], axis=1))
     weighted, repeated = best(errors, counts), best(drawn)
-    for quantile in (None, *fit.QUANTILES):
+    for quantile in (None, *fit.FITTED_QUANTILES):
         for model, found in weighted[quantile].items():
             np.testing.assert_allclose(found, repeated[quantile][model], rtol=1e-9)
 
@@ -167,13 +167,17 @@ def test_resamples_are_fitted_closely_enough(monkeypatch):
     many = bootstrapped(noisy(4, "saturating"))
     for quantile, at in few.items():
         for model in ("proportional", "affine", "power"):
-            ours, theirs = (np.array(fit.interval(each)) for each in (at[model], many[quantile][model]))
+            ours, theirs = (
+                np.array(fit.percentile_interval(each)) for each in (at[model], many[quantile][model])
+            )
             assert np.all(np.abs(ours - theirs) < 0.02 * (theirs[1] - theirs[0]))
 
 
 def bootstrapped(errors):
     """Fits of the resamples."""
-    return fit.bootstrap(errors.ranked(), fit.resamples(errors.y.shape[1], fit.ROWS), errors.models)
+    return fit.bootstrap(
+        errors.ranked(), fit.draw_resamples(errors.y.shape[1], fit.RESAMPLES_TOGETHER), errors.models
+    )
 
 
 @pytest.mark.parametrize("shared", [0.5, 0.0, 0.9], ids=["both", "lanes", "samples"])
@@ -189,10 +193,12 @@ def test_neighbours_that_share_a_weight_leave_the_intervals(shared, monkeypatch)
     errors.y[:, random.random(4000) < 0.9] *= 1e-9
     errors.y[random.random(errors.y.shape) < 0.01] = np.nan
     whole = bootstrapped(errors)
-    monkeypatch.setattr(fit, "BINS", 250)
+    monkeypatch.setattr(fit, "MOST_BINS", 250)
     for quantile, at in bootstrapped(errors).items():
         for model in ("proportional", "affine", "power"):
-            ours, theirs = (np.stack(fit.interval(each)) for each in (at[model], whole[quantile][model]))
+            ours, theirs = (
+                np.stack(fit.percentile_interval(each)) for each in (at[model], whole[quantile][model])
+            )
             noise = 0.0 if quantile is None else 0.14 * (theirs[1] - theirs[0])
             assert np.all(np.abs(ours - theirs) <= noise)
 
@@ -200,7 +206,7 @@ def test_neighbours_that_share_a_weight_leave_the_intervals(shared, monkeypatch)
 def test_samples_are_resampled_and_not_rows():
     """Where all magnitudes share a sample's draw there are S observations, not S times as many magnitudes."""
     shared = 1 + 0.3 * np.random.default_rng(0).normal(size=1000)
-    rows = [*fit.fits(fit.Errors(X, X[:, None] * shared), most=3.0)]
+    rows = [*fit.fit_rows(fit.Errors(X, X[:, None] * shared), most=3.0)]
     width = 2 * 1.96 * shared.std() / np.sqrt(1000)
     for model, parameter in (("proportional", "s"), ("power", "c")):
         row = next(row for row in rows if (row["model"], row["parameter"]) == (model, parameter))
@@ -225,7 +231,7 @@ def test_order_and_unit_do_not_matter():
 def test_the_envelope_is_above_all_data_and_touches_them(model):
     """No other curve that does is lower: as many data are touched as there are parameters."""
     errors = noisy(7, "affine")
-    slack = value(model, X, best(errors)[fit.ENVELOPE][model])[:, None] / errors.y - 1
+    slack = model_value(model, X, best(errors)[fit.ENVELOPE][model])[:, None] / errors.y - 1
     assert np.nanmin(slack) > -1e-9
     touched = np.sum(slack < 1e-9)
     assert touched == len(MODELS[model]) or (model == "saturating" and touched == 1)
@@ -254,7 +260,7 @@ def test_no_interval_of_too_few_draws():
     """
     for quantile, fewest in ((0.5, 20), (0.95, 200)):
         for draws, told in ((fewest - 1, False), (fewest, True)):
-            assert fit.enough(fit.Errors(np.ones(1), np.ones((1, draws))), quantile) is told
+            assert fit.bootstrap_suffices(fit.Errors(np.ones(1), np.ones((1, draws))), quantile) is told
     for rest in (1e-28, 1.0):
         for off, told in (
             (44, False),
@@ -262,13 +268,13 @@ def test_no_interval_of_too_few_draws():
         ):  # np off of n have n / kurtosis = np (1 - p) / (1 - 3 p (1 - p))
             y = np.full((1, 20 * off), rest)
             y[0, :off] = 3.0
-            assert fit.enough(fit.Errors(np.ones(1), y), None) is told
+            assert fit.bootstrap_suffices(fit.Errors(np.ones(1), y), None) is told
 
 
 def test_nothing_is_resampled_where_all_is_rounding():
     """Draws that are off may be unseen, so curves have no intervals; the slope has one, under its bound."""
     y = X[:, None] * 1e-28 * np.random.default_rng(0).random((1, 400))
-    rows = pd.DataFrame(fit.fits(fit.Errors(X, y), most=7.0))
+    rows = pd.DataFrame(fit.fit_rows(fit.Errors(X, y), most=7.0))
     squares = rows[rows["quantile"].isna()].set_index(["model", "parameter"]).sort_index()
     slope = squares.loc[("proportional", "s")]
     assert slope["low"] < 1e-28
@@ -279,7 +285,7 @@ def test_nothing_is_resampled_where_all_is_rounding():
 def test_curves_of_a_quantile_at_a_jump_have_no_interval():
     """One draw in twenty is off: resamples leave open on which side its 0.95 quantile lies."""
     y = X[:, None] * np.where(np.arange(1000) < 50, 2.0, 1e-28)
-    rows = pd.DataFrame(fit.fits(fit.Errors(X, y + X[:, None] * 1e-29 * np.arange(1000))))
+    rows = pd.DataFrame(fit.fit_rows(fit.Errors(X, y + X[:, None] * 1e-29 * np.arange(1000))))
     known = rows[rows["low"].notna() & (rows["quantile"] == 0.95)]
     assert known["model"].tolist() == ["proportional"]
     assert known["low"].item() < 1e-20 < known["high"].item()
@@ -289,11 +295,11 @@ def test_aicc_finds_the_model_and_is_blank_without_residuals(monkeypatch):
     """Least squares alone have it."""
     monkeypatch.setattr(fit, "FEWEST_BEYOND", 1)
     for model in ("affine", "power", "saturating"):
-        rows = pd.DataFrame(fit.fits(noisy(9, model, spread=0.03)))
+        rows = pd.DataFrame(fit.fit_rows(noisy(9, model, spread=0.03)))
         assert rows["quantile"].isna().sum() == rows["aicc"].notna().sum() == 7
         assert rows.loc[rows["aicc"].idxmin(), "model"] == model
     exact = fit.Errors(X, 2.0 * X[:, None] * (1 + 1e-10 * np.random.default_rng(0).normal(size=(len(X), S))))
-    rows = pd.DataFrame(fit.fits(exact))
+    rows = pd.DataFrame(fit.fit_rows(exact))
     own = rows[(rows["model"] == "proportional") & (rows["quantile"] != fit.ENVELOPE)]
     assert rows["aicc"].isna().all()
     np.testing.assert_allclose(own["estimate"], 2.0, rtol=1e-9)
@@ -315,16 +321,16 @@ def test_extreme_errors_are_fitted_without_complaint(monkeypatch):
     random = np.random.default_rng(0)
     y = X[:, None] * np.where(random.random((len(X), S)) < 0.8, 1e-28, 2.0) * random.random((len(X), S))
     y[2], y[3] = 0.0, np.nan
-    rows = pd.DataFrame(fit.fits(fit.Errors(X, y)))
+    rows = pd.DataFrame(fit.fit_rows(fit.Errors(X, y)))
     assert rows["estimate"].notna().all()
     slope = rows[(rows["quantile"] == 0.5) & (rows["model"] == "proportional")]
     assert 0 <= slope["estimate"].item() < 1e-28
-    nothing = pd.DataFrame(fit.fits(fit.Errors(X, np.zeros((len(X), S)))))
+    nothing = pd.DataFrame(fit.fit_rows(fit.Errors(X, np.zeros((len(X), S)))))
     assert (nothing.loc[nothing["parameter"].isin(["s", "b", "c"]), "estimate"] == 0).all()
     assert (nothing.loc[nothing["parameter"] == "p", "estimate"] == 1).all()
     for x in ([1e-300, 1e300], [1e290, 1e300]):
         y = np.array(x)[:, None] * 2.0 * np.ones((1, S))
-        rows = pd.DataFrame(fit.fits(fit.Errors(np.array(x), y), most=2.0))
+        rows = pd.DataFrame(fit.fit_rows(fit.Errors(np.array(x), y), most=2.0))
         known = rows[rows["model"] == "proportional"]
         np.testing.assert_allclose(known["estimate"], 2.0)
         assert rows["aicc"].isna().all()
@@ -362,7 +368,7 @@ def test_table_holds_every_fit(monkeypatch):
                 }
             )
         )
-    table = fit.table(results(pd.concat(rows), sweep=sweep, attack="replay"))
+    table = fit.fit_table(results(pd.concat(rows), sweep=sweep, attack="replay"))
     names = ["topology", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
     assert list(table.columns) == names
     assert len(table) == 2 * 2 * 4 * 7
@@ -370,7 +376,7 @@ def test_table_holds_every_fit(monkeypatch):
     assert set(table["model"]) == set(MODELS)
     assert (table.loc[table["quantile"] == 1.0, ["low", "high"]].isna()).all(axis=None)
     for topology, number in (("star", 10), ("path", 11)):
-        direct = pd.DataFrame(fit.fits(noisy(number)))
+        direct = pd.DataFrame(fit.fit_rows(noisy(number)))
         for metric, unit in (("tail_mean", 1.0), ("tail_max", 2.0)):
             ours = table[(table["topology"] == topology) & (table["metric"] == metric)]
             slopes = ours[ours["model"] == "proportional"], direct[direct["model"] == "proportional"]
@@ -381,12 +387,12 @@ def test_table_holds_every_fit(monkeypatch):
 def test_fewer_magnitudes_fewer_models():
     """One magnitude tells a slope alone; none is said."""
     one = np.where(X[:, None] == 3.0, noisy().y, np.nan)
-    rows = list(fit.fits(fit.Errors(X, one)))
+    rows = list(fit.fit_rows(fit.Errors(X, one)))
     assert {row["model"] for row in rows} == {"proportional"}
-    assert list(fit.fits(fit.Errors(X, np.full((len(X), S), np.nan)))) == []
+    assert list(fit.fit_rows(fit.Errors(X, np.full((len(X), S), np.nan)))) == []
     for keys in ({"attack": "none"}, {"attack": {"magnitude": 0}}):
         with pytest.raises(FolderError, match="no cell has an attack with ā > 0"):
-            fit.table(results(pd.DataFrame({"sample": [0]}), **keys))
+            fit.fit_table(results(pd.DataFrame({"sample": [0]}), **keys))
 
 
 def test_intervals_cover():

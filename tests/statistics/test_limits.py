@@ -11,7 +11,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.signal import Harmonic
 from jaxnet.statistics import limits as bounds
-from jaxnet.statistics.limits import limits_of, slopes_table, tail_of, violations
+from jaxnet.statistics.limits import limits_of, slopes_table, tail_of, violations_table
 from tests import reference, systems
 
 GAIN = [2.0, 4.0, 2.5]
@@ -51,7 +51,7 @@ def test_where_each_lane_has_its_own_bounds_none_is_claimed(drawn):
     slopes = slopes_table(study.cells)
     assert len(slopes) == 6 * 14
     assert slopes["slope"].isna().all()
-    assert violations(results_of(study, tail_max=[1e9])).empty
+    assert violations_table(results_of(study, tail_max=[1e9])).empty
 
 
 def results_of(study, **columns):
@@ -73,7 +73,7 @@ def test_a_lane_over_its_bound_is_found(engine):
     accuracy = {"exact": 1e-8, "nonlinear": 1e-5}[engine]
     errors = [3.0, 3.0 + 2 * accuracy, 23.9, 24.1, np.nan]
     status = ["ok", "ok", "ok", "ok", "singular"]
-    found = violations(results_of(study, tail_max=errors, status=status))
+    found = violations_table(results_of(study, tail_max=errors, status=status))
     assert found.columns.tolist() == ["cell", "sample", "bound", "tail_max", "limit", "command"]
     assert [tuple(row) for row in found[["sample", "bound"]].to_numpy()] == [
         (3, "peak_gain"),
@@ -94,10 +94,10 @@ def test_drawing_the_suspects_alone_misses_no_violation(magnitude, monkeypatch):
     attack = {"kind": "rotating", "magnitude": magnitude}
     study = systems.study(samples=200, engine="exact", topology="star", attack=attack, horizon=12, tail=1)
     errors = np.random.default_rng(0).uniform(0, np.repeat([4, 40], 100))
-    some = violations(results_of(study, tail_max=errors))
-    few = bounds.suspects
-    monkeypatch.setattr(bounds, "suspects", lambda *given: np.ones(200, bool))
-    every = violations(results_of(study, tail_max=errors))
+    some = violations_table(results_of(study, tail_max=errors))
+    few = bounds.suspect_lanes
+    monkeypatch.setattr(bounds, "suspect_lanes", lambda *given: np.ones(200, bool))
+    every = violations_table(results_of(study, tail_max=errors))
     pd.testing.assert_frame_equal(some, every)
     suspected = few(
         study.cells[0].scenario, Keyed(0), pd.DataFrame({"sample": range(200), "tail_max": errors})
@@ -122,16 +122,16 @@ def test_nothing_said_of_a_vehicle_cut_off():
     }
     study = jaxnet.load(keys | {"sweep": {"attack.magnitude": [0, 5]}})
     assert np.isinf(slopes_table(study.cells).set_index("vehicle").loc["worst", "slope"]).all()
-    assert violations(results_of(study, cell=[0, 1], tail_max=[1e9, 1e9])).empty
+    assert violations_table(results_of(study, cell=[0, 1], tail_max=[1e9, 1e9])).empty
 
 
 def test_what_may_switch_is_not_held_against_the_static_bound():
     """In the ring that trims: static holds without defence only; no attack, no bound."""
     sweep = {"attack": ["none", "bias"], "defence": ["none", "trusted_trim"]}
     study = jaxnet.load({"horizon": 60, "sweep": sweep})
-    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 16.0, 16.0]))
+    found = violations_table(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 16.0, 16.0]))
     assert list(zip(found["cell"], found["bound"], strict=True)) == [(2, "static")]
-    found = violations(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 99.5, 99.5]))
+    found = violations_table(results_of(study, cell=[0, 1, 2, 3], tail_max=[1e3, 1e3, 99.5, 99.5]))
     known = [(2, "harmonic"), (2, "static"), (3, "harmonic"), (3, "peak_gain")]
     assert sorted(zip(found["cell"], found["bound"], strict=True)) == known
 
@@ -148,7 +148,9 @@ def test_what_has_one_frequency_is_held_against_less():
     attacks = ["rotating", "sinusoid", "bias", "multisine", {"kind": "sinusoid", "orders": [0]}, Swelling()]
     study = systems.study(horizon=60, sweep={"attack": attacks})
     cells = list(range(len(attacks)))
-    below, over = (violations(results_of(study, cell=cells, tail_max=[e] * len(cells))) for e in (34.9, 35.1))
+    below, over = (
+        violations_table(results_of(study, cell=cells, tail_max=[e] * len(cells))) for e in (34.9, 35.1)
+    )
     assert "harmonic" not in set(below["bound"])
     found = over.query("bound == 'harmonic'")
     assert found["cell"].tolist() == [0, 1, 2]

@@ -54,7 +54,7 @@ def test_of_two_values_it_is_the_exact_one():
     for trials in (1, 2, 30, 100, 1000):
         for successes in {0, 1, trials // 20, trials // 2, trials}:
             values = np.arange(trials) < successes
-            found = means.ends(values.astype(float), 0.0, 1.0, 0.95)
+            found = means.mean_interval(values.astype(float), 0.0, 1.0, 0.95)
             exact = stats.binomtest(successes, trials).proportion_ci(0.95, method="exact")
             assert found == pytest.approx((exact.low, exact.high), abs=0.025 / trials)
 
@@ -63,7 +63,7 @@ def test_of_others_it_is_the_quantile_of_weighted_means():
     """Of two million weights that are uniform over all that sum to 1."""
     random = np.random.default_rng(0)
     values = random.exponential(size=40)
-    low, high = means.ends(values, 0.0, 9.0, 0.95)
+    low, high = means.mean_interval(values, 0.0, 9.0, 0.95)
     weights = random.standard_exponential((200_000, 41))
     weights /= weights.sum(axis=1, keepdims=True)
     known = [np.quantile(weights @ np.append(values, end), at) for end, at in ((0.0, 0.025), (9.0, 0.975))]
@@ -73,31 +73,33 @@ def test_of_others_it_is_the_quantile_of_weighted_means():
 def test_unit_origin_and_side_do_not_matter():
     """Values scaled by powers up to the last that there are, shifted and turned round."""
     values = np.random.default_rng(0).exponential(size=50)
-    low, high = means.ends(values, 0.0, 20.0, 0.95)
+    low, high = means.mean_interval(values, 0.0, 20.0, 0.95)
     for scale in (1e-300, 1e-28, 1e300, 1e306):
-        assert means.ends(scale * values, 0.0, scale * 20, 0.95) == pytest.approx((scale * low, scale * high))
-    assert means.ends(values + 3, 3.0, 23.0, 0.95) == pytest.approx((low + 3, high + 3))
-    assert means.ends(-values, -20.0, 0.0, 0.95) == pytest.approx((-high, -low))
+        assert means.mean_interval(scale * values, 0.0, scale * 20, 0.95) == pytest.approx(
+            (scale * low, scale * high)
+        )
+    assert means.mean_interval(values + 3, 3.0, 23.0, 0.95) == pytest.approx((low + 3, high + 3))
+    assert means.mean_interval(-values, -20.0, 0.0, 0.95) == pytest.approx((-high, -low))
 
 
 def test_edges():
     """Values that are all alike, at a bound and beyond one; one value; none; infinite ones and no bound."""
-    assert means.ends(np.full(50, 3.0), 0.0, 3.0, 0.95) == pytest.approx(
+    assert means.mean_interval(np.full(50, 3.0), 0.0, 3.0, 0.95) == pytest.approx(
         (3 * 0.025 ** (1 / 50), 3.0), rel=1e-3
     )
-    assert means.ends(np.zeros(50), 0.0, 0.0, 0.95) == (0.0, 0.0)
+    assert means.mean_interval(np.zeros(50), 0.0, 0.0, 0.95) == (0.0, 0.0)
     assert (
-        means.ends(np.array([1.0, 5.0]), 0.0, 4.0, 0.95)[1]
-        == means.ends(np.array([1.0, 5.0]), 0.0, 5.0, 0.95)[1]
+        means.mean_interval(np.array([1.0, 5.0]), 0.0, 4.0, 0.95)[1]
+        == means.mean_interval(np.array([1.0, 5.0]), 0.0, 5.0, 0.95)[1]
     )
-    low, high = means.ends(np.array([2.0]), 0.0, 10.0, 0.95)
+    low, high = means.mean_interval(np.array([2.0]), 0.0, 10.0, 0.95)
     assert (low, high) == pytest.approx((0.05, 9.8), abs=0.02)
-    low, high = means.ends(np.full(400, 1e-28), 0.0, 70.0, 0.95)
+    low, high = means.mean_interval(np.full(400, 1e-28), 0.0, 70.0, 0.95)
     assert low < 1e-28
     assert high == pytest.approx(70 * 3.689 / 400, rel=0.02)
     for values, most in (([], 1.0), ([1.0, np.inf], 9.0), ([1.0, np.nan], 9.0)):
-        assert np.isnan(means.ends(np.array(values), 0.0, most, 0.95)).all()
-    low, high = means.ends(np.ones(9), 0.0, np.inf, 0.95)
+        assert np.isnan(means.mean_interval(np.array(values), 0.0, most, 0.95)).all()
+    low, high = means.mean_interval(np.ones(9), 0.0, np.inf, 0.95)
     assert 0 < low < 1
     assert np.isnan(high)
 
@@ -106,8 +108,8 @@ def test_sums_stand_for_what_they_are_of():
     """The mean is that of all numbers; as many units of one size have the interval of their means."""
     random = np.random.default_rng(0)
     values = random.uniform(0, 4, 30)
-    found = means.ends(3 * values, 0.0, 5.0, 0.95, np.full(30, 3.0))
-    assert found == pytest.approx(means.ends(values, 0.0, 5.0, 0.95))
+    found = means.mean_interval(3 * values, 0.0, 5.0, 0.95, np.full(30, 3.0))
+    assert found == pytest.approx(means.mean_interval(values, 0.0, 5.0, 0.95))
     counts = random.integers(1, 9, 30).astype(float)
-    low, high = means.ends(counts * values, 0.0, 5.0, 0.95, counts)
+    low, high = means.mean_interval(counts * values, 0.0, 5.0, 0.95, counts)
     assert low < np.average(values, weights=counts) < high

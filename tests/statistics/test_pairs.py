@@ -101,14 +101,14 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     """In whichever study it failed."""
     whole = jaxnet.compare(without, trimmed)
     pair = pairs.paired_cells(without, trimmed)[0]
-    lanes = pairs.joined(without, trimmed, pair)
+    lanes = pairs.join_lanes(without, trimmed, pair)
     lanes.loc[3, ["status_B", "tail_mean_B", "tail_max_B"]] = ["max_steps", np.nan, np.nan]
-    judged = pairs.judge(lanes, pair, [0.3, 0.3])
-    row = pairs.row_of(pair, judged, (without, trimmed))
+    judged = pairs.mark_unrecovered(lanes, pair, [0.3, 0.3])
+    row = pairs.comparison_row(pair, judged, (without, trimmed))
     assert (row["pairs"], row["failed"]) == (9, 1)
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
-    named = pairs.listed_lanes([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
+    named = pairs.lane_table([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
     said = comparison.told(whole._replace(failed=named))
     assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
 
@@ -119,7 +119,7 @@ def test_the_interval_of_a_difference_of_shares_holds_as_often_as_it_says():
     for chances in ([0.7, 0.3, 0.0, 0.0], [0.6, 0.1, 0.25, 0.05], [0.9, 0.02, 0.06, 0.02]):
         true = chances[2] - chances[1]
         draws = random.choice(4, (400, 40), p=chances)
-        found = [pairs.shift(np.isin(each, (1, 3)), np.isin(each, (2, 3))) for each in draws]
+        found = [pairs.share_shift(np.isin(each, (1, 3)), np.isin(each, (2, 3))) for each in draws]
         held = np.mean([each.unrecovered_low <= true <= each.unrecovered_high for each in found])
         assert held >= 0.95 - 0.025, (chances, held)
 
@@ -128,7 +128,7 @@ def test_the_interval_leaves_out_no_change_where_mcnemars_test_does():
     """For every number of lanes saved and lost up to 12, of 50."""
     for saved, lost in itertools.product(range(13), repeat=2):
         sides = np.repeat([[True, False], [False, True], [False, False]], [saved, lost, 50 - saved - lost], 0)
-        found = pairs.shift(*sides.T)
+        found = pairs.share_shift(*sides.T)
         assert (found.p < 0.05) == (not found.unrecovered_low <= 0 <= found.unrecovered_high), (saved, lost)
 
 
@@ -152,10 +152,10 @@ def test_what_cannot_be_paired_is_refused(without, keys, words):
 
 def test_lanes_without_recovery_have_no_sides(without):
     """Blank where one study does not say when a lane has recovered."""
-    assert pd.isna(pairs.row_of(*unjudged(without), (without, without))["p"])
+    assert pd.isna(pairs.comparison_row(*unjudged(without), (without, without))["p"])
 
 
 def unjudged(results):
     """A pair of cells, and its lanes judged without a threshold."""
     pair = (results.study.cells[0],) * 2
-    return pair, pairs.judge(pairs.joined(results, results, pair), pair, [np.nan, 0.3])
+    return pair, pairs.mark_unrecovered(pairs.join_lanes(results, results, pair), pair, [np.nan, 0.3])

@@ -62,15 +62,15 @@ def test_counts():
             "tail_mean": [1.0, 0.021, 0.02, 0.5, np.nan],
         }
     )
-    ok, counts = rows[rows["status"] == "ok"], recovery.nobody(cells)
+    ok, counts = rows[rows["status"] == "ok"], recovery.zero_counts(cells)
     for number, errors in ok.groupby("cell")["tail_mean"]:
         counts.add(cells[number], errors.to_numpy(), 0.01)
     assert (counts.unrecovered.tolist(), counts.ended.tolist()) == ([0, 2], [1, 3])
-    table = recovery.shares(counts, cells, 0.95)
+    table = recovery.unrecovered_columns(counts, cells, 0.95)
     assert table.loc[0].isna().all()
     assert table["unrecovered"][1] == pytest.approx(2 / 3)
-    assert recovery.worst(ok, cells, 2) == [(1, 2), (1, 0)]
-    assert recovery.worst(ok, cells, 9) == [(1, 2), (1, 0), (1, 1)]
+    assert recovery.worst_lanes(ok, cells, 2) == [(1, 2), (1, 0)]
+    assert recovery.worst_lanes(ok, cells, 9) == [(1, 2), (1, 0), (1, 1)]
 
 
 def test_the_table_has_the_shares(tmp_path):
@@ -96,15 +96,15 @@ def test_the_worst_lanes_are_of_all_groups():
             "tail_mean": [0.7, 0.8, 9.0, 1.0, 0.1, 2.0],
         }
     )
-    assert recovery.worst(rows, cells, 3) == [(1, 0), (3, 0), (0, 1)]
-    assert recovery.worst(rows, cells, 9) == [(1, 0), (3, 0), (0, 1), (2, 0), (0, 0), (1, 1)]
+    assert recovery.worst_lanes(rows, cells, 3) == [(1, 0), (3, 0), (0, 1)]
+    assert recovery.worst_lanes(rows, cells, 9) == [(1, 0), (3, 0), (0, 1), (2, 0), (0, 0), (1, 1)]
 
 
 @pytest.fixture
 def small_shards(monkeypatch):
     """Shards of 60 lanes and looks from 50 on, so that some end within a shard."""
     monkeypatch.setattr(Exact, "shard", 60)
-    monkeypatch.setattr(recovery, "FIRST", 50)
+    monkeypatch.setattr(recovery, "FIRST_LOOK", 50)
 
 
 def until(half_width, at_most=1000):
@@ -194,8 +194,8 @@ def test_the_last_interval_of_a_run_covers(share):
 
     @functools.cache  # for few counts are ever new
     def widest(failed, ended):
-        counts = recovery.Counts(np.array([failed]), np.array([ended]))
-        return recovery.widest(counts, cells, ended, criterion)
+        counts = recovery.RecoveryCounts(np.array([failed]), np.array([ended]))
+        return recovery.widest_half_interval(counts, cells, ended, criterion)
 
     for _ in range(1000):
         failed = ended = 0
@@ -248,7 +248,9 @@ def test_intervals_for_one_look_do_not_survive_many():
 def test_one_half_width_is_half_a_width():
     """What the criterion is on: half the interval's width, at the fifth look with 1,000 samples."""
     cells = jaxnet.load({}).cells
-    counts = recovery.Counts(np.array([50]), np.array([1000]))
+    counts = recovery.RecoveryCounts(np.array([50]), np.array([1000]))
     low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
     half = float(high[0] - low[0]) / 2
-    assert recovery.widest(counts, cells, 1000, config.Criterion(half_width=0.1)) == pytest.approx(half)
+    assert recovery.widest_half_interval(
+        counts, cells, 1000, config.Criterion(half_width=0.1)
+    ) == pytest.approx(half)

@@ -14,8 +14,8 @@ from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
 from jaxnet.theory.announced import between_ticks
-from jaxnet.theory.bounds import NAMES, bounds, harmonic
-from jaxnet.theory.spread import Spread, spread_of
+from jaxnet.theory.bounds import BOUND_KEYS, harmonic, ultimate_bounds
+from jaxnet.theory.spread import AttackGain, attack_gain
 from tests.matrices import matrix_of
 from tests.theory.test_spread import ATTACKED, CUT_OFF, CYCLIC, TRIO, hearing, networks, of
 
@@ -30,23 +30,25 @@ def gain_of(*poles):
 
 def bounds_of(network, gain=GAIN):
     """All bounds on a network."""
-    return bounds(spread_of(*network.spread), gain)
+    return ultimate_bounds(attack_gain(*network.spread), gain)
 
 
 def test_lyapunov_constants_of_the_default_gain():
     """SCIENCE O5."""
     P = [[2.3125, 1.9375, 0.5], [1.9375, 3.25, 0.8125], [0.5, 0.8125, 0.4375]]
-    np.testing.assert_allclose(lyapunov.solution(GAIN), P, rtol=1e-12)
-    assert lyapunov.printed(GAIN) == pytest.approx(2.0991, abs=5e-5)
-    assert lyapunov.corrected(GAIN) / lyapunov.printed(GAIN) == pytest.approx(4.7626, abs=5e-5)
-    assert lyapunov.corrected(GAIN) == pytest.approx(9.997, abs=5e-4)
-    assert lyapunov.best(GAIN) == pytest.approx(7.856, abs=5e-4)
+    np.testing.assert_allclose(lyapunov.lyapunov_matrix(GAIN), P, rtol=1e-12)
+    assert lyapunov.printed_constant(GAIN) == pytest.approx(2.0991, abs=5e-5)
+    assert lyapunov.corrected_constant(GAIN) / lyapunov.printed_constant(GAIN) == pytest.approx(
+        4.7626, abs=5e-5
+    )
+    assert lyapunov.corrected_constant(GAIN) == pytest.approx(9.997, abs=5e-4)
+    assert lyapunov.best_constant(GAIN) == pytest.approx(7.856, abs=5e-4)
 
 
 def test_star_norms_of_the_default_gain():
     """Of the position, and of the whole state."""
-    assert response.star_norm(GAIN) == pytest.approx(1.183, abs=5e-4)
-    assert response.star_norm(GAIN, np.eye(3)) == pytest.approx(1.238, abs=5e-4)
+    assert response.axis_star_norm(GAIN) == pytest.approx(1.183, abs=5e-4)
+    assert response.axis_star_norm(GAIN, np.eye(3)) == pytest.approx(1.238, abs=5e-4)
 
 
 @pytest.mark.parametrize("gain", [GAIN, gain_of(-0.5, -1, -7), gain_of(-2, -2, -0.1)])
@@ -113,7 +115,7 @@ def test_the_printed_constant_holds_at_the_default_gain():
     A = exact.companion(GAIN)
     bound = quad(lambda time: np.linalg.norm(expm(A * time)[:, 2]), 0.0, 60.0, limit=500)[0]
     assert bound == pytest.approx(1.4790, abs=5e-5)
-    assert bound < lyapunov.printed(GAIN)
+    assert bound < lyapunov.printed_constant(GAIN)
 
 
 def test_the_printed_constant_is_false_in_general():
@@ -132,8 +134,8 @@ def test_the_printed_constant_is_false_in_general():
             state = flow @ state + push * sign
         direction = state / np.linalg.norm(state)
     assert np.linalg.norm(state) == pytest.approx(10.67, abs=0.02)
-    assert lyapunov.printed(gain) == pytest.approx(9.480, abs=5e-4)
-    assert np.linalg.norm(state) < lyapunov.corrected(gain)
+    assert lyapunov.printed_constant(gain) == pytest.approx(9.480, abs=5e-4)
+    assert np.linalg.norm(state) < lyapunov.corrected_constant(gain)
 
 
 GRAPHS = {"star": matrix_of(Star(), 12), "cyclic": CYCLIC, "path": matrix_of(Path(), 12)}
@@ -146,7 +148,7 @@ GRAPHS = {"star": matrix_of(Star(), 12), "cyclic": CYCLIC, "path": matrix_of(Pat
 def test_the_table_of_the_notes(name, static, peak, printed, corrected):
     """SCIENCE O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
     found = bounds_of(of(GRAPHS[name], ATTACKED, theta=0))
-    assert tuple(found) == NAMES
+    assert tuple(found) == BOUND_KEYS
     assert found["static"].worst == pytest.approx(static, abs=5e-4)
     assert found["peak_gain"].worst == pytest.approx(peak, abs=0.05)
     assert found["lyapunov_printed"].fleet == pytest.approx(printed, abs=0.05)
@@ -169,7 +171,7 @@ def test_the_ring_that_trims_may_switch():
 def test_attacks_that_may_jump_have_no_static_bound():
     """A strategic attack's vectors change at ticks, and with them G: the peak gain alone covers that."""
     network = of(CYCLIC, ATTACKED, theta=0)
-    smooth, jumping = bounds_of(network), bounds(spread_of(*network.spread, smooth=False), GAIN)
+    smooth, jumping = bounds_of(network), ultimate_bounds(attack_gain(*network.spread, smooth=False), GAIN)
     assert np.isnan(jumping["static"].vehicles).all()
     np.testing.assert_array_equal(jumping["peak_gain"].vehicles, smooth["peak_gain"].vehicles)
 
@@ -222,7 +224,7 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
         for name in ("static", "peak_gain", "lyapunov_corrected", "lyapunov_best", "star_norm")
     )
     allowed = 1 + 1e-9
-    one = harmonic(spread_of(*network.spread), gain)
+    one = harmonic(attack_gain(*network.spread), gain)
     frequency = np.append(one.vehicles, one.fleet)
     assert (np.isnan(static) | (static <= frequency * allowed)).all()
     assert (frequency <= peak * allowed).all()
@@ -237,7 +239,7 @@ def test_no_bound_is_below_one_that_it_must_not_be_below(network, gain):
 @pytest.mark.parametrize("orders", [(0, 1, 2, 3), (3,), (0, 1)])
 def test_the_drive_changes_no_faster_within_a_tick_than_theorem_3_is_told(frequency, orders):
     """Λ of a turning attack as great as ā allows, by its exact derivative; attained by one order alone."""
-    reach = Spread(np.array([1.0]), None, np.nan, orders)
+    reach = AttackGain(np.array([1.0]), None, np.nan, orders)
     bound = between_ticks(reach, GAIN, frequency, tick=0.1, one_frequency=orders == (0, 1, 2, 3))[0]
     size = 1.0 / max(frequency**order for order in orders) if frequency else 1.0
     rate = abs(sum(np.append(GAIN, 1.0)[k] * (1j * frequency) ** (k + 1) for k in orders)) * size

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jaxnet.model.graph import of_matrix
-from jaxnet.theory.robustness import followers, led, robustness
+from jaxnet.theory.robustness import leader_robustness, percolated_vehicles, robustness
 from tests.matrices import slotwise
 
 
@@ -89,8 +89,8 @@ def test_strong_robustness_is_percolation(seed):
     leaders = np.append(True, rng.random(m) < 0.3)
     leaders[rng.integers(1, m + 1)] = False
     network = of_matrix(heard)
-    assert led(network, leaders) == strong_by_trial(heard, leaders)
-    assert led(network, np.arange(m + 1) == 0) <= 1
+    assert leader_robustness(network, leaders) == strong_by_trial(heard, leaders)
+    assert leader_robustness(network, np.arange(m + 1) == 0) <= 1
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -109,7 +109,9 @@ def test_percolation_that_bears_one_liar():
     trusted[5, [4, 5]] = trusted[7, 0] = True
     leaders = np.arange(9) < 4
     network = of_matrix(heard)
-    assert followers(network, slotwise(network, trusted), leaders).tolist() == [True] * 6 + [False] * 2
+    assert (
+        percolated_vehicles(network, slotwise(network, trusted), leaders).tolist() == [True] * 6 + [False] * 2
+    )
 
 
 # Graphs of the literature: `hears` lists [i, j], i hears j, from 1; `claims` is what the source says.

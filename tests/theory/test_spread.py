@@ -14,7 +14,7 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.model import graph
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.theory import spread
 from tests import systems
 from tests.matrices import matrix_of, slotwise, whole
@@ -168,7 +168,7 @@ def test_rounds_do_not_grow_with_the_fleet(topology, monkeypatch):
     monkeypatch.setattr(graph, "solver", lambda network: rounds.append(network) or solver(network))
     keys = {"topology": topology, "defence": "trusted_trim"}
     small, large = (
-        spread_of(systems.study(**keys, vehicles=m).cells[0].scenario).gains for m in (1_000, 10_000)
+        scenario_gain(systems.study(**keys, vehicles=m).cells[0].scenario).gains for m in (1_000, 10_000)
     )
     np.testing.assert_allclose(large[:50], small[:50], rtol=1e-9)
     assert 2 < large.max() < 3

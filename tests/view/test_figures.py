@@ -14,7 +14,7 @@ from upath import UPath
 import jaxnet
 from jaxnet.config import naming
 from jaxnet.config.scenario import situation_of
-from jaxnet.statistics.curves import SHARE, Curve
+from jaxnet.statistics.curves import SHARE_COLUMNS, Curve
 from jaxnet.statistics.groups import attacked_groups
 from jaxnet.store.results import Results
 from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology, unrecovered
@@ -157,7 +157,7 @@ def test_bands_say_what_they_leave_out(many, results):
 
 def test_shares_say_what_they_leave_out(many):
     """Groups where ā is swept, else cells."""
-    rows = pd.DataFrame(0.5, index=range(len(many.cells)), columns=SHARE)
+    rows = pd.DataFrame(0.5, index=range(len(many.cells)), columns=SHARE_COLUMNS)
     found = [
         Curve(group, rows.iloc[list(group.attacked)].set_axis(list(group.attacked.values())), {}, {})
         for group in attacked_groups(many.cells)

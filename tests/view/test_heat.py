@@ -102,7 +102,7 @@ def test_only_all_lanes_are_100_per_cent():
     for lanes in (7, 40, 5000):
         for count in range(lanes + 1):
             share = 100 * Fraction(count, lanes)
-            words = tiles.digits("unrecovered", float(share))
+            words = tiles.tile_text("unrecovered", float(share))
             assert (words == "0", words == "100") == (count == 0, count == lanes)
             assert len(words) <= 5
             assert abs(Fraction(words) - share) <= min(share, 100 - share) / 20
@@ -115,7 +115,7 @@ def test_a_rounded_interval_holds_the_exact_one(lanes):
     for low, high in zip(
         *(100 * end for end in clopper_pearson(count, np.full(lanes + 1, lanes), 0.95)), strict=True
     ):
-        told = [float(end) for end in tiles.between(low, high).split("–")]
+        told = [float(end) for end in tiles.interval_text(low, high).split("–")]
         assert 0 <= told[0] <= low < high <= told[1] <= 100
         assert told[1] - told[0] <= 1.2 * (high - low)
 
@@ -123,7 +123,7 @@ def test_a_rounded_interval_holds_the_exact_one(lanes):
 @pytest.mark.parametrize(("error", "words"), [(3.14, "3.1"), (0.11, "0.11"), (7.2e-4, "7e-4"), (1e-12, "0")])
 def test_errors_are_told_in_four_letters(error, words):
     """Below 1e-9 of ā they are rounding."""
-    assert tiles.digits("worst", error) == words
+    assert tiles.tile_text("worst", error) == words
 
 
 def luminance(colour) -> float:
@@ -172,8 +172,8 @@ def test_a_tile_tells_its_cells_share_and_interval():
         f"{graph}, ā = {size} m" for graph in ("star", "cyclic") for size in (0, 10)
     ]
     words = tile_words(panels[1])
-    assert words[0, 1] == [tiles.between(*interval_of(6, 40)), "15"]
-    assert words[0, 0] == [tiles.between(*interval_of(7, 38)), "18*"]
+    assert words[0, 1] == [tiles.interval_text(*interval_of(6, 40)), "15"]
+    assert words[0, 0] == [tiles.interval_text(*interval_of(7, 38)), "18*"]
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
     assert plain(figure.get_suptitle()) == (

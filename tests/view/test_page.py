@@ -15,6 +15,7 @@ import jaxnet
 from jaxnet.model import wording
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
+from jaxnet.statistics.bands import all_bands
 from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.figures import bands, style, ultimate, unrecovered
@@ -144,7 +145,7 @@ def test_findings_of_a_single_cell(tmp_path):
     extremes, _, share, bounds, sure = told(
         tmp_path,
         [20.0],
-        cells=nothing | {key: [np.nan] for key in curves.SHARE[1:]},
+        cells=nothing | {key: [np.nan] for key in curves.SHARE_COLUMNS[1:]},
         bounds=given,
         recovery={"tau": 0.1},
         attack={"kind": "rotating", "magnitude": 10},
@@ -254,14 +255,14 @@ def test_curves_have_the_groups_own_bounds_and_fits(folder):
 
 def test_values_are_alike_however_a_file_writes_them():
     """A column of 1 and 2.5 is written as 1.0 and 2.5."""
-    assert curves.alike(1) == curves.alike(1.0) == curves.alike("1")
-    assert curves.alike("star") != curves.alike("cyclic")
+    assert curves.canonical_value(1) == curves.canonical_value(1.0) == curves.canonical_value("1")
+    assert curves.canonical_value("star") != curves.canonical_value("cyclic")
 
 
 def test_bands_are_quantiles_over_samples(folder):
     """The same lanes sorted by hand."""
     results = jaxnet.open(folder)
-    band = curves.all_bands(results)[4]
+    band = all_bands(results)[4]
     values = np.sort(results.errors["tracking"].values[4], axis=0)
     np.testing.assert_allclose(band.median, values[1], rtol=1e-6)
     np.testing.assert_allclose(band.greatest, values[2], rtol=1e-6)
@@ -287,7 +288,7 @@ def test_figures_for_paper_show_the_same(folder):
     drawn = unrecovered.figure(results, results.study.cells, found)
     shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
-    over_time = bands.figure(results.study.cells, curves.all_bands(results))
+    over_time = bands.figure(results.study.cells, all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
         "no attack",

@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, Band, bands_span, magnitude_words, scenes
+from jaxnet.statistics.bands import Band, bands_span, scenes
+from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -58,7 +59,7 @@ def few(cells: Sequence[Cell]) -> list[Cell]:
 
 def draw_band(panel: Axes, band: Band, look: Any) -> None:
     """One cell's lanes; below FLOOR a log axis shows rounding."""
-    low, median, high, greatest = (np.maximum(FLOOR, values) for values in band[1:])
+    low, median, high, greatest = (np.maximum(LOG_FLOOR, values) for values in band[1:])
     panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)
     panel.plot(band.time, greatest, color=look["color"], linewidth=0.5)
     panel.plot(band.time, median, **look)

@@ -10,12 +10,13 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.cells import Cell
-from jaxnet.explore.courses import courses
-from jaxnet.explore.sensitivity import FILE
-from jaxnet.statistics.choice import Where, chosen, listed
-from jaxnet.statistics.curves import all_bands, curves, no_magnitudes, shares
-from jaxnet.statistics.steps import Steps, untold
-from jaxnet.statistics.tiles import outcomes, tiling
+from jaxnet.explore.courses import search_courses
+from jaxnet.explore.sensitivity import SENSITIVITY_FILE
+from jaxnet.statistics.bands import all_bands
+from jaxnet.statistics.choice import Where, as_list, select_cells
+from jaxnet.statistics.curves import curves, no_magnitudes, unrecovered_shares
+from jaxnet.statistics.steps import Steps, no_progress
+from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results, read_table
@@ -90,7 +91,7 @@ class Plots:
     def unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
         """The share of lanes that do not recover, with its interval."""
         cells, width = selection(self.results, where, column)
-        if not len(shares(self.results, cells)):
+        if not len(unrecovered_shares(self.results, cells)):
             raise lacking(self.results, *NO_SHARE)
         return unrecovered.figure(self.results, cells, curves(self.results, cells), width)
 
@@ -121,7 +122,7 @@ class Plots:
         refuse_unsearched(self.results)
         words = worst.with_unit(self.results)
         shown = cells[: multiples.room([cell.labels for cell in cells], width)]
-        return search.course(list(courses(self.results, shown)), len(cells), words, width)
+        return search.course(list(search_courses(self.results, shown)), len(cells), words, width)
 
     @in_style
     def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
@@ -152,7 +153,7 @@ def selection(results: Results, where: Where | None, column: str) -> tuple[list[
     """The cells that a figure is to show, and its width [in]; raises FolderError."""
     if column not in COLUMNS:
         raise FolderError(f"column: {' or '.join(COLUMNS)} (got {column})")
-    return chosen(results.study.cells, where or {}), COLUMNS[column]
+    return select_cells(results.study.cells, where or {}), COLUMNS[column]
 
 
 def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
@@ -170,19 +171,20 @@ def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: f
     if tiles is None:
         remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
         raise lacking(results, "two swept keys with two values each among these cells", remedy)
-    if outcomes(results).loc[[cell.number for cell in cells], metric].isna().all():
+    if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
         raise lacking(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
     return heat.figure(results, tiles, metric, width)
 
 
 def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
     """Sobol's indices of a metric."""
-    file = results.path / FILE
+    file = results.path / SENSITIVITY_FILE
     table: Any = read_table(file) if file.exists() else pd.DataFrame({"metric": [], "cell": []})
     wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
     if not wanted.any():
         raise LackingError(
-            f"{results.path} has no {FILE} of {metric} in these cells: jaxnet sensitivity makes it"
+            f"{results.path} has no {SENSITIVITY_FILE} of {metric} in these cells:"
+            " jaxnet sensitivity makes it"
         )
     return sensitivity.figure(table[wanted], cells, width)
 
@@ -197,7 +199,7 @@ def lacking(results: Results, what: str, remedy: str) -> LackingError:
     return LackingError(f"{results.path} has no {what}: run the study with {remedy}")
 
 
-def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = untold) -> Iterator[UPath]:
+def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = no_progress) -> Iterator[UPath]:
     """Draw those of these figures that the folder has data for; the files written, one after the other."""
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
@@ -210,7 +212,7 @@ def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = untold) -
 
 def file_name(name: str, where: Where, column: str) -> str:
     """What a figure's files are called: the plain one by its name, others by what they show too."""
-    words = [f"{key}={value}" for key, values in where.items() for value in listed(values)]
+    words = [f"{key}={value}" for key, values in where.items() for value in as_list(values)]
     told = "-".join([name, *words, *(["one-column"] if column == "one" else [])])
     plain = re.sub(r"[^\w.=-]+", "_", told)
     if plain == told and len(told) <= LONGEST:

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from jaxnet.config.naming import bare, quantity
 from jaxnet.statistics.curves import decades
-from jaxnet.statistics.tiles import ROUNDING, Tiling, blanks, digits, notes, outcomes
+from jaxnet.statistics.tiles import NEGLIGIBLE_ERROR, Tiling, blank_reasons, tile_notes, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -54,7 +54,7 @@ def scale(metric: str, values: pd.Series) -> Normalize:
     """All shares that there can be, or the powers of ten around the errors."""
     if metric == "unrecovered":
         return Normalize(0, 100)
-    known = values.dropna().clip(lower=ROUNDING)
+    known = values.dropna().clip(lower=NEGLIGIBLE_ERROR)
     return LogNorm(*decades(known.min(), known.max()), clip=True)
 
 
@@ -73,7 +73,7 @@ def figure(results: Results, tiles: Tiling, metric: str, width: float = style.WI
             break
     tile = (width - margin) / multiples.columns(tiles.panels[:shown], most) / along, (height - TITLE) / down
     legible, wide = (all(np.greater_equal(tile, least)) for least in (LEGIBLE, ROOMY))
-    found: Any = outcomes(results)
+    found: Any = tile_table(results)
     look = Look(found, metric, scale(metric, found[metric]), legible, wide and metric == "unrecovered")
     axes = quantity(tiles.column), quantity(tiles.row)
     drawn, panels = multiples.panels(tiles.panels[:shown], *axes, width, height, most, margin)
@@ -119,13 +119,13 @@ def write(panel: Axes, place: tuple[float, float], row: Any, look: Look) -> None
     drawn: Any = {"ha": "center", "color": ink(COLOURS(look.norm(value)))}
     if look.intervals:
         panel.text(*place, row["interval"], fontsize=5, va="top", **drawn)
-    words = f"{digits(look.metric, value)}{star}"
+    words = f"{tile_text(look.metric, value)}{star}"
     panel.text(*place, words, fontsize=6, va="bottom" if look.intervals else "center", **drawn)
 
 
 def annotate(drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: Look) -> None:
     """Have a figure say how sure its numbers are, and what is hatched."""
-    for words in notes(results, numbers, look.metric):
+    for words in tile_notes(results, numbers, look.metric):
         multiples.note(drawn, words)
-    if reasons := blanks(look.found, numbers):
+    if reasons := blank_reasons(look.found, numbers):
         drawn.legend(handles=[Patch(label=", ".join(reasons), **HATCHED)], loc="outside lower right")

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import NO_BREAK, called
 from jaxnet.model.graph import Digraph, Links
-from jaxnet.statistics.curves import FLOOR, magnitude_words
+from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -254,7 +254,7 @@ def draw_band(panel: Axes, time: np.ndarray, values: np.ndarray, look: Any, labe
     values = values[~np.isnan(values).any(axis=1)]
     if not len(values):
         return
-    low, median, high = np.maximum(FLOOR, np.quantile(values, [0.05, 0.5, 0.95], axis=0))
+    low, median, high = np.maximum(LOG_FLOOR, np.quantile(values, [0.05, 0.5, 0.95], axis=0))
     panel.plot(time, median, label=label, **look)
     if len(values) > 1:
         panel.fill_between(time, low, high, color=look["color"], alpha=0.2, linewidth=0)

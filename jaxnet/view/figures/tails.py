@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import FLOOR, VAST
+from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
@@ -24,7 +24,7 @@ def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) 
     drawn, panel = multiples.named_rows(labels[:most], width)
     for cell, lanes in results.by_cell("tail_mean", where=rows.OK, cells=shown):
         number = shown[cell]
-        values = lanes["tail_mean"].to_numpy().clip(FLOOR, VAST)
+        values = lanes["tail_mean"].to_numpy().clip(LOG_FLOOR, GREATEST_SHOWN)
         dots = some(values)
         jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(dots))
         panel.plot(dots, number + jitter, ".", color=style.SKY, markersize=3, zorder=1)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from jaxnet.config.cells import Cell
-from jaxnet.statistics.curves import MOST_PANELS, Curve, no_magnitudes, shares
+from jaxnet.statistics.curves import MOST_PANELS, Curve, no_magnitudes, unrecovered_shares
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -52,7 +52,7 @@ def draw_share(panel: Axes, curve: Curve) -> None:
 def rows(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
     """A row per cell."""
     asked = {cell.number: cell for cell in cells}
-    there = shares(results, cells)
+    there = unrecovered_shares(results, cells)
     labels = [asked[int(number)].labels for number in there.index]
     found = there.head(multiples.rows_room(labels, width, MOST_PANELS))
     share, low, high = (100 * found[name].to_numpy() for name in found)

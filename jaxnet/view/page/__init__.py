@@ -17,7 +17,7 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import called
-from jaxnet.statistics.groups import values_of
+from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
 from jaxnet.view.page import sections
@@ -71,7 +71,7 @@ def whole(
 
 def choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
     """Swept keys with their values as the page tells them, and the place of each cell's values among them."""
-    values = values_of(cells)
+    values = swept_values_of(cells)
     places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}
     return {
         "keys": {key: [called(key, value) for value in given] for key, given in values.items()},

@@ -11,8 +11,8 @@ import pandas as pd
 from jaxnet.config.naming import title
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, failed_kinds, scales, shares
-from jaxnet.statistics.summary import UNTOLD
+from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
+from jaxnet.statistics.summary import NO_MEAN_INTERVAL
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import ROUNDING, measured
 from jaxnet.view.text.tables import number
@@ -37,7 +37,7 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
     """Mean tail error of the cells that have one, per ā; in metres where no ā is known."""
     cells: Any = results.cells
     errors = pd.Series(cells["tail_mean_mean"].to_numpy(dtype=float))
-    known = scales(results)
+    known = cell_magnitudes(results)
     if np.isnan(known).all():
         return errors.dropna(), "m"
     return (errors / known).dropna(), "ā"
@@ -56,7 +56,7 @@ def extremes(results: Results) -> str:
     if errors.empty:
         ended = results.manifest["lanes"]["ok"]
         return "No attacked lane came to its end." if ended else "No lane came to its end: there is no error."
-    asked = len(results.study.cells) if unit == "m" else int(np.sum(scales(results) > 0))
+    asked = len(results.study.cells) if unit == "m" else int(np.sum(cell_magnitudes(results) > 0))
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
@@ -81,7 +81,7 @@ def failures(results: Results) -> str:
 
 def unrecovered(results: Results) -> list[str]:
     """The least and the greatest share that does not recover, if it was asked for."""
-    found, asked = shares(results), results.study.config.recovery
+    found, asked = unrecovered_shares(results), results.study.config.recovery
     if found.empty:
         return [] if asked is None else ["No share unrecovered: no attacked lane came to its end."]
     confidence = 100 * recovery.confidence_told(results.study.config.samples)
@@ -152,12 +152,12 @@ def certainty(results: Results) -> str:
         return f"{samples}."
     cells: Any = results.cells
     place: Any = errors.idxmax()
-    worst, scale = cells.iloc[place], float(scales(results)[place])
+    worst, scale = cells.iloc[place], float(cell_magnitudes(results)[place])
     mean, low, high = (measured(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high"))
     where = "the mean of the worst cell per ā" if len(errors) > 1 else "the mean"
     lanes = count(int(worst["ok"]), "ok lane")
     if np.isnan(worst["tail_mean_high"]):
         least = "" if np.isnan(worst["tail_mean_low"]) else f", {low} m or more with 97.5 % confidence"
-        return f"{samples}: {where} is {mean} m{least}, of {lanes}; {UNTOLD}."
+        return f"{samples}: {where} is {mean} m{least}, of {lanes}; {NO_MEAN_INTERVAL}."
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     return f"{samples}: {where} is {mean} m, {sure:g} % interval {low} to {high} m, of {lanes}."

@@ -14,19 +14,18 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import bare, quantity, title
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
+from jaxnet.statistics.bands import Band, bands_span
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
-    METRICS,
-    SHARE,
-    Band,
+    METRIC_NAMES,
+    SHARE_COLUMNS,
     Curve,
     axis_ends,
-    bands_span,
     failed_kinds,
-    shares,
+    unrecovered_shares,
 )
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.tiles import Tiling, digits, outcomes
+from jaxnet.statistics.tiles import Tiling, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import heat
 
@@ -68,14 +67,14 @@ def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
     panels = [
         panel(curve.group.attacked, curve.group.labels)
         | {"size": curve.sizes.tolist()}
-        | {metric: statistics_of(curve, metric) for metric in METRICS}
-        | {"lines": {metric: slopes_of(curve, metric) for metric in METRICS}}
+        | {metric: statistics_of(curve, metric) for metric in METRIC_NAMES}
+        | {"lines": {metric: slopes_of(curve, metric) for metric in METRIC_NAMES}}
         for curve in found
     ]
-    present = {name for curve in found for metric in METRICS for name in slopes_of(curve, metric)}
+    present = {name for curve in found for metric in METRIC_NAMES for name in slopes_of(curve, metric)}
     return {
-        "metrics": METRICS,
-        "ends": {metric: axis_ends(found, metric) for metric in METRICS},
+        "metrics": METRIC_NAMES,
+        "ends": {metric: axis_ends(found, metric) for metric in METRIC_NAMES},
         "looks": {name: look for name, look in lines.items() if name in present},
         "panels": panels,
     }
@@ -99,7 +98,7 @@ def unrecovered(found: Sequence[Curve]) -> dict[str, Any]:
         "panels": [
             panel(curve.group.attacked, curve.group.labels)
             | {"size": curve.sizes.tolist()}
-            | {name: numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE}
+            | {name: numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
             for curve in found
         ]
     }
@@ -107,12 +106,12 @@ def unrecovered(found: Sequence[Curve]) -> dict[str, Any]:
 
 def unrecovered_rows(results: Results) -> dict[str, Any]:
     """The share of each cell, a row each of one plot."""
-    cells, rows = results.study.cells, shares(results)
-    columns = {name: numbers(rows[name].to_numpy(dtype=float)) for name in SHARE}
+    cells, rows = results.study.cells, unrecovered_shares(results)
+    columns = {name: numbers(rows[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
     return {
         "rows": True,
         "panels": [
-            panel([number], cells[number].labels) | {name: columns[name][place] for name in SHARE}
+            panel([number], cells[number].labels) | {name: columns[name][place] for name in SHARE_COLUMNS}
             for place, number in enumerate(map(int, rows.index))
         ],
     }
@@ -120,7 +119,7 @@ def unrecovered_rows(results: Results) -> dict[str, Any]:
 
 def tiles(results: Results, tiling: Tiling) -> dict[str, Any]:
     """Cells over two swept keys: what is told of each, and its place on a scale of colours."""
-    found: Any = outcomes(results)
+    found: Any = tile_table(results)
     *titled, across = tiling.panels[0] or [""]
     return {
         "rows": [quantity(tiling.row), [bare(tiling.row, value) for value in tiling.rows]],
@@ -152,7 +151,7 @@ def coloured(metric: str, values: pd.Series) -> dict[str, Any]:
         "name": heat.METRICS[metric],
         "share": metric == "unrecovered",
         "values": numbers(values),
-        "words": [digits(metric, value) if np.isfinite(value) else "" for value in values],
+        "words": [tile_text(metric, value) if np.isfinite(value) else "" for value in values],
         "places": numbers(np.ma.filled(norm(values.to_numpy()), np.nan)),
         "ends": np.asarray(norm.inverse([0.0, 1.0])).tolist(),
     }

@@ -8,24 +8,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from jaxnet.explore.courses import courses
-from jaxnet.explore.sensitivity import FILE
+from jaxnet.explore.courses import search_courses
+from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics import recovery
+from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
-    FLOOR,
+    LOG_FLOOR,
     Curve,
-    bands_of,
+    cell_magnitudes,
     curves,
     no_magnitudes,
-    scales,
-    shares,
+    unrecovered_shares,
 )
-from jaxnet.statistics.limits import UNCHECKED, unchecked
-from jaxnet.statistics.summary import units_told
+from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
+from jaxnet.statistics.summary import interval_basis
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
@@ -131,7 +131,7 @@ def run_section(results: Results) -> Section:
 
 def summary_section(results: Results) -> Section:
     """The table of all cells."""
-    rows, over = tables.summary_rows(results), units_told(results.study.config)
+    rows, over = tables.summary_rows(results), interval_basis(results.study.config)
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     note = (
         f"<p>Mean over lanes of the tail's mean error, with its {sure:g} % interval over {over}"
@@ -145,7 +145,7 @@ def summary_section(results: Results) -> Section:
     if len(rows) > MOST_ROWS:
         note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
     shown = rows.head(MOST_ROWS)
-    errors = dict.fromkeys(tables.SUMMARY.values(), scales(results)[: len(shown)])
+    errors = dict.fromkeys(tables.SUMMARY.values(), cell_magnitudes(results)[: len(shown)])
     return Section("summary", "Summary", note + sortable(shown, ([cell] for cell in shown["cell"]), errors))
 
 
@@ -190,16 +190,17 @@ def bands_section(results: Results) -> Section | None:
     """ẽ(t)."""
     if not (results.path / "errors.zarr").exists():
         return None
-    found = bands_of(results, results.study.cells)
+    found = error_bands(results, results.study.cells)
     if not found:
         return None
-    note = f"<p>Mean error of the fleet over time; what is below {FLOOR:g} m is rounding and drawn there.</p>"
+    below = f"what is below {LOG_FLOOR:g} m is rounding and drawn there."
+    note = f"<p>Mean error of the fleet over time; {below}</p>"
     return Section("bands", "Error over time ẽ(t)", note + DRAWN, plots.bands(results.study.cells, found))
 
 
 def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | None:
     """The share that does not recover."""
-    if not len(shares(results)):
+    if not len(unrecovered_shares(results)):
         return None
     confidence = recovery.confidence_told(results.study.config.samples)
     note = (
@@ -242,7 +243,7 @@ def search_section(results: Results) -> Section | None:
         " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
     )
     drawn = plots.searches(
-        courses(results, results.study.cells),
+        search_courses(results, results.study.cells),
         worst.with_unit(results),
     )
     return Section("search", name, note + sortable(rows, ([cell] for cell in rows["cell"])) + DRAWN, drawn)
@@ -250,9 +251,9 @@ def search_section(results: Results) -> Section | None:
 
 def sensitivity_section(results: Results) -> Section | None:
     """Which part of what varies comes from which quantity drawn."""
-    if not (results.path / FILE).exists():
+    if not (results.path / SENSITIVITY_FILE).exists():
         return None
-    rows = read_table(results.path / FILE).dropna(subset="first").drop(columns="tau")
+    rows = read_table(results.path / SENSITIVITY_FILE).dropna(subset="first").drop(columns="tau")
     note = f"<p>Sobol's indices: {escape(LEGEND)} A click on a header sorts.</p>"
     return Section("sensitivity", "What matters", note + sortable(rows, ([cell] for cell in rows["cell"])))
 
@@ -295,7 +296,7 @@ def violations_section(results: Results) -> Section:
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
     rows = read_table(file)
     if not len(rows):
-        skipped = unchecked(results.study.cells)
+        skipped = unchecked_cells(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
         if skipped:
             words += f" Not held to any: {cells_named(skipped)}, for {UNCHECKED}."

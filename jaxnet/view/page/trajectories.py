@@ -14,7 +14,7 @@ from jaxnet.config.scenario import situation_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
-from jaxnet.statistics.curves import scales
+from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.store.results import Results
 from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
 from jaxnet.view.page.elements import measured
@@ -123,7 +123,7 @@ def label(results: Results, one: Watched, cell: Cell) -> str:
     error = float("nan") if row is None else float(row["tail_mean"])
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
-    size = float(scales(results)[one.cell])
+    size = float(cell_magnitudes(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
 

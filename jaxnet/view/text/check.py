@@ -19,7 +19,7 @@ from jaxnet.model.graph import Digraph, Links, dense
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
 from jaxnet.theory import announced, certificate, robustness, rounds
 from jaxnet.view.text.width import WIDTH, clipped
@@ -219,7 +219,7 @@ def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str,
 
 def theorem_line(scenario: Scenario, majority: Vehicles) -> str:
     """The ultimate error that theorem 3 allows vehicles that are safe by majority."""
-    reach, fastest = spread_of(scenario), scenario.attack.fastest()
+    reach, fastest = scenario_gain(scenario), scenario.attack.fastest()
     if reach is None or not np.isfinite(fastest):
         return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ASSUMED}"
     gain = np.array([median(each) for each in scenario.gain])
@@ -318,8 +318,9 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
-        reached = numbered(robustness.followers(graph, trusted, leaders) & ~leaders[1:])
-        line += f"; led by {names}, whom somebody trusts, strongly {robustness.led(graph, leaders)}-robust,"
+        reached = numbered(robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:])
+        most = robustness.leader_robustness(graph, leaders)
+        line += f"; led by {names}, whom somebody trusts, strongly {most}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
     return line
 

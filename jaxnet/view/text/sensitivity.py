@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.study import Study
-from jaxnet.explore.sensitivity import FILE
+from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.model.wording import count
 from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
 
@@ -50,7 +50,7 @@ def printed(table: Any, study: Study, metric: str) -> str:
     shown, left_out, is_cut = narrow(rows.head(MOST_ROWS), list(study.cells[0].labels), LEAST_WANTED)
     lines = [f"{metric}:", as_lines(shown)]
     if len(rows) > MOST_ROWS:
-        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {FILE}")
+        lines.append(f"… {len(rows) - MOST_ROWS} more lines in {SENSITIVITY_FILE}")
     if "left out" in rows:
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
-    return "\n".join([*lines, fill(LEGEND, WIDTH), *notes(left_out, is_cut, FILE)])
+    return "\n".join([*lines, fill(LEGEND, WIDTH), *notes(left_out, is_cut, SENSITIVITY_FILE)])

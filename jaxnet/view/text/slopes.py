@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.model.wording import cells_named
-from jaxnet.statistics.curves import Curve, curves, no_magnitudes, of_group, stored_table
+from jaxnet.statistics.curves import Curve, curves, group_rows, no_magnitudes, stored_table
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.limits import UNCHECKED, unchecked
+from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
 from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
 from jaxnet.view.text.tables import lane_named
@@ -51,7 +51,7 @@ def slopes(results: Results) -> str:
     rows = [
         {**curve.group.labels, "metric": metric}
         | {name: interval(curve.fit(metric, quantile)) for name, quantile in QUANTILES.items()}
-        | {"p": interval(exponent(of_group(fits, curve.group.labels), metric))}
+        | {"p": interval(exponent(group_rows(fits, curve.group.labels), metric))}
         for curve in found
         for metric in ("tail_mean", "tail_max")
     ]
@@ -134,7 +134,7 @@ def violations(results: Results) -> str:
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
     lines = lines or ["no lane is above a bound that claims to hold for it"]
-    skipped = unchecked(results.study.cells)
+    skipped = unchecked_cells(results.study.cells)
     if skipped:
         lines.append(fill(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}", WIDTH))
     return "\n".join(lines)

@@ -14,7 +14,7 @@ from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics import recovery
 from jaxnet.statistics.recovery import confidence_told
-from jaxnet.statistics.summary import UNTOLD, units_told
+from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
@@ -64,7 +64,7 @@ def summary(results: Results) -> str:
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
-        over = units_told(results.study.config)
+        over = interval_basis(results.study.config)
         sure = 100 * confidence_told(results.study.config.samples)
         lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
         lines += [fill(each, WIDTH) for each in blank_ends(results)]
@@ -89,7 +89,7 @@ def blank_ends(results: Results) -> list[str]:
     cells: Any = results.cells
     blank = cells["tail_mean_mean"].notna() & cells[["tail_mean_low", "tail_mean_high"]].isna().any(axis=1)
     where = cells.index[blank].tolist()
-    return [f"{UNTOLD}: {cells_named(where)}"] if where else []
+    return [f"{NO_MEAN_INTERVAL}: {cells_named(where)}"] if where else []
 
 
 def caveats(cells: Sequence[Cell]) -> list[str]:

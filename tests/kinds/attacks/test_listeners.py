@@ -49,7 +49,7 @@ def test_each_listener_is_told_its_own(engine, accuracy):
         for j in ATTACKED:
             shown = outcome.series["attack"][number, 30, j - 1]
             np.testing.assert_allclose(shown, added(3.0)[0, first[j], j], rtol=0, atol=1e-9)
-    assert limits.violations(systems.results_of(study, rows_of(study, outcome, 2))).empty
+    assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 2))).empty
 
 
 def test_attackers_are_drawn_for_each_lane_and_for_all_cells_alike():
@@ -96,8 +96,8 @@ def test_a_bound_holds_whoever_is_drawn_to_be_replaced():
     keys = {"defence": "none", "engine": "exact", "horizon": 40.0, "tail": 1.0}
     study = systems.study(attack=attack, **keys)
     outcome = systems.simulate(systems.lanes(study, 8, ()))
-    assert limits.unchecked(study.cells) == []
-    assert limits.violations(systems.results_of(study, rows_of(study, outcome, 8))).empty
+    assert limits.unchecked_cells(study.cells) == []
+    assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 8))).empty
     known = limits.bounds_of(study.cells[0].scenario)
     assert np.isnan(known["static"].vehicles).all()
     np.testing.assert_allclose(known["peak_gain"].vehicles, 8.0 * 0.9, rtol=1e-12)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jaxnet.statistics import limits
-from jaxnet.statistics.reach import spread_of
+from jaxnet.statistics.reach import scenario_gain
 from tests import reference, systems
 from tests.engine.marching import march
 from tests.engine.test_exactness import navigator_at
@@ -53,7 +53,7 @@ def test_the_static_bound_is_attained_and_no_lane_violates(settled):
 
 
 def rows_of(study, outcome, samples):
-    """A frame of rows as `violations` reads them."""
+    """A frame of rows as `violations_table` reads them."""
     cell, sample = np.divmod(np.arange(len(study.cells) * samples), samples)
     errors = outcome.metrics["tail_max"]
     return pd.DataFrame({"cell": cell, "sample": sample, "status": "ok", "tail_max": errors})
@@ -63,10 +63,10 @@ def test_no_lane_is_over_a_bound(settled):
     """Neither of these, nor trimmed ones under a rotating attack; a lane 1 mm farther off would be."""
     study, _, outcome = settled
     rows = rows_of(study, outcome, 2)
-    assert limits.unchecked(study.cells) == []
-    assert limits.violations(systems.results_of(study, rows)).empty
+    assert limits.unchecked_cells(study.cells) == []
+    assert limits.violations_table(systems.results_of(study, rows)).empty
     beyond = rows.assign(tail_max=rows["tail_max"] + 1e-3)
-    assert len(limits.violations(systems.results_of(study, beyond)).query("bound == 'static'")) == 4
+    assert len(limits.violations_table(systems.results_of(study, beyond)).query("bound == 'static'")) == 4
 
 
 def test_no_trimmed_lane_is_over_the_peak_gain():
@@ -75,9 +75,9 @@ def test_no_trimmed_lane_is_over_the_peak_gain():
     study = systems.study(engine="exact", horizon=20.0, sweep={"attack": attacks})
     outcome = systems.simulate(systems.lanes(study, 4, ()))
     assert (outcome.status == 0).all()
-    assert limits.unchecked(study.cells) == []
-    assert limits.violations(systems.results_of(study, rows_of(study, outcome, 4))).empty
-    reach = spread_of(study.cells[0].scenario)
+    assert limits.unchecked_cells(study.cells) == []
+    assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 4))).empty
+    reach = scenario_gain(study.cells[0].scenario)
     retains_an_attacked_one = 0.45 / (0.1 + 0.45)
     assert reach.gains.max() == pytest.approx(retains_an_attacked_one)
 
