@@ -41,7 +41,7 @@ def mean_interval(
 
     Examples
     --------
-    >>> low, high = ends(np.array([1.0] * 3 + [0.0] * 27), 0.0, 1.0, 0.95)
+    >>> low, high = mean_interval(np.array([1.0] * 3 + [0.0] * 27), 0.0, 1.0, 0.95)
     >>> print(f"{low:.3f} {high:.3f}")
     0.021 0.265
     """
