@@ -20,7 +20,6 @@ import jax
 import numpy as np
 import pyarrow as pa
 
-import jaxnet
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
@@ -32,6 +31,7 @@ from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard, Variable
 from jaxnet.store.rows import Stamp, TornError
+from jaxnet.version import __version__
 
 BESIDE = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
 TAKING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
@@ -63,7 +63,7 @@ class Assignment(NamedTuple):
     def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
         """What the shard's row file is to say of itself."""
         place = shard.cell.number, self.first(shard), self.size
-        return Stamp(jaxnet.__version__, self.study, *place, self.filled or {}, checksums)
+        return Stamp(__version__, self.study, *place, self.filled or {}, checksums)
 
     def first(self, shard: Shard) -> int:
         """First sample of the shard's file."""

@@ -5,7 +5,6 @@ import re
 from textwrap import shorten
 from typing import Any
 
-import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
@@ -20,6 +19,7 @@ from jaxnet.store.folder import (
     unhashed,
     versions,
 )
+from jaxnet.version import __version__
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 REMEDY = "give another folder with --out, or replace its results with --fresh"
@@ -35,9 +35,9 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
     written_by, holds = held(folder)
     if fresh:
         folder.clear()
-    elif written_by not in (None, jaxnet.__version__):
+    elif written_by not in (None, __version__):
         raise FolderError(
-            f"{folder.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {REMEDY}"
+            f"{folder.path} was written by jaxnet {written_by}, this is {__version__}; {REMEDY}"
         )
     elif holds not in (None, digest(config)):
         raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {REMEDY}")

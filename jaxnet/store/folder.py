@@ -21,13 +21,13 @@ from typing import Any, BinaryIO
 import yaml
 from upath import UPath
 
-import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import Dumper
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
 from jaxnet.store.looking import described
+from jaxnet.version import __version__
 
 UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
@@ -96,7 +96,7 @@ def said_of_kinds(config: Config) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Versions of what the rows may depend on."""
     packages = {package: metadata.version(package) for package in PACKAGES}
-    return {"jaxnet": jaxnet.__version__, **packages, "python": platform.python_version()}
+    return {"jaxnet": __version__, **packages, "python": platform.python_version()}
 
 
 def place(path: str | Path | UPath) -> UPath:

@@ -116,7 +116,7 @@ class Results:
 
     def row(self, cell: SupportsInt, sample: SupportsInt) -> Any:
         """One lane's row, a pandas Series; None if it is not there."""
-        cell, sample = whole("cell", cell), whole("sample", sample)
+        cell, sample = whole_number("cell", cell), whole_number("sample", sample)
         mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
         for _, lanes in rows.scan(Folder(self.path), mine):
             return lanes[lanes["sample"] == sample].iloc[0]
@@ -173,7 +173,7 @@ class Results:
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
         """What to type to see one lane again."""
-        cell, sample = whole("cell", cell), whole("sample", sample)
+        cell, sample = whole_number("cell", cell), whole_number("sample", sample)
         words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
         return shlex.join(words + (["--engine", engine] if engine else []))
 
@@ -203,7 +203,7 @@ class Part(NamedTuple):
     failed: int
 
 
-def whole(name: str, number: SupportsInt) -> int:
+def whole_number(name: str, number: SupportsInt) -> int:
     """A cell's or sample's number as Python has it; raises FolderError if it cannot be one."""
     found = int(number)
     if found != number or found < 0:
@@ -223,7 +223,7 @@ def read_table(path: UPath) -> pd.DataFrame:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(
+def open_folder(
     path: str | Path | UPath,
     out: str | Path | UPath | None = None,
     trust: bool = False,
