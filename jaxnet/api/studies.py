@@ -20,7 +20,7 @@ from jaxnet.config.study import Source, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
-from jaxnet.runs.cluster import crew
+from jaxnet.runs.cluster import executor
 from jaxnet.statistics.steps import untold
 from jaxnet.store import results as stored
 from jaxnet.store.admission import admit
@@ -103,7 +103,7 @@ def run(
     enable()
     study = load(study)
     folder = Folder(default_out(study, out))
-    with folder.writing(), crew(folder.path, workers, cluster, devices or cores(), chunk) as others:
+    with folder.writing(), executor(folder.path, workers, cluster, devices or cores(), chunk) as others:
         admit(folder, study.config, fresh)
         with reports.reporting(
             progress

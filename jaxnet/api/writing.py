@@ -12,7 +12,7 @@ from jaxnet.config.study import Source, Study, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
-from jaxnet.runs.cluster import crew
+from jaxnet.runs.cluster import executor
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store.admission import claim
 from jaxnet.store.folder import Folder
@@ -165,6 +165,6 @@ def write_search(
     enable()
     with (
         results.folder.writing(),
-        crew(results.path, workers, cluster, devices or cores(), chunk) as others,
+        executor(results.path, workers, cluster, devices or cores(), chunk) as others,
     ):  # `worst` takes long to import; the workers start meanwhile
         yield from worst.search_each(results, batch.Machine(devices, chunk), told, others)

@@ -234,7 +234,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     results, given = whole
     monkeypatch.setattr(worst, "FRESH", 48)
     random = studies.run(writing.with_random_lanes(given), tmp_path / "s", progress=False)
-    monkeypatch.setattr(cluster, "crew", lambda *_: contextlib.nullcontext(Here()))
+    monkeypatch.setattr(writing, "executor", lambda *_: contextlib.nullcontext(Here()))
     told, counts, simulate = [], [], Trials.simulated
 
     def counting(trials, points):
