@@ -137,7 +137,7 @@ def compared(results: Results) -> int:
         outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
         stored = rows.read_rows(results.path / rows.row_file(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
-            rows.lanes_table(shard, outcome, types).to_pandas(), stored, check_exact=True
+            rows.outcome_table(shard, outcome, types).to_pandas(), stored, check_exact=True
         )
         count += len(stored)
     return count

@@ -36,7 +36,7 @@ else:
     writing = LazyModule("jaxnet.api.writing")
 
 C = TypeVar("C", bound=Callable[..., object])
-Answer = str | int | list[float]  # of a user, about a key of the config
+KeyAnswer = str | int | list[float]  # of a user, about a key of the config
 FAILED_LANES = 3
 
 config_arguments = [
@@ -85,7 +85,7 @@ def init(file: str, yes: bool, **given: str | int | None) -> None:
     with user_errors():
         if Path(file).exists():
             raise folder.FolderError(f"{file} is there already: give another FILE")
-        answers: dict[str, Answer] = {key: value for key, value in given.items() if value is not None}
+        answers: dict[str, KeyAnswer] = {key: value for key, value in given.items() if value is not None}
         if not yes and on_terminal():
             answers |= {key: ask_user(key) for key in starter.DEFAULTS if key not in answers}
         if isinstance(words := answers.get("magnitudes"), str):
@@ -101,7 +101,7 @@ def on_terminal() -> bool:
     return sys.stdin.isatty()
 
 
-def ask_user(key: str) -> Answer:
+def ask_user(key: str) -> KeyAnswer:
     """Return the user's answer; Enter takes the default."""
     default = starter.DEFAULTS[key]
     if key in starter.ASKED:

@@ -50,8 +50,8 @@ else:  # distributed is optional, and JAX must not start before a worker knows i
     distributed = LazyModule("distributed")
     shards = LazyModule("jaxnet.runs.shards")
 
-T = TypeVar("T")
-U = TypeVar("U")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 CONNECT = 10  # [s]
 KEPT = "what is finished is kept, the same command goes on"
@@ -120,11 +120,11 @@ class Cluster:
 
     def deal(
         self,
-        task: Callable[[T], U],
+        task: Callable[[Item], Result],
         scope: Scope,
         modules: "Mapping[str, Provenance]",
-        items: Mapping[str, T],
-    ) -> Iterator[U]:
+        items: Mapping[str, Item],
+    ) -> Iterator[Result]:
         """Run the task on each named item; yield the results as they come.
 
         Workers load the kinds of `scope` from the same files. `modules` are the modules of these kinds.

@@ -126,7 +126,7 @@ class Run:
         self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
-        """Make room for these samples in the stores that are filled by shards; return the stores' identities."""
+        """Make room for these samples in the stores that shards fill; return the stores' identities."""
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
             self.folder.look()

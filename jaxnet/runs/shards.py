@@ -107,7 +107,7 @@ def simulate_shards(
             checksums = write_beside(work, shard, values)
         else:
             checksums = write_arrays(work, shard, values, stores)
-        table, stamp = rows.lanes_table(shard, outcome, work.types), work.stamp(shard, checksums)
+        table, stamp = rows.outcome_table(shard, outcome, work.types), work.stamp(shard, checksums)
         if before := shard.samples.start - work.first(shard):
             there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
             table = pa.concat_tables([there.slice(0, before), table])

@@ -43,10 +43,10 @@ class MissingKindError(KindError):
         )
 
 
-T = TypeVar("T")
+Known = TypeVar("Known")
 
 
-def known_or(otherwise: T, ask: Callable[[], T]) -> T:
+def known_or(otherwise: Known, ask: Callable[[], Known]) -> Known:
     """Return what `ask` finds, or `otherwise` if it needs the code of a missing kind."""
     try:
         return ask()

@@ -77,7 +77,7 @@ class Results:
 
     @cached_property
     def manifest(self) -> Manifest:
-        """Content of `manifest.json`."""
+        """Content of `manifest.json`, read at the first use."""
         return Folder(self.path).manifest
 
     @cached_property

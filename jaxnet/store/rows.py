@@ -62,7 +62,7 @@ def column_type(study: Config, key: str, label: Label) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def lanes_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType]) -> pa.Table:
+def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType]) -> pa.Table:
     """Return the rows of a shard's lanes, with columns in the documented order."""
     count = len(shard.samples)
     columns: dict[str, pa.Array | np.ndarray | list[str]] = {
