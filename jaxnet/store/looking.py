@@ -43,10 +43,10 @@ class MissingKindError(KindError):
         )
 
 
-Known = TypeVar("Known")
+Fallback = TypeVar("Fallback")
 
 
-def known_or(otherwise: Known, ask: Callable[[], Known]) -> Known:
+def known_or(otherwise: Fallback, ask: Callable[[], Fallback]) -> Fallback:
     """Return what `ask` finds, or `otherwise` if it needs the code of a missing kind."""
     try:
         return ask()

@@ -21,7 +21,7 @@ from jaxnet.store.results import Results
 MOST_VARIABLE_BYTES = 2**31 - 2**20  # of a variable, its header included
 LONGEST_NAME = 63  # letters of a name
 RESERVED = {"case", "catch", "end", "function", "otherwise", "parfor", "persistent", "spmd", "switch"}
-Entry = TypeVar("Entry")
+StructField = TypeVar("StructField")
 Struct = dict[str, np.ndarray | dict[str, np.ndarray]]  # a structure of MATLAB
 STORES = ("errors", "trajectories")
 
@@ -79,9 +79,9 @@ def plain_array(values: np.ndarray) -> np.ndarray:
     return np.array([str(value) for value in values.ravel()], dtype=object).reshape(values.shape)
 
 
-def valid_names(content: dict[str, Entry]) -> dict[str, Entry]:
+def valid_names(content: dict[str, StructField]) -> dict[str, StructField]:
     """Return the content under distinct names that MATLAB accepts."""
-    found: dict[str, Entry] = {}
+    found: dict[str, StructField] = {}
     for name, each in content.items():
         valid = matlab_name(name)
         while valid in found:
