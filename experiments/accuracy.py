@@ -15,7 +15,7 @@ from jaxnet.engine.batch import simulate
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cache import enable
-from jaxnet.runs.exactness import deviations, ticked
+from jaxnet.runs.exactness import deviations, lanes_at_ticks
 
 TOPOLOGIES = ["star", "path", "cyclic"]
 DIGRAPH = [[i, j, 1 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, 5 * i % 13} - {i}]
@@ -55,7 +55,7 @@ def cells(**keys: Any) -> tuple[Cell, ...]:
 
 def against(what: str, samples: int, **keys: Any) -> None:
     """A line: the worst lane of some cells."""
-    lanes = [ticked(cell.scenario, 0, range(samples)) for cell in cells(**keys)]
+    lanes = [lanes_at_ticks(cell.scenario, 0, range(samples)) for cell in cells(**keys)]
     worst = max(deviations(job).max() for job in lanes)
     print(f"{what:52} {sum(job.size for job in lanes):5}  {worst:.1e}", flush=True)
 

@@ -135,9 +135,9 @@ def compared(results: Results) -> int:
     for number in np.random.default_rng(0).choice(len(shards), AGAIN, replace=False):
         shard = shards[number]
         outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
-        stored = rows.read_rows(results.path / rows.name_of(shard.number))[0].to_pandas()
+        stored = rows.read_rows(results.path / rows.row_file(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
-            rows.table_of(shard, outcome, types).to_pandas(), stored, check_exact=True
+            rows.outcome_table(shard, outcome, types).to_pandas(), stored, check_exact=True
         )
         count += len(stored)
     return count

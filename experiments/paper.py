@@ -17,7 +17,7 @@ import pandas as pd
 
 import jaxnet
 from jaxnet.runs.cache import enable
-from jaxnet.runs.exactness import deviations, ticked
+from jaxnet.runs.exactness import deviations, lanes_at_ticks
 from jaxnet.view.figures import every as figures
 
 CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"
@@ -39,7 +39,9 @@ def table(results: Any) -> pd.DataFrame:
     rows = results.lanes[["topology", "attack.magnitude", "tail_mean", "tail_disagreement", "switches"]]
     rows = rows.set_axis(["topology", "ā [m]", "tail ẽ [m]", "tail ε̃ [m]", "switches"], axis=1)
     config = results.study.config
-    lanes = [ticked(cell.scenario, config.seed, range(config.samples)) for cell in results.study.cells]
+    lanes = [
+        lanes_at_ticks(cell.scenario, config.seed, range(config.samples)) for cell in results.study.cells
+    ]
     return rows.assign(**{"exact [m]": np.concatenate([deviations(job) for job in lanes])})
 
 

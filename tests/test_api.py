@@ -1,6 +1,8 @@
 """What a script or a notebook does: studies from what it holds, results and all that can be made of them."""
 
+import doctest
 import gc
+import importlib
 import io
 import os
 import pydoc
@@ -59,6 +61,16 @@ def test_the_package_says_what_there_is():
     text = pydoc.plain(pydoc.render_doc(jaxnet))
     for name in jaxnet.__all__:
         assert re.search(rf"^    (class )?{name}\(", text, re.MULTILINE), name
+
+
+@pytest.mark.parametrize("name", sorted(jaxnet.HOMES))
+def test_the_examples_of_the_interface_run(name):
+    """Each Examples section of a public function, or of a class and its methods, prints what it shows."""
+    module = importlib.import_module(jaxnet.HOMES[name])
+    runner = doctest.DocTestRunner()
+    for example in doctest.DocTestFinder().find(getattr(jaxnet, name), name, module):
+        runner.run(example)
+    assert runner.failures == 0
 
 
 def test_loading_imports_nothing_that_simulates_or_reads():

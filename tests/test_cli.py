@@ -220,7 +220,7 @@ def test_an_interrupt_that_is_ignored_comes_again(monkeypatch, number, status):
     with errors.user_errors():
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(number)
-        time.sleep(20 * errors.AGAIN)
+        time.sleep(20 * errors.REPEAT_AFTER)
     assert statuses == [status]
     assert signal.getsignal(number) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)

@@ -259,7 +259,7 @@ def test_an_array_unlike_ours_is_not_read(change, wrong, where, results):
         whole.write_text(json.dumps(root))
     with pytest.raises(FolderError, match="no array of ours: " + re.escape(wrong)):
         _ = jaxnet.open(".").errors
-    assert arrays.opened(jaxnet.open(".").path / "errors.zarr") is None
+    assert arrays.open_for_writing(jaxnet.open(".").path / "errors.zarr") is None
 
 
 def test_a_store_of_version_2_is_not_read(results, made):
@@ -286,7 +286,7 @@ def test_pickled_arrays_are_not_read(made, results):
     stamp = stamp._replace(checksums={"npz": zlib.crc32(content.getvalue())})
     work = shards.Assignment(jaxnet.store.folder.Folder("."), *[None] * 8)  # pyright: ignore[reportArgumentType]
     with pytest.raises(TornError, match="cannot be read"):
-        shards.beside(work, jaxnet.open(".").shards[0], stamp)
+        shards.read_beside(work, jaxnet.open(".").shards[0], stamp)
 
 
 COLUMNS = {

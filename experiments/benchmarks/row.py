@@ -122,7 +122,7 @@ def greatest_error(run: Callable[[Any], Any], what: str, scenario: Any, lanes: i
     from jaxnet.runs import exactness
 
     if scenario.defence.kind != "none":
-        return float(exactness.deviations(exactness.ticked(scenario, SEED, range(lanes))).max())
+        return float(exactness.deviations(exactness.lanes_at_ticks(scenario, SEED, range(lanes))).max())
     one = job(scenario, Keyed(SEED), range(lanes), ("state",) if what == "jaxnet" else ())
     found = run(one)
     positions = found.series["state"][..., :2] if what == "jaxnet" else found

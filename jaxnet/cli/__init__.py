@@ -1,18 +1,35 @@
-"""The command line: thin, and quick to say what it can do. JAX is imported by the commands that simulate."""
+"""The command line. Help appears at once, since a command imports JAX and pandas only when it runs."""
 
 import atexit
 import gc
 
 import click
 
-import jaxnet
 from jaxnet.cli import lanes, results, studies
+from jaxnet.version import __version__
 
 SECTIONS = {
-    "A study": (studies.init, studies.check, studies.run, studies.search, studies.schema),
-    "Its results": (results.list_results, results.show, results.fit, results.report, results.figure),
-    "One lane": (lanes.replay, lanes.animate),
-    "Further": (studies.sensitivity, studies.rare, results.compare, results.export),
+    "A study": (
+        studies.init,
+        studies.check,
+        studies.run_command,
+        studies.search_command,
+        studies.schema_command,
+    ),
+    "Its results": (
+        results.list_results,
+        results.show,
+        results.fit,
+        results.report,
+        results.figure_command,
+    ),
+    "One lane": (lanes.replay_command, lanes.animate),
+    "Further": (
+        studies.sensitivity_command,
+        studies.rare_command,
+        results.compare_command,
+        results.export,
+    ),
 }
 
 
@@ -20,14 +37,14 @@ class Sections(click.Group):
     """Commands, listed in the order in which they are used."""
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """A section each."""
+        """Write a section of help for each group of commands."""
         for title, commands in SECTIONS.items():
             with formatter.section(title):
                 formatter.write_dl([(str(each.name), each.get_short_help_str(200)) for each in commands])
 
 
 @click.group(cls=Sections, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(jaxnet.__version__, prog_name="jaxnet")
+@click.version_option(__version__, prog_name="jaxnet")
 def main() -> None:
     """Monte Carlo attack studies on networks of two-wheeled robots.
 
@@ -35,7 +52,7 @@ def main() -> None:
     then `jaxnet run configs/quick.yaml`.
     """
     gc.set_threshold(300_000)  # imports and traces make millions of objects that stay
-    atexit.register(gc.freeze)  # nor are they looked through in the end
+    atexit.register(gc.freeze)  # the last collection need not look through them
 
 
 for commands in SECTIONS.values():

@@ -7,26 +7,39 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import click
 
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    from jaxnet.config import document
+    from jaxnet.kinds import registry
+    from jaxnet.runs import cluster
+    from jaxnet.store import folder
+else:
+    cluster = LazyModule("jaxnet.runs.cluster")
+    document = LazyModule("jaxnet.config.document")
+    folder = LazyModule("jaxnet.store.folder")
+    registry = LazyModule("jaxnet.kinds.registry")
+
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-KEPT = "what is finished is kept, the same command goes on"
-AGAIN = 0.5  # [s]
-NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # faults that are not ours
+REPEAT_AFTER = 0.5  # [s]
+DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @contextlib.contextmanager
 def interrupts() -> Iterator[list[int]]:
-    """Have Ctrl-C and SIGTERM raise KeyboardInterrupt, and say which of them came.
+    """Have Ctrl-C and SIGTERM raise KeyboardInterrupt; yield the list of the signals that came.
 
-    It is raised again where it is ignored, as in a callback of gc.
+    KeyboardInterrupt is raised again after `REPEAT_AFTER`, since some code, as a callback of gc, ignores it.
     """
     came: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
         came.append(number)
-        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        signal.setitimer(signal.ITIMER_REAL, REPEAT_AFTER)
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, interrupt) for number in (*STOPPED, signal.SIGALRM)}
@@ -40,38 +53,33 @@ def interrupts() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def user_errors() -> Iterator[None]:
-    """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C, 143 on SIGTERM."""
-    from jaxnet.config.document import ConfigError
-    from jaxnet.kinds.registry import KindError, blaming
-    from jaxnet.runs.cluster import ClusterError
-    from jaxnet.store.folder import FolderError, UnwrittenError
-
+    """Exit with status 2 and a message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM."""
     came: list[int] = []
     try:
-        with interrupts() as came, warnings.catch_warnings(), blaming():
+        with interrupts() as came, warnings.catch_warnings(), registry.blaming():
             warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
+    except KeyboardInterrupt:
+        number = came[0] if came else signal.SIGINT
+        click.echo(f"{STOPPED[number]}; {cluster.KEPT}", err=True)
+        sys.stdout.flush()
+        os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
     except OSError as error:
-        if error.errno not in NOT_OURS and not isinstance(error, UnwrittenError | PermissionError):
+        if error.errno not in DISK_FAULTS and not isinstance(error, folder.UnwrittenError | PermissionError):
             raise
         click.echo("; ".join(filter(None, (str(error), remedy()))), err=True)
         sys.exit(2)
-    except (ConfigError, FolderError, ClusterError, KindError) as error:
+    except (document.ConfigError, folder.FolderError, cluster.ClusterError, registry.KindError) as error:
         click.echo(str(error), err=True)
-        if isinstance(error, ConfigError) and len(error.problems) > 1:
+        if isinstance(error, document.ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        number = came[0] if came else signal.SIGINT
-        click.echo(f"{STOPPED[number]}; {KEPT}", err=True)
-        sys.stdout.flush()
-        os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
 
 
 def remedy() -> str:
-    """What to do where a command cannot write: the same again if it resumes, or another place."""
+    """Return advice for a command that cannot write: repeat it if it resumes, or give another place."""
     names = {option.name for option in click.get_current_context().command.params}
     resumes = "config" in names and "results" not in names
     options = {"out": "--out", "mat": "--mat"}
     elsewhere = [f"give another place with {options[name]}" for name in options if name in names]
-    return " or ".join([KEPT] * resumes + elsewhere)
+    return " or ".join([cluster.KEPT] * resumes + elsewhere)

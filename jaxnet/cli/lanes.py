@@ -1,12 +1,22 @@
 """Commands on one lane: simulate it again, see it move."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
 from jaxnet.cli.results import out_option, results_argument, takes_code
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    from jaxnet.api import writing
+    from jaxnet.view.text import progress, tables
+else:
+    progress = LazyModule("jaxnet.view.text.progress")
+    tables = LazyModule("jaxnet.view.text.tables")
+    writing = LazyModule("jaxnet.api.writing")
 
 cell_option = click.option(
     "--cell", type=click.IntRange(0), required=True, help="Number of the cell, from 0."
@@ -16,14 +26,14 @@ sample_option = click.option(
 )
 
 
-@click.command()
+@click.command("replay")
 @results_argument
 @cell_option
 @sample_option
 @click.option("--engine", metavar="NAME", help="exact, nonlinear or stacked.  [default: the study's own]")
 @out_option
 @takes_code
-def replay(
+def replay_command(
     results: str,
     cell: int,
     sample: int,
@@ -35,8 +45,6 @@ def replay(
     """Simulate one lane again, with its full trajectory."""
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        from jaxnet.view.text import tables
-
         again = opened.replay(cell, sample, engine)
         click.echo(tables.lane(opened, again.row))
         click.echo(f"wrote {again.path}", err=True)
@@ -55,9 +63,6 @@ def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, 
     """
     with user_errors():
         opened = jaxnet.open(results, trust=trust, config=config)
-        from jaxnet.api import write_film
-        from jaxnet.view.text import progress
-
         with progress.stepping() as told:
-            path = write_film(opened, cell, sample, out, told)
+            path = writing.write_film(opened, cell, sample, out, told)
         click.echo(f"wrote {path}", err=True)

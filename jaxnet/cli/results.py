@@ -1,14 +1,36 @@
 """Commands on results: tables, fits, the report, its figures, two studies held against each other."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
+from jaxnet.lazy import LazyModule
 from jaxnet.view.figures import COLUMNS, NAMES
 
+if TYPE_CHECKING:
+    import webbrowser
+
+    from upath import UPath
+
+    from jaxnet.api import writing
+    from jaxnet.store import folder as storage
+    from jaxnet.view.text import comparison, folders, formats, progress, slopes, tables
+else:
+    comparison = LazyModule("jaxnet.view.text.comparison")
+    folders = LazyModule("jaxnet.view.text.folders")
+    formats = LazyModule("jaxnet.view.text.formats")
+    progress = LazyModule("jaxnet.view.text.progress")
+    slopes = LazyModule("jaxnet.view.text.slopes")
+    storage = LazyModule("jaxnet.store.folder")
+    tables = LazyModule("jaxnet.view.text.tables")
+    webbrowser = LazyModule("webbrowser")
+    writing = LazyModule("jaxnet.api.writing")
+
+F = TypeVar("F", bound=Callable[..., object])
 FORMATS = ("text", "csv", "markdown", "latex")
 
 results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
@@ -17,8 +39,8 @@ out_option = click.option(
 )
 
 
-def takes_code(command):
-    """Give a command the options that say which code of kinds from outside may run."""
+def takes_code(command: F) -> F:
+    """Add the options that say which code of kinds from outside may run."""
     for option in (
         click.option(
             "--config",
@@ -54,8 +76,6 @@ def show(results: str, form: str) -> None:
     """
     with user_errors():
         opened = jaxnet.open(results)
-        from jaxnet.view.text import formats, tables
-
         if form == "text":
             click.echo(tables.summary(opened))
         else:
@@ -71,8 +91,6 @@ def list_results(folder: str) -> None:
     was written.
     """
     with user_errors():
-        from jaxnet.view.text import folders
-
         if lines := folders.listing(folder):
             click.echo(lines)
         else:
@@ -90,11 +108,8 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        from jaxnet.api import write_fits
-        from jaxnet.view.text import progress, slopes
-
         with progress.stepping() as told:
-            for path in write_fits(opened, told):
+            for path in writing.write_fits(opened, told):
                 click.echo(f"wrote {path}", err=True)
         click.echo(slopes.text(opened))
 
@@ -112,25 +127,20 @@ def report(results: str, out: str | None, shown: bool, trust: bool, config: Path
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        from jaxnet.api import write_report
-        from jaxnet.view.text import progress
-
         with progress.stepping() as told:
-            for path in write_report(opened, told):
+            for path in writing.write_report(opened, told):
                 click.echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.folder.path / "report.html")
 
 
-def show_page(page: Any) -> None:
-    """Open a page in the browser, or say that there is none."""
-    import webbrowser
-
+def show_page(page: "UPath") -> None:
+    """Open a page in the browser, or print that there is no browser."""
     if not webbrowser.open(page.absolute().as_uri()):
         click.echo(f"no browser opens {page}", err=True)
 
 
-@click.command()
+@click.command("figure")
 @results_argument
 @click.argument("name", type=click.Choice(NAMES))
 @click.option(
@@ -148,7 +158,7 @@ def show_page(page: Any) -> None:
 )
 @out_option
 @takes_code
-def figure(
+def figure_command(
     results: str,
     name: str,
     where: tuple[str, ...],
@@ -163,14 +173,12 @@ def figure(
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        from jaxnet.api import write_figure
-
-        for path in write_figure(opened, name, wanted(where), column):
+        for path in writing.write_figure(opened, name, wanted(where), column):
             click.echo(f"wrote {path}", err=True)
 
 
 def wanted(words: tuple[str, ...]) -> dict[str, list[str]]:
-    """Values by swept key, of words KEY=VALUE."""
+    """Return the values of each swept key from words KEY=VALUE."""
     found: dict[str, list[str]] = {}
     for word in words:
         key, equals, value = word.partition("=")
@@ -180,12 +188,12 @@ def wanted(words: tuple[str, ...]) -> dict[str, list[str]]:
     return found
 
 
-@click.command()
+@click.command("compare")
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path())
 @format_option
 @click.option("--out", metavar="DIR", type=click.Path(), help="Where to write.  [default: A-B beside B]")
-def compare(a: str, b: str, form: str, out: str | None) -> None:
+def compare_command(a: str, b: str, form: str, out: str | None) -> None:
     """Hold the lanes of results B against those of A, paired by their draws.
 
     Prints what differs between the studies, then B − A cell by cell: the tail errors, and the share of lanes
@@ -194,10 +202,7 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
     """
     with user_errors():
         found = jaxnet.compare(a, b)
-        from jaxnet.api import write_comparison
-        from jaxnet.view.text import comparison, formats
-
-        for path in write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
+        for path in writing.write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
             click.echo(f"wrote {path}", err=True)
         if form == "text":
             click.echo(comparison.told(found))
@@ -205,11 +210,9 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
             click.echo(formats.in_format(comparison.rows(found), form))
 
 
-def neighbour_of(folder: str, name: str) -> Any:
-    """A folder of this name where another one is."""
-    from jaxnet.store.folder import place
-
-    return place(folder).parent / name
+def neighbour_of(folder: str, name: str) -> "UPath":
+    """Return the path of this name beside a folder."""
+    return storage.place(folder).parent / name
 
 
 @click.command()

@@ -2,14 +2,41 @@
 
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
+from jaxnet.lazy import LazyModule
 
+if TYPE_CHECKING:
+    from jaxnet.api import writing
+    from jaxnet.config import schema, starter
+    from jaxnet.explore import sensitivity
+    from jaxnet.store import folder
+    from jaxnet.store import results as stored
+    from jaxnet.view.text import check as checks
+    from jaxnet.view.text import progress, tables, width, worst
+    from jaxnet.view.text import sensitivity as indices
+else:
+    checks = LazyModule("jaxnet.view.text.check")
+    folder = LazyModule("jaxnet.store.folder")
+    indices = LazyModule("jaxnet.view.text.sensitivity")
+    progress = LazyModule("jaxnet.view.text.progress")
+    schema = LazyModule("jaxnet.config.schema")
+    sensitivity = LazyModule("jaxnet.explore.sensitivity")
+    starter = LazyModule("jaxnet.config.starter")
+    stored = LazyModule("jaxnet.store.results")
+    tables = LazyModule("jaxnet.view.text.tables")
+    width = LazyModule("jaxnet.view.text.width")
+    worst = LazyModule("jaxnet.view.text.worst")
+    writing = LazyModule("jaxnet.api.writing")
+
+C = TypeVar("C", bound=Callable[..., object])
+KeyAnswer = str | int | list[float]  # of a user, about a key of the config
 FAILED_LANES = 3
 
 config_arguments = [
@@ -18,8 +45,8 @@ config_arguments = [
 ]
 
 
-def takes_config(command):
-    """Give a command its CONFIG and overrides."""
+def takes_config(command: C) -> C:
+    """Add the arguments CONFIG and KEY=VALUE to a command."""
     for argument in reversed(config_arguments):
         command = argument(command)
     return command
@@ -30,8 +57,10 @@ class ShardOf(click.ParamType):
 
     name = "i/n"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[int, int]:
-        """The two numbers."""
+    def convert(
+        self, value: str, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Return the numbers i and n."""
         match = re.fullmatch(r"(\d+)/(\d+)", value)
         if not match or int(match[1]) >= int(match[2]):
             self.fail(f"{value} is none of 0/n, 1/n, … up to n-1/n", param, ctx)
@@ -47,23 +76,20 @@ class ShardOf(click.ParamType):
 @click.option("--magnitudes", metavar="NUMBERS", help="Sizes of the attack to sweep, as in 0.1,1,10 [m].")
 @click.option("--samples", type=click.IntRange(1), help="Random lanes of each cell.")
 @click.option("--yes", is_flag=True, help="Ask nothing; take the defaults of what is not given.")
-def init(file: str, yes: bool, **given: Any) -> None:
+def init(file: str, yes: bool, **given: str | int | None) -> None:
     """Write a first config, with a comment on every key.
 
     FILE (default: study.yaml) must not be there yet; the study takes its name. On a terminal, what no option
     says is asked.
     """
     with user_errors():
-        from jaxnet.config import starter
-        from jaxnet.store.folder import FolderError
-
         if Path(file).exists():
-            raise FolderError(f"{file} is there already: give another FILE")
-        answers = {key: value for key, value in given.items() if value is not None}
+            raise folder.FolderError(f"{file} is there already: give another FILE")
+        answers: dict[str, KeyAnswer] = {key: value for key, value in given.items() if value is not None}
         if not yes and on_terminal():
-            answers |= {key: asked(key) for key in starter.DEFAULTS if key not in answers}
-        if isinstance(answers.get("magnitudes"), str):
-            answers["magnitudes"] = numbers_in(answers["magnitudes"])
+            answers |= {key: ask_user(key) for key in starter.DEFAULTS if key not in answers}
+        if isinstance(words := answers.get("magnitudes"), str):
+            answers["magnitudes"] = parse_numbers(words)
         content = starter.written_out(file, answers)
         with Path(file).open("x", encoding="utf-8") as opened:
             opened.write(content)
@@ -71,14 +97,12 @@ def init(file: str, yes: bool, **given: Any) -> None:
 
 
 def on_terminal() -> bool:
-    """Whether somebody can answer."""
+    """Return whether a user can answer questions."""
     return sys.stdin.isatty()
 
 
-def asked(key: str) -> Any:
-    """What the user answers; Enter takes the default."""
-    from jaxnet.config import starter
-
+def ask_user(key: str) -> KeyAnswer:
+    """Return the user's answer; Enter takes the default."""
     default = starter.DEFAULTS[key]
     if key in starter.ASKED:
         return click.prompt(key, default, type=click.Choice(starter.offered(key)), err=True)
@@ -87,15 +111,15 @@ def asked(key: str) -> Any:
     return click.prompt(key, default, type=click.IntRange(1), err=True)
 
 
-def numbers_in(words: str) -> list[float]:
-    """Numbers between commas."""
+def parse_numbers(words: str) -> list[float]:
+    """Return the numbers between commas."""
     try:
         return [float(word) for word in words.split(",")]
     except ValueError:
         raise click.BadParameter(f"numbers between commas (got {words})", param_hint="--magnitudes") from None
 
 
-@click.command()
+@click.command("run")
 @takes_config
 @click.option(
     "--out",
@@ -119,7 +143,7 @@ def numbers_in(words: str) -> list[float]:
     help="Only every n-th shard, from the i-th on, counted from 0; for job arrays. The same command without"
     " it simulates what is missing, and makes the tables.",
 )
-def run(
+def run_command(
     config: Path,
     overrides: tuple[str, ...],
     out: str | None,
@@ -140,8 +164,6 @@ def run(
         raise click.UsageError("--shard goes with neither --fresh nor --workers nor --cluster")
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view.text import tables
-
         if shard is not None:
             part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
@@ -157,7 +179,7 @@ def run(
         sys.exit(FAILED_LANES)
 
 
-@click.command()
+@click.command("search")
 @takes_config
 @click.option(
     "--out", metavar="DIR", type=click.Path(), help="Results folder or URL.  [default: results/NAME]"
@@ -166,7 +188,7 @@ def run(
 @click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
 @click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
 @click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
-def search(
+def search_command(
     config: Path,
     overrides: tuple[str, ...],
     out: str | None,
@@ -182,13 +204,12 @@ def search(
     written as a study of its own.
     """
     with user_errors():
-        from jaxnet import api
-        from jaxnet.view.text import progress, worst
-
-        study = api.with_random_lanes(jaxnet.load(config, overrides))
+        study = writing.with_random_lanes(jaxnet.load(config, overrides))
         results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
         with progress.stepping() as told:
-            files = [str(file) for file in api.write_search(results, told, devices, None, workers, cluster)]
+            files = [
+                str(file) for file in writing.write_search(results, told, devices, None, workers, cluster)
+            ]
         click.echo(worst.text(results))
         click.echo("\n".join(f"wrote {file}" for file in files), err=True)
 
@@ -199,12 +220,10 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.view.text import check
-
-        click.echo(check.text(study))
+        click.echo(checks.text(study))
 
 
-@click.command()
+@click.command("sensitivity")
 @takes_config
 @click.option(
     "--metric", default="tail_mean", show_default=True, help="Of which to print; the file has all of them."
@@ -217,7 +236,9 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     help="Lanes of a cell for each quantity drawn; twice as many come on top.",
 )
 @click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
-def sensitivity(config: Path, overrides: tuple[str, ...], metric: str, samples: int, out: str | None) -> None:
+def sensitivity_command(
+    config: Path, overrides: tuple[str, ...], metric: str, samples: int, out: str | None
+) -> None:
     """Tell which of the quantities drawn the results depend on.
 
     Sobol's indices with 95 % intervals: which part of the variance over lanes comes from each, alone and with
@@ -229,25 +250,19 @@ def sensitivity(config: Path, overrides: tuple[str, ...], metric: str, samples: 
         known += ["unrecovered"] if study.config.recovery else []
         if metric not in known:
             raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
-        from jaxnet.api import write_sensitivity
-        from jaxnet.explore.sensitivity import lanes_needed
-        from jaxnet.store.results import read_table
-        from jaxnet.view.text import progress
-        from jaxnet.view.text import sensitivity as words
-
-        click.echo(words.plan(lanes_needed(study, samples), samples), err=True)
+        click.echo(indices.plan(sensitivity.lanes_needed(study, samples), samples), err=True)
         with progress.stepping() as told:
-            written = list(write_sensitivity(study, samples, out, told))
-        click.echo(words.printed(read_table(written[0]), study, metric))
+            written = list(writing.write_sensitivity(study, samples, out, told))
+        click.echo(indices.printed(stored.read_table(written[0]), study, metric))
         for path in written:
             click.echo(f"wrote {path}", err=True)
 
 
-@click.command()
+@click.command("rare")
 @takes_config
 @click.option("--points", type=click.IntRange(100), default=1000, show_default=True, help="Lanes of a level.")
 @click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
-def rare(config: Path, overrides: tuple[str, ...], points: int, out: str | None) -> None:
+def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str | None) -> None:
     """Tell how rarely the defence fails, where plain lanes would hardly show it.
 
     Subset simulation over all that is drawn, ten repeats, with a 95 % interval. Writes rare.csv; cells that
@@ -255,20 +270,14 @@ def rare(config: Path, overrides: tuple[str, ...], points: int, out: str | None)
     """
     with user_errors():
         study = jaxnet.load(config, overrides)
-        from jaxnet.api import write_rare
-        from jaxnet.store.results import read_table
-        from jaxnet.view.text import progress
-        from jaxnet.view.text.width import MOST_ROWS, as_lines
-
         with progress.stepping() as told:
-            written = write_rare(study, points, out, told)
-        click.echo(as_lines(read_table(written).drop(columns=["points", "tau"]).head(MOST_ROWS)))
+            written = writing.write_rare(study, points, out, told)
+        rows = stored.read_table(written).drop(columns=["points", "tau"])
+        click.echo(width.as_lines(rows.head(width.MOST_ROWS)))
         click.echo(f"wrote {written}", err=True)
 
 
-@click.command()
-def schema() -> None:
+@click.command("schema")
+def schema_command() -> None:
     """Print the config's JSON schema, for editors."""
-    from jaxnet.config.schema import schema_text
-
-    click.echo(schema_text(), nl=False)
+    click.echo(schema.schema_text(), nl=False)

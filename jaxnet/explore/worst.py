@@ -38,7 +38,7 @@ from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
 from jaxnet.store import rows
-from jaxnet.store.folder import Folder, FolderError, digest, made_from
+from jaxnet.store.folder import Folder, FolderError, digest, modules_of
 from jaxnet.store.results import Results
 
 CHECKPOINT = 10.0  # [s] between checkpoints, at least
@@ -256,7 +256,7 @@ def search_distributed(results: Results, machine: Machine, executor: Cluster) ->
     config = results.study.config
     task = functools.partial(search_cell, results.folder.absolute(), machine.chunk)
     cells = {f"cell {cell.number}": cell.number for cell in results.study.cells}
-    yield from executor.deal(task, config.scope, made_from(config), cells)
+    yield from executor.deal(task, config.scope, modules_of(config), cells)
 
 
 def search_cell(folder: Folder, chunk: int | None, number: int) -> int:

@@ -1,1 +1,1 @@
-"""A run: draws make lanes, lanes make shards, shards are simulated here or by workers until all are there."""
+"""A run: shards of lanes are simulated here or by workers until the folder has all lanes."""

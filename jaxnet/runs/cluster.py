@@ -1,8 +1,8 @@
-"""Shards, or cells to search, done by other processes: the workers of a dask scheduler, here or elsewhere.
+"""Shards, or cells to search, on other processes: the workers of a dask scheduler, here or elsewhere.
 
-A worker is sent a task and one item of it, writes the item's files itself and answers with a few numbers.
-One that dies costs what it had under way, which others are given; a scheduler or a client that dies costs
-what was under way, and the same command goes on. A worker takes one item at a time for each of its threads.
+A worker receives a task and one item, writes the item's files itself, and returns a few numbers. It works
+on one item at a time for each of its threads. If a worker dies, other workers repeat its unfinished items.
+If the scheduler or the client dies, unfinished items are lost, and the same command resumes.
 """
 
 import asyncio
@@ -23,41 +23,61 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from importlib import metadata
 from multiprocessing import forkserver, resource_tracker
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from upath import UPath
 
 from jaxnet.kinds import registry
 from jaxnet.kinds.registry import Scope
+from jaxnet.lazy import LazyModule
+from jaxnet.runs import cache
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
 if TYPE_CHECKING:
+    import dask.config
+    import distributed
+    import distributed.comm.core
+    import distributed.utils
+
+    from jaxnet.engine import batch
     from jaxnet.kinds.provenance import Provenance
+    from jaxnet.runs import shards
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard
+else:  # distributed is optional, and JAX must not start before a worker knows its threads
+    batch = LazyModule("jaxnet.engine.batch")
+    dask = LazyModule("dask")
+    distributed = LazyModule("distributed")
+    shards = LazyModule("jaxnet.runs.shards")
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 CONNECT = 10  # [s]
 KEPT = "what is finished is kept, the same command goes on"
-SILENT = logging.CRITICAL + 1  # what is lost is told by us, not by dask
-LIVES = 5  # workers that one item may take with it before it is given up
-SETTLING = threading.Lock()
+NO_LOGS = logging.CRITICAL + 1  # what is lost is told by us, not by dask
+MOST_LOSSES = 5  # workers that one item may take with it before it is given up
+SETTING_UP = threading.Lock()
+
+
+Connect = Callable[[], contextlib.AbstractContextManager["distributed.Client"]]
 
 
 class ClusterError(RuntimeError):
-    """Workers that cannot do what was asked."""
+    """Workers that are lost, do not answer, or cannot do the task."""
 
 
 class Answer(NamedTuple):
-    """What a worker answers, and what it was warned of meanwhile."""
+    """Result of a task on a worker, and the warnings of that worker."""
 
     found: Any
     said: list[str]
 
 
-def crew(
+def executor(
     folder: UPath, workers: int | None, address: str | None, cores: int, chunk: int | None
 ) -> "contextlib.AbstractContextManager[Cluster | None]":
-    """So many processes that share these cores, or the workers of a scheduler; None if neither is asked for.
+    """Return workers that share these cores, or a scheduler's workers; None without `workers` and `address`.
 
     Raises ClusterError.
     """
@@ -75,9 +95,9 @@ def crew(
 
 
 class Cluster:
-    """The crew of a dask cluster. It is called together while this process is still about other things."""
+    """The workers of a dask cluster. They start in a thread, while this process does other things."""
 
-    def __init__(self, connect: Callable[[], contextlib.AbstractContextManager[Any]], chunk: int | None):
+    def __init__(self, connect: Connect, chunk: int | None):
         self.connect, self.chunk = connect, chunk
         self.stack, self.pool = contextlib.ExitStack(), ThreadPoolExecutor(1)
 
@@ -85,14 +105,14 @@ class Cluster:
         self.client = self.pool.submit(lambda: self.stack.enter_context(self.connect()))
         return self
 
-    def __exit__(self, *error: Any) -> None:
+    def __exit__(self, *error: object) -> None:
         self.pool.shutdown()
         self.stack.close()
 
     def __call__(
         self, work: "Assignment", todo: "Sequence[Shard]", load_done: Callable[[int], None]
     ) -> "Iterator[Done]":
-        """Have shards simulated; each is told of when it is there. Raises ClusterError or FolderError."""
+        """Simulate shards; yield a report on each. Raises ClusterError or FolderError."""
         task = functools.partial(simulate_shard, work, self.chunk)
         yield from self.deal(
             task, work.config.scope, work.modules, {f"shard {shard.number}": shard for shard in todo}
@@ -100,16 +120,15 @@ class Cluster:
 
     def deal(
         self,
-        task: Callable[[Any], Any],
+        task: Callable[[Item], Result],
         scope: Scope,
         modules: "Mapping[str, Provenance]",
-        items: Mapping[str, Any],
-    ) -> Iterator[Any]:
-        """What workers find of items, which have names, as it comes; `modules` are those that kinds are from.
+        items: Mapping[str, Item],
+    ) -> Iterator[Result]:
+        """Run the task on each named item; yield the results as they come.
 
-        Workers load the kinds of `scope` from the same files.
-
-        Raises ClusterError, and what the task does.
+        Workers load the kinds of `scope` from the same files. `modules` are the modules of these kinds.
+        Raises ClusterError, and the errors of the task.
         """
         if not items:
             return
@@ -117,27 +136,24 @@ class Cluster:
             raise ClusterError(
                 f"no worker can import {typed[0]}, which has no file: write its kinds into a module"
             )
-        from distributed import KilledWorker
-        from distributed.comm.core import CommClosedError
-
         try:
             client = self.client.result()
             packed = {name: pickle.dumps(item) for name, item in items.items()}
-            work = functools.partial(by_worker, pickle.dumps((task, scope)), versions())
-            yield from answers(client, work, packed)
-        except KilledWorker as error:
+            work = functools.partial(run_task, pickle.dumps((task, scope)), versions())
+            yield from worker_answers(client, work, packed)
+        except distributed.KilledWorker as error:
             raise ClusterError(
                 f"{str(error.task).split(' of ')[0]} took {error.allowed_failures + 1} workers with it,"
                 f" out of memory? {KEPT}"
             ) from error
-        except (CancelledError, CommClosedError) as error:
+        except (CancelledError, distributed.comm.core.CommClosedError) as error:
             raise ClusterError(f"the scheduler was lost; {KEPT}") from error
 
 
-def answers(client: Any, task: Callable[[Any], Answer], items: Mapping[str, Any]) -> Iterator[Any]:
-    """The workers' answers as they come; what they were warned of is told here, once."""
-    from distributed import as_completed
-
+def worker_answers(
+    client: "distributed.Client", task: Callable[[bytes], Answer], items: Mapping[str, bytes]
+) -> Iterator[Any]:
+    """Yield the workers' results as they come, and repeat each distinct warning once."""
     told, run = set[str](), uuid.uuid4().hex
 
     def tell(said: Iterable[str]) -> None:
@@ -146,10 +162,10 @@ def answers(client: Any, task: Callable[[Any], Answer], items: Mapping[str, Any]
                 told.add(text)
                 warnings.warn(text, stacklevel=2)
 
-    client.subscribe_topic("all", lambda event: tell(losses(event[1], run)))
+    client.subscribe_topic("all", lambda event: tell(lost_workers(event[1], run)))
     futures = client.map(task, list(items.values()), key=[f"{name} of {run}" for name in items])
     try:
-        for _, answer in as_completed(futures, with_results=True, loop=client.loop):
+        for _, answer in distributed.as_completed(futures, with_results=True, loop=client.loop):
             if isinstance(answer, ImportError) or "deserialization" in str(answer):
                 raise ClusterError(
                     f"scheduler and workers need the same jaxnet, and the study's own modules: {answer}"
@@ -163,43 +179,42 @@ def answers(client: Any, task: Callable[[Any], Answer], items: Mapping[str, Any]
 
 
 @contextlib.contextmanager
-def workers_here(number: int, cores: int) -> Iterator[Any]:
-    """A client of so many workers, processes of this machine that share its cores."""
+def workers_here(number: int, cores: int) -> "Iterator[distributed.Client]":
+    """Yield a client of a number of workers, processes of this machine that share its cores."""
     quiet_tracker()
     start_server()
-    import distributed
-    from dask import config
-
     each = max(1, cores // number)
-    settings = {"scheduler.allowed-failures": LIVES, "worker.multiprocessing-method": "forkserver"}
+    settings = {"scheduler.allowed-failures": MOST_LOSSES, "worker.multiprocessing-method": "forkserver"}
+    start = functools.partial(  # imports distributed, and with it the defaults that `settings` change
+        distributed.LocalCluster,
+        n_workers=number,
+        threads_per_worker=each,
+        memory_limit=None,
+        dashboard_address="127.0.0.1:0",
+        silence_logs=NO_LOGS,
+        preload=__name__,
+        env={"NPROC": str(each)},  # threads of XLA
+    )
     with (
-        config.set({f"distributed.{key}": value for key, value in settings.items()}),
-        distributed.LocalCluster(
-            n_workers=number,
-            threads_per_worker=each,
-            memory_limit=None,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=SILENT,
-            preload=__name__,
-            env={"NPROC": str(each)},  # threads of XLA's
-        ) as cluster,
+        dask.config.set({f"distributed.{key}": value for key, value in settings.items()}),
+        start() as cluster,
         contextlib.closing(distributed.Client(cluster, set_as_default=False)) as client,
     ):
         yield client
 
 
 def start_server() -> None:
-    """Spawn the process that workers are split off from.
+    """Start the process from which workers are forked.
 
-    It imports what they need, once and while this one is about other things, and no more: JAX is not started
-    in it, which would not survive the fork.
+    It imports the workers' modules once, while this process does other things. It does not start JAX,
+    which would not survive a fork.
     """
     multiprocessing.get_context("forkserver").set_forkserver_preload(["distributed", "jaxnet.runs.shards"])
     forkserver.ensure_running()
 
 
 def quiet_tracker() -> None:
-    """Start the process that clears up after others, which would tell of what one left that was killed."""
+    """Start Python's resource tracker without its warnings about the leftovers of killed workers."""
     before = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
     resource_tracker.ensure_running()
@@ -209,13 +224,10 @@ def quiet_tracker() -> None:
 
 
 @contextlib.contextmanager
-def workers_at(address: str) -> Iterator[Any]:
-    """A client of the scheduler at an address."""
-    import distributed
-    from distributed.utils import silence_logging_cmgr
-
+def workers_at(address: str) -> "Iterator[distributed.Client]":
+    """Yield a client of the scheduler at an address."""
     with contextlib.ExitStack() as stack:
-        stack.enter_context(silence_logging_cmgr(SILENT))
+        stack.enter_context(distributed.utils.silence_logging_cmgr(NO_LOGS))
         try:
             client = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError) as error:
@@ -228,20 +240,22 @@ def workers_at(address: str) -> Iterator[Any]:
         yield client
 
 
-def refuse_strangers(client: Any) -> None:
-    """Raise ClusterError if a worker has other versions than this process of what rows depend on.
+def refuse_strangers(client: "distributed.Client") -> None:
+    """Raise ClusterError if a worker's versions, on which rows depend, differ from this process.
 
-    It is asked by functions of Python's own, for another version may not have any of ours.
+    The query uses functions of Python alone, since another version of jaxnet may lack ours.
     """
-    theirs = {"jaxnet": client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")}
+    theirs: dict[str, Any] = {
+        "jaxnet": client.run(pkgutil.resolve_name, "jaxnet:__version__", on_error="return")
+    }
     theirs |= {name: client.run(metadata.version, name, on_error="return") for name in PACKAGES}
     for worker in theirs["jaxnet"]:
         answered = {package: said.get(worker) for package, said in theirs.items()}
         if not any(each is None or isinstance(each, OSError) for each in answered.values()):  # it lives
-            refuse(worker, answered, versions())
+            refuse_versions(worker, answered, versions())
 
 
-def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> None:
+def refuse_versions(worker: str, theirs: Mapping[str, object], ours: Mapping[str, str]) -> None:
     """Raise ClusterError if a worker's versions are not ours."""
     for package in ("jaxnet", *PACKAGES):
         if theirs[package] != ours[package]:
@@ -251,39 +265,32 @@ def refuse(worker: str, theirs: Mapping[str, Any], ours: Mapping[str, str]) -> N
             )
 
 
-def losses(event: Any, run: str) -> Iterator[str]:
-    """What is to be told of an event of the scheduler: a worker that was lost with items of this run."""
+def lost_workers(event: object, run: str) -> Iterator[str]:
+    """Yield the message of a scheduler's event that says that a worker with items of this run was lost."""
     if isinstance(event, dict) and event.get("action") == "remove-worker" and not event["expected"]:
         items = sum(run in str(key) for key in event["processing-tasks"])
         if items:
             yield f"worker {event['worker']} was lost; others do what it had under way: {items}"
 
 
-def by_worker(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
-    """On a worker: do a task with one item; `needed` are the versions asked for.
+def run_task(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
+    """Run a task on one item, on a worker; `needed` are the versions of the client.
 
-    `work` holds the task, and the scope that loads the classes of the study's kinds. It is unpacked here: a
-    class that cannot be loaded while dask reads a message stops the worker for ever.
+    `work` holds the task and the scope, which loads the classes of the study's kinds. This function unpacks
+    it: a class that fails to load while dask reads a message would stop the worker for ever.
     """
-    from distributed import get_worker
-
-    worker = get_worker()
-    with SETTLING:
-        said = settle_in(worker.state.nthreads)
-    refuse(worker.address, versions(), needed)
+    worker = distributed.get_worker()
+    with SETTING_UP:
+        said = set_up_worker(worker.state.nthreads)
+    refuse_versions(worker.address, versions(), needed)
     with registry.blaming():
         task, _ = pickle.loads(work)
         found = task(pickle.loads(item))
-    return Answer(found, list(drained(said)))
+    return Answer(found, list(drain(said)))
 
 
 def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Done":
-    """On a worker: simulate and store a shard, unless it is there."""
-    from distributed import get_worker
-
-    from jaxnet.engine.batch import Machine
-    from jaxnet.runs import shards
-
+    """Simulate and store a shard on a worker, unless the folder has it."""
     ended = 0
 
     def see(lanes: int = 0) -> None:  # at first, and before anything is written: it may be another's by then
@@ -292,30 +299,28 @@ def simulate_shard(work: "Assignment", chunk: int | None, shard: "Shard") -> "Do
         work.folder.look()
         if ended in (0, len(shard.samples)) and work.folder.manifest.get("hash") != work.study:
             raise FolderError(
-                f"worker {get_worker().address} does not see this study in {work.folder.path}:"
+                f"worker {distributed.get_worker().address} does not see this study in {work.folder.path}:"
                 " it must be on storage that all share"
             )
 
     see()
-    done = shards.there(work, shard)
+    done = shards.find_done(work, shard)
     if done is None or work.missing(shard, done):
-        done = next(shards.simulate_shards(work, [shard], Machine(1, chunk), see))
+        done = next(shards.simulate_shards(work, [shard], batch.Machine(1, chunk), see))
     return done
 
 
-def drained(said: deque[str]) -> Iterator[str]:
-    """All that is in it, which is taken out; other threads may do so too."""
+def drain(said: deque[str]) -> Iterator[str]:
+    """Yield and remove all items; other threads may remove some of them."""
     with contextlib.suppress(IndexError):
         while True:
             yield said.popleft()
 
 
 @functools.cache
-def settle_in(threads: int) -> deque[str]:
-    """Make a process a worker, before JAX starts; where its warnings are kept until they are sent."""
+def set_up_worker(threads: int) -> deque[str]:
+    """Prepare a process as a worker before JAX starts; return the queue of its warnings."""
     os.environ.setdefault("NPROC", str(threads))
-    from jaxnet.runs import cache
-
     cache.enable()
     said: deque[str] = deque(maxlen=1000)
     warnings.showwarning = lambda message, category, *rest: said.append(str(message))
@@ -325,17 +330,17 @@ def settle_in(threads: int) -> deque[str]:
     return said
 
 
-async def get_ready(dask_worker: Any) -> None:
-    """On a worker: do what is done once, before the first item comes."""
-    with SETTLING:
-        settle_in(dask_worker.state.nthreads)
+async def get_ready(dask_worker: "distributed.Worker") -> None:
+    """Prepare a worker before its first item comes."""
+    with SETTING_UP:
+        set_up_worker(dask_worker.state.nthreads)
     await asyncio.to_thread(importlib.import_module, "jaxnet.runs.shards")
 
 
-async def dask_setup(worker: Any) -> None:
-    """On a worker of this machine, as it starts: get ready, and leave Ctrl-C to the client.
+async def dask_setup(worker: "distributed.Worker") -> None:
+    """Prepare a local worker as it starts, and leave Ctrl-C to the client.
 
-    The whole process group is sent it.
+    The system sends Ctrl-C to the whole process group.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     await get_ready(worker)

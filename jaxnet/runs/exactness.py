@@ -1,7 +1,6 @@
-"""How far simulated lanes are from the exact solution of the closed loop, given their own kept sets."""
+"""Distance of simulated lanes from the exact solution of the closed loop with the same kept sets."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,8 +16,8 @@ from jaxnet.model.hearing import Hearing
 from jaxnet.theory import exact
 
 
-def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
-    """Lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
+def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
+    """Return lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
     attack = scenario.attack
     known = scenario.tick > 0 and attack.consistent() and not scenario.law.holds
     if not known or attack.strategic or attack.replaces():
@@ -32,9 +31,10 @@ def ticked(scenario: Scenario, seed: int, samples: Sequence[int]) -> batch.Job:
 
 
 def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
-    """Greatest distance [m] over ticks and vehicles from the solution (SCIENCE, O1 and O2), lane by lane.
+    """Return the greatest distance [m] of each lane from the solution (SCIENCE, O1 and O2).
 
-    The lanes are `ticked` ones. A failed lane's is not-a-number.
+    The maximum is over ticks and vehicles. The lanes come from `lanes_at_ticks`. Failed lanes have
+    not-a-number.
     """
     outcome = batch.simulate(lanes)
     with jax.enable_x64(True):
@@ -51,8 +51,10 @@ def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
         )
 
 
-def greatest_distance(one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, Any]) -> float:
-    """Greatest distance of one lane."""
+def greatest_distance(
+    one: batch.Inputs, hearing: Hearing, interval: float, series: dict[str, np.ndarray]
+) -> float:
+    """Return the greatest distance [m] of one lane."""
     lane = one.lane
     times = np.arange(len(series["kept"])) * interval
     signals = [np.stack(signal.jets(lane.vectors, lane.signal.basis(np.asarray(t)))) for t in times]
@@ -62,7 +64,7 @@ def greatest_distance(one: batch.Inputs, hearing: Hearing, interval: float, seri
     slots = [np.asarray(each) for each in (hearing.sources, hearing.attacked, hearing.signals)]
     listeners = np.arange(slots[0].shape[1])
 
-    def corruption(t: float, weights: Any) -> np.ndarray:
+    def corruption(t: float, weights: np.ndarray) -> np.ndarray:
         mixing = np.zeros((len(listeners), lane.vectors.shape[1]))
         for slot, added, carries in zip(*slots, strict=True):
             mixing[listeners[added], carries[added]] += weights[listeners[added], slot[added]]

@@ -1,20 +1,20 @@
-"""The vector field of one lane, to be handed to whatever integrates: decisions are taken inside, as the paper
-has it.
-"""
+"""The vector field of one lane for any integrator. Vehicles decide at each evaluation, as in the paper."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from jaxnet.config.study import Study
 from jaxnet.engine.methods.stacked import Followed, motion
 from jaxnet.lanes.jobs import job, source_of
 
+LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored argument
 
-def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any], Any], jax.Array]:
-    """The field and its start; see `jaxnet.field`."""
+
+def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array]:
+    """Return the field and the initial state; see `jaxnet.field`."""
     if cell >= len(study.cells):
         raise ValueError(f"the study has cells 0 to {len(study.cells) - 1} (got cell {cell})")
     if jnp.zeros(()).dtype != jnp.float64:
@@ -35,7 +35,7 @@ def field(study: Study, cell: int, sample: int) -> tuple[Callable[[Any, Any, Any
     followed = Followed(lane, lane.weights[None], lane.vectors)
 
     @jax.jit
-    def ours(time: Any, state: Any, args: Any = None) -> Any:
+    def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:
         return motion(jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan)
 
-    return ours, lane.initial
+    return derivative, lane.initial

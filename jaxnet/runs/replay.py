@@ -1,4 +1,4 @@
-"""One lane again, by itself, with everything that can be seen of it."""
+"""Replay: simulate one lane alone, and save all that can be seen of it."""
 
 from dataclasses import replace
 
@@ -23,9 +23,9 @@ from jaxnet.store.results import Results
 
 
 def replay(results: Results, cell: int, sample: int, engine: str | None = None) -> tuple[UPath, pd.Series]:
-    """Store the lane's trajectory under `replays/`; its path and the lane's row.
+    """Store the lane's trajectory under `replays/`; return its path and the lane's row.
 
-    `engine` names one to use instead of the study's own.
+    `engine` is the name of an engine, by default the study's own.
     Raises FolderError if the study has no such lane, or the engine cannot simulate it.
     """
     refuse_unknown(results, cell, sample)
@@ -41,7 +41,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
         results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
-    row = rows.table_of(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
+    row = rows.outcome_table(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
     return results.folder.path / store, row.to_pandas().iloc[0]
 
 
@@ -56,7 +56,7 @@ def refuse_unknown(results: Results, cell: int, sample: int) -> None:
 
 
 def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset, Digraph]:
-    """One lane's trajectory, simulated again if it is stored nowhere, and its graph."""
+    """Return one lane's trajectory and its graph; a lane that no store holds is simulated again."""
     refuse_unknown(results, cell, sample)
     results.need_code()
     lane = stored_trajectory(results, cell, sample)
@@ -70,7 +70,7 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
 
 
 def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | None:
-    """One lane's trajectory by the study's own engine, if it was replayed or is stored with the others."""
+    """Return a lane's trajectory by the study's own engine, from a replay or the study's store, or None."""
     path = results.file(store_of(results, cell, sample))
     if (path / "zarr.json").exists():
         return open_store(path).isel(lane=0)
@@ -84,14 +84,14 @@ def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | 
 
 
 def store_of(results: Results, cell: int, sample: int, engine: str | None = None) -> str:
-    """The store of a replayed lane, by the study's own engine or another."""
+    """Return the name of the store of a replayed lane."""
     own = results.study.cells[cell].scenario.engine.reference()
     other = "" if engine in (None, own) else f"-{engine}"
     return f"replays/cell-{cell}-sample-{sample}{other}.zarr"
 
 
 def worst_of(results: Results) -> list[tuple[int, int]]:
-    """Cell and sample of the lanes to be looked at, those with the greatest mean error for their ā."""
+    """Return cell and sample of the study's worst lanes, those with the greatest mean error over ā."""
     asked = results.study.config.recovery
     if asked is None:
         return []
@@ -99,7 +99,7 @@ def worst_of(results: Results) -> list[tuple[int, int]]:
 
 
 def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
-    """The ok lanes of each cell with the greatest mean errors: cell, sample, tail_mean."""
+    """Return the ok lanes of each cell with the greatest mean errors: cell, sample, tail_mean [m]."""
     lanes = results.by_cell("cell", "sample", "tail_mean", where=rows.OK)
     found = [each.nlargest(number, "tail_mean") for _, each in lanes]
     nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
@@ -107,7 +107,7 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:
-    """The cell under this engine with its defaults; itself if that is its own."""
+    """Return the cell with another engine at its defaults; raise FolderError if the engine refuses it."""
     if engine in (None, cell.scenario.engine.reference()):
         return cell
     chosen = registry.find("engine", str(engine))()

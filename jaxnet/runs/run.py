@@ -1,7 +1,7 @@
-"""A run: bring a folder to hold every lane of a study; what is there already is not done again.
+"""A run: simulate the lanes of a study that its folder lacks.
 
-Who simulates the shards is the crew's business: this process (`shards`) or others (`cluster`).
-Nobody has to hold more than one cell's rows for the tables at the end.
+The executor simulates the shards, in this process (`shards`) or in others (`cluster`). The tables at the end
+need the rows of one cell in memory at a time.
 """
 
 import time
@@ -30,47 +30,47 @@ from jaxnet.store.folder import (
     Folder,
     FolderError,
     TakenError,
+    describe_kinds,
     digest,
-    made_from,
-    said_of_kinds,
+    modules_of,
     versions,
 )
 from jaxnet.store.layout import Shard
 
-Report = Callable[[Tally], None]
-Crew = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
+ReportTally = Callable[[Tally], None]
+Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
 READERS = 16  # files looked over at a time
-CHOSEN = "trajectories.zarr"
+CHOSEN_STORE = "trajectories.zarr"
 
 
-def alone(machine: Machine) -> Crew:
-    """The crew of this process."""
+def local_executor(machine: Machine) -> Executor:
+    """Return the executor that simulates shards in this process."""
     return lambda work, todo, load_done: shards.simulate_shards(work, todo, machine, load_done)
 
 
 class Run:
-    """One study's way into one folder, which is held by its writer."""
+    """The simulation of one study into one folder, which this process holds."""
 
     def __init__(
         self,
         study: Config,
         cells: Sequence[Cell],
         folder: Folder,
-        progress: Report,
+        progress: ReportTally,
         machine: Machine,
-        crew: Crew | None = None,
+        crew: Executor | None = None,
     ):
         self.began, self.before = time.monotonic(), folder.manifest
         if isinstance(study.samples, int):
             study = study.model_copy(update={"samples": max(study.samples, self.before.get("samples", 0))})
         self.study, self.cells, self.folder, self.machine = study, cells, folder, machine
-        self.crew = crew or alone(machine)
-        self.modules = made_from(study)
+        self.crew = crew or local_executor(machine)
+        self.modules = modules_of(study)
         self.size = self.before.get("shard_size") or layout.shard_size(cells, study)
         self.progress = progress
 
     def whole(self) -> bool:
-        """Simulate what is missing, and make the tables and arrays; whether anything was missing."""
+        """Simulate the missing lanes, and write the tables and arrays; return whether lanes were missing."""
         looks = looks_of(self.study.samples, self.before.get("samples", 0))
         tally = self.tally(len(self.cells) * looks[-1])
         self.folder.remove_torn()
@@ -91,10 +91,10 @@ class Run:
         return self.finish(samples, simulated)
 
     def part(self, number: int, of: int) -> tuple[int, int, int]:
-        """Simulate what is missing of every `of`-th shard from `number` on.
+        """Simulate the missing lanes of shards `number`, `number + of`, …
 
-        Rows alone are written, and arrays beside them, so that others can do the same with the other shards.
-        How many shards these are, how many were simulated, and how many lanes failed.
+        The method writes rows, and arrays beside them, so that other processes can simulate the other shards.
+        Returns the number of these shards, the number simulated now, and the number of failed lanes.
         """
         if isinstance(self.study.samples, keys.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
@@ -103,13 +103,13 @@ class Run:
         simulated = self.simulate(mine, self.work(None), tally)
         return len(mine), simulated, tally.failed
 
-    def about(self, samples: int) -> dict[str, Any]:
-        """Entries of the manifest that say what the folder holds once the run is through."""
+    def about(self, samples: int) -> dict[str, object]:
+        """Return the entries of the manifest that describe the finished folder."""
         return {
             "hash": digest(self.study),
             "seed": self.study.seed,
             "versions": versions(),
-            "kinds": said_of_kinds(self.study),
+            "kinds": describe_kinds(self.study),
             "modules": {name: made_of._asdict() for name, made_of in self.modules.items()},
             "device": jax.devices()[0].device_kind,
             "chunk": self.machine.chunk,
@@ -120,22 +120,22 @@ class Run:
         }
 
     def begin(self, samples: int) -> None:
-        """Say in the manifest what is going to be in the folder."""
+        """Write the manifest's description of the folder before the simulation."""
         about, before = self.about(samples), self.folder.manifest
         same = all(before.get(entry) == about[entry] for entry in ("save", "samples"))
         self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
-        """Make room for so many samples in the stores that are filled shard by shard; their identities."""
+        """Make room for these samples in the stores that shards fill; return the stores' identities."""
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
             self.folder.look()
             store = arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
-            identities[name] = arrays.identity(store)
+            identities[name] = arrays.store_identity(store)
         return identities
 
     def work(self, filled: dict[str, str] | None) -> Assignment:
-        """What every shard takes."""
+        """Return the data that every shard needs."""
         return Assignment(
             self.folder.absolute(),
             digest(self.study),
@@ -150,17 +150,17 @@ class Run:
 
     @property
     def tau(self) -> float | None:
-        """Of the study's recovery, if that is asked for."""
+        """Threshold τ of the study's recovery; None without recovery."""
         return None if self.study.recovery is None else self.study.recovery.tau
 
     def tally(self, lanes: int) -> Tally:
-        """A count of so many lanes, before the first."""
+        """Return a tally of this number of lanes, none of them done."""
         return Tally(self.cells, lanes, self.study.recovery is not None)
 
     def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
-        """Simulate and store those shards that are not there yet; how many there were."""
+        """Simulate and store the missing lanes of these shards; return the number of incomplete shards."""
         with ThreadPoolExecutor(READERS) as pool:
-            found = list(pool.map(lambda shard: shards.there(work, shard), wanted))
+            found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
         todo = [shard for shard in missing if shard is not None]
         self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
@@ -181,12 +181,12 @@ class Run:
         return len(todo)
 
     def tell(self, tally: Tally, found: Sequence[Done]) -> None:
-        """Report shards that are there."""
-        tally.there(found)
+        """Record finished shards, and report the progress."""
+        tally.record(found)
         self.progress(tally)
 
     def clear_derived(self) -> None:
-        """Remove what was made of the rows that were there, which is told before."""
+        """Remove the files that were made of the earlier rows, with a warning."""
         if taken := [name for name in DERIVED if (self.folder.path / name).exists()]:
             warnings.warn(
                 f"{self.folder.path}: removing what was made of the rows before: {', '.join(taken)}"
@@ -196,11 +196,11 @@ class Run:
         self.folder.clear((*taken, "cells.csv"))
 
     def finish(self, samples: int, simulated: int) -> bool:
-        """The chosen trajectories, and the tables of all rows; whether anything was missing."""
+        """Write the chosen trajectories and the tables of all rows; return whether anything was missing."""
         missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.size)
         if not isinstance(self.study.save.trajectories, str):
-            lanes = rows.scan(self.folder, every, ("sample", "status", "tail_mean"))
+            lanes = rows.scan_cells(self.folder, every, ("sample", "status", "tail_mean"))
             chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
             missing = missing or not self.stored(chosen)
             if missing:
@@ -219,19 +219,21 @@ class Run:
         return missing
 
     def stored(self, chosen: Mapping[int, Sequence[int]]) -> bool:
-        """Whether the chosen lanes' trajectories are there as they were written."""
+        """Return whether the chosen lanes' trajectories are stored, undamaged."""
         lanes = [(cell, sample) for cell, samples in chosen.items() for sample in samples]
-        return lane_store.holds(self.folder.path / CHOSEN, layout.trajectory_variables(self.cells), lanes)
+        return lane_store.holds(
+            self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells), lanes
+        )
 
     def store_chosen(self, chosen: Mapping[int, Sequence[int]]) -> None:
-        """Simulate the chosen lanes again with their trajectories, into a new store."""
-        path, variables = self.folder.path / CHOSEN, layout.trajectory_variables(self.cells)
+        """Simulate the chosen lanes again, and write their trajectories into a new store."""
+        path, variables = self.folder.path / CHOSEN_STORE, layout.trajectory_variables(self.cells)
         lanes = [(self.cells[cell], sample) for cell, samples in chosen.items() for sample in samples]
-        if arrays.opened(path) is not None:
+        if arrays.open_for_writing(path) is not None:
             warnings.warn(
                 f"{path} holds all lanes, and is replaced by one of those that are chosen", stacklevel=2
             )
-        self.folder.remove(CHOSEN)
+        self.folder.remove(CHOSEN_STORE)
         store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
         for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
@@ -246,9 +248,9 @@ class Run:
 
 
 def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
-    """Samples a cell after which to look whether they are enough, the last in any case; `there` are begun.
+    """Return the numbers of samples a cell after which a run tests its stopping rule; `there` samples exist.
 
-    A fixed number is one look.
+    A study with a fixed number of samples has one look.
     """
     if not isinstance(samples, keys.Sequential):
         return [samples]
@@ -256,7 +258,7 @@ def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
 
 
 def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:
-    """Samples of one cell whose trajectories are asked for, ascending."""
+    """Return the samples of one cell whose trajectories the study saves, ascending."""
     match save.trajectories:
         case keys.Samples(samples=samples):
             return sorted(set(samples))

@@ -1,11 +1,11 @@
-"""Shards: simulated into the folder, and looked over when a run goes on.
+"""Shards: their simulation into the folder, and the check of stored shards when a run resumes.
 
-A shard holds consecutive samples of one cell. Whoever simulates it, this process or another, is given the
-`Assignment` and the shard, writes its arrays and then its rows, and answers with a few numbers. A shard
-whose row file is there is therefore complete, unless something has happened to its files since.
+A shard holds consecutive samples of one cell. A process, this or another, receives the `Assignment` and the
+shard. It writes the shard's arrays and then its rows, and returns a few numbers. A shard with a row file is
+therefore complete, unless its files were damaged since.
 
-Shards whose lanes can share a compiled program follow each other without a pause, drawn while others are
-simulated.
+Shards that share a compiled program run one after the other without a pause. The lanes of the next shard are
+drawn meanwhile.
 """
 
 import io
@@ -13,14 +13,13 @@ import threading
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import numpy as np
 import pyarrow as pa
 
-import jaxnet
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
@@ -32,13 +31,18 @@ from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder
 from jaxnet.store.layout import Shard, Variable
 from jaxnet.store.rows import Stamp, TornError
+from jaxnet.version import __version__
 
-BESIDE = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
-TAKING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
+if TYPE_CHECKING:
+    import zarr
+
+Program = tuple[Hashable, ...]  # equal for jobs that can run in one compiled program
+BESIDE_ROWS = "npz"  # of the stamp's checksums that of the file of arrays beside the rows
+STORING = threading.Semaphore(2)  # who hold a shard's arrays in memory at a time
 
 
 class Assignment(NamedTuple):
-    """What it takes to simulate any shard of a study, besides the shard."""
+    """All that a process needs to simulate any shard of a study."""
 
     folder: Folder
     study: str  # hash
@@ -52,36 +56,36 @@ class Assignment(NamedTuple):
 
     @property
     def variables(self) -> dict[str, Variable]:
-        """What is saved over time, of all stores."""
+        """Variables that the study saves over time, of all stores."""
         return {name: each for variables in self.stores.values() for name, each in variables.items()}
 
     @property
     def series(self) -> tuple[str, ...]:
-        """What an engine is asked for to be saved over time."""
+        """Names of the engine's series that the study saves."""
         return layout.series_of(self.variables)
 
     def stamp(self, shard: Shard, checksums: dict[str, int]) -> Stamp:
-        """What the shard's row file is to say of itself."""
+        """Return the stamp of the shard's row file."""
         place = shard.cell.number, self.first(shard), self.size
-        return Stamp(jaxnet.__version__, self.study, *place, self.filled or {}, checksums)
+        return Stamp(__version__, self.study, *place, self.filled or {}, checksums)
 
     def first(self, shard: Shard) -> int:
-        """First sample of the shard's file."""
+        """Return the first sample of the shard's file."""
         return shard.samples.start // self.size * self.size
 
     def rows_of(self, shard: Shard) -> int:
-        """How many rows the shard's file has once it is whole."""
+        """Return the number of rows of the shard's complete file."""
         return shard.samples.stop - self.first(shard)
 
     def missing(self, shard: Shard, done: Done | None) -> Shard | None:
-        """The shard's samples that are not there; None if all are."""
+        """Return the shard with its missing samples alone; None if it is complete."""
         first = shard.samples.start if done is None else self.first(shard) + done.sums.lanes
         return (
             shard._replace(samples=range(first, shard.samples.stop)) if first < shard.samples.stop else None
         )
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
-        """What is told of a shard that has these rows."""
+        """Return the report on a shard with these rows."""
         wanted = rows.select(["status", "tail_mean"]).to_pandas()
         return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.tau))
 
@@ -92,29 +96,29 @@ def simulate_shards(
     machine: Machine,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Done]:
-    """Simulate and store shards, behind what is there of them; each is told of when it is whole.
+    """Simulate and store shards, after the samples that they have; yield a report on each complete shard.
 
-    `load_done` is told of lanes before.
+    `load_done` receives the number of lanes of each finished load.
     """
-    stores = {name: arrays.opened(work.folder.path / name) for name in work.filled or {}}
-    for shard, outcome in outcomes(work, shards, machine, load_done):
-        values = arrays.stored(work.variables, outcome.series)
+    stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.filled or {}}
+    for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
+        values = arrays.series_values(work.variables, outcome.series)
         if work.filled is None:
-            checksums = put_beside(work, shard, values)
+            checksums = write_beside(work, shard, values)
         else:
-            checksums = fill(work, shard, values, stores)
-        table, stamp = rows.table_of(shard, outcome, work.types), work.stamp(shard, checksums)
+            checksums = write_arrays(work, shard, values, stores)
+        table, stamp = rows.outcome_table(shard, outcome, work.types), work.stamp(shard, checksums)
         if before := shard.samples.start - work.first(shard):
-            there, _ = rows.read_rows(work.folder.path / rows.name_of(shard.number))
+            there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
             table = pa.concat_tables([there.slice(0, before), table])
         rows.write_rows(work.folder, shard.number, table, stamp)
         yield work.done(shard, table)
 
 
-def outcomes(
+def simulate_outcomes(
     work: Assignment, shards: Sequence[Shard], machine: Machine, load_done: Callable[[int], None]
 ) -> Iterator[tuple[Shard, Outcome]]:
-    """Outcome of each shard, those that fit one program in one go."""
+    """Yield each shard and its outcome; shards that fit one program follow each other."""
     some = {shard.cell.number: shard for shard in shards}  # one of each cell
     sources = {number: source_of(work.config, shard.cell.scenario) for number, shard in some.items()}
 
@@ -122,7 +126,7 @@ def outcomes(
         return job(shard.cell.scenario, sources[shard.cell.number], samples, work.series)
 
     programs = {number: program_of(drawn(shard, [0])) for number, shard in some.items()}
-    kinds: dict[Any, list[Shard]] = {}
+    kinds: dict[Program, list[Shard]] = {}
     for shard in shards:
         kinds.setdefault(programs[shard.cell.number], []).append(shard)
     for alike in kinds.values():
@@ -133,52 +137,54 @@ def outcomes(
         yield from zip(alike, ends, strict=True)
 
 
-def program_of(one: Job) -> Any:
-    """What jobs must share to run in one go: types, shapes, the plan, the network and the clock."""
+def program_of(one: Job) -> Program:
+    """Return what jobs of one program share: types, shapes, the plan, the network and the clock."""
     leaves, structure = jax.tree.flatten(one.inputs)
     shared, kind = jax.tree.flatten((one.network, one.clock))
     values = tuple((leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, shared))
     return one.plan, structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves), kind, values
 
 
-def fill(
-    work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: dict[str, Any]
+def write_arrays(
+    work: Assignment, shard: Shard, values: dict[str, np.ndarray], stores: "Mapping[str, zarr.Group | None]"
 ) -> dict[str, int]:
-    """Write a shard's arrays into the stores; the checksums of its chunks."""
+    """Write a shard's arrays into the stores; return the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
         work.folder.look()
-        arrays.write(stores[name], (shard.cell.number, samples), {key: values[key] for key in variables})
-        checksums |= arrays.checksums(work.folder.path / name, variables, chunk_of(work, shard))
+        store = stores[name]
+        assert store is not None
+        arrays.write_chunks(store, (shard.cell.number, samples), {key: values[key] for key in variables})
+        checksums |= arrays.read_checksums(work.folder.path / name, variables, chunk_of(work, shard))
     return checksums
 
 
 def chunk_of(work: Assignment, shard: Shard) -> tuple[int, int]:
-    """Where a shard's chunks are along cell and sample."""
+    """Return the place of a shard's chunks along cell and sample."""
     return shard.cell.number, shard.samples.start // work.size
 
 
 def name_beside(number: int) -> str:
-    """The file beside a shard's rows that holds its arrays until they are taken into the stores."""
-    return rows.name_of(number).replace(".parquet", ".npz")
+    """Return the name of the file that holds a shard's arrays until they are moved into the stores."""
+    return rows.row_file(number).replace(".parquet", ".npz")
 
 
-def put_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
-    """Write a shard's arrays beside its rows; the checksum of their file."""
+def write_beside(work: Assignment, shard: Shard, values: dict[str, np.ndarray]) -> dict[str, int]:
+    """Write a shard's arrays to a file beside its rows; return the file's checksum."""
     if not values:
         return {}
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **values)
     work.folder.put(name_beside(shard.number), lambda file: file.write(content.getbuffer()))
-    return {BESIDE: zlib.crc32(content.getbuffer())}
+    return {BESIDE_ROWS: zlib.crc32(content.getbuffer())}
 
 
-def there(work: Assignment, shard: Shard) -> Done | None:
-    """What is there of a shard, with its arrays; one that is torn is removed, with a warning.
+def find_done(work: Assignment, shard: Shard) -> Done | None:
+    """Report on a shard if its rows and arrays are in the folder, else return None.
 
-    Arrays that lie beside its rows are taken into the stores.
+    A torn shard is removed with a warning. Arrays in a file beside the rows are moved into the stores.
     """
-    path = work.folder.path / rows.name_of(shard.number)
+    path = work.folder.path / rows.row_file(shard.number)
     try:
         table, stamp = rows.read_rows(path)
         if stamp._replace(filled={}, checksums={}) != work.stamp(shard, {})._replace(filled={}):
@@ -186,20 +192,20 @@ def there(work: Assignment, shard: Shard) -> Done | None:
         if table.column_names != rows.column_names(shard.cell):
             raise TornError("has other columns")
         table = table.slice(0, work.rows_of(shard))
-        if not arrays_there(work, shard, table, stamp):
+        if not has_arrays(work, shard, table, stamp):
             return None
     except FileNotFoundError:
         return None
     except TornError as error:
-        work.folder.remove(rows.name_of(shard.number))
+        work.folder.remove(rows.row_file(shard.number))
         work.folder.remove(name_beside(shard.number))
         warnings.warn(f"{path}: {error}; its lanes are simulated again", stacklevel=2)
         return None
     return work.done(shard, table)
 
 
-def arrays_there(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
-    """Whether the arrays of a shard whose rows are there are so too; raises TornError."""
+def has_arrays(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
+    """Return whether the folder has the arrays of a shard with rows; raise TornError if they are damaged."""
     if work.filled is not None and stamp.filled.items() >= work.filled.items():
         check_arrays(work, shard, stamp)
         return True
@@ -207,40 +213,40 @@ def arrays_there(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) 
         return False
     if work.filled is None:
         held = stamp.filled.keys() >= work.stores.keys()
-        return held or beside(work, shard, stamp).keys() >= work.variables.keys()
-    return take_in(work, shard, table, stamp)
+        return held or read_beside(work, shard, stamp).keys() >= work.variables.keys()
+    return move_to_stores(work, shard, table, stamp)
 
 
 def check_arrays(work: Assignment, shard: Shard, stamp: Stamp) -> None:
-    """Raise TornError if the shard's part of a store is not as it was written."""
+    """Raise TornError if the shard's chunks in a store are damaged."""
     for name, variables in work.stores.items():
         store = work.folder.path / name
-        if not arrays.intact(store, variables, chunk_of(work, shard), stamp.checksums):
+        if not arrays.is_intact(store, variables, chunk_of(work, shard), stamp.checksums):
             where = f"cell {shard.cell.number}, samples {shard.samples.start} to {shard.samples.stop - 1}"
             raise TornError(f"{name} is corrupt at {where}")
 
 
-def take_in(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
-    """Take the arrays beside a shard's rows into the stores; whether all that are wanted were there."""
+def move_to_stores(work: Assignment, shard: Shard, table: pa.Table, stamp: Stamp) -> bool:
+    """Move the arrays beside a shard's rows into the stores; return whether all wanted arrays exist."""
     count = len(shard.samples)
-    with TAKING:
-        values = {key: each[:count] for key, each in beside(work, shard, stamp).items()}
+    with STORING:
+        values = {key: each[:count] for key, each in read_beside(work, shard, stamp).items()}
         if not values.keys() >= work.variables.keys():
             return False
-        stores = {name: arrays.opened(work.folder.path / name) for name in work.stores}
-        checksums = fill(work, shard, values, stores)
+        stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.stores}
+        checksums = write_arrays(work, shard, values, stores)
     rows.write_rows(work.folder, shard.number, table.slice(0, count), work.stamp(shard, checksums))
     work.folder.remove(name_beside(shard.number))
     return True
 
 
-def beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
-    """The arrays beside a shard's rows, none if there is no file of them; raises TornError."""
+def read_beside(work: Assignment, shard: Shard, stamp: Stamp) -> dict[str, np.ndarray]:
+    """Return the arrays in the file beside a shard's rows, none without a file; raise TornError."""
     path = work.folder.path / name_beside(shard.number)
-    if BESIDE not in stamp.checksums or not path.exists():
+    if BESIDE_ROWS not in stamp.checksums or not path.exists():
         return {}
     content = path.read_bytes()
-    if zlib.crc32(content) != stamp.checksums[BESIDE]:
+    if zlib.crc32(content) != stamp.checksums[BESIDE_ROWS]:
         raise TornError("the arrays beside it are torn or of other lanes")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as held:

@@ -1,4 +1,4 @@
-"""How a run stands while it goes on: what is told of each shard that is there, and of all of them by cell."""
+"""The state of a run in progress: reports on finished shards, and their sums cell by cell."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
 
 class Sums(NamedTuple):
-    """Counts of lanes, and the sum over those that are ok of their mean errors [m]."""
+    """Numbers of lanes, and the sum of the mean errors [m] of ok lanes."""
 
     lanes: int
     ok: int
@@ -21,7 +21,7 @@ class Sums(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What is told of a shard whose rows are there."""
+    """Report on a shard whose rows are in the folder."""
 
     shard: int
     cell: int
@@ -29,9 +29,9 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """A cell on the way: its mean error [m], and the share unrecovered.
+    """State of a cell during a run: its mean error [m], and the share of unrecovered lanes.
 
-    `unrecovered` is not-a-number where nobody is attacked or recovery is not asked for.
+    `unrecovered` is not-a-number where no vehicle is attacked or the study has no recovery.
     """
 
     cell: int
@@ -41,14 +41,14 @@ class Standing(NamedTuple):
 
 
 def sums_of(cell: Cell, rows: pd.DataFrame, tau: float | None) -> Sums:
-    """Of a cell's rows: their `status` and `tail_mean`; without τ nobody counts as unrecovered."""
+    """Sum a cell's rows, by their `status` and `tail_mean`; without τ no lane counts as unrecovered."""
     errors = rows["tail_mean"].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = 0 if tau is None else np.count_nonzero(errors > threshold(cell, tau))
     return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 
 
 class Tally:
-    """Counts lanes cell by cell; those of an unfinished shard count as done, and for nothing else."""
+    """Counts of lanes, cell by cell. A lane of an unfinished shard counts as done, and in no other sum."""
 
     def __init__(self, cells: Sequence[Cell], total: int, recovery: bool):
         self.cells, self.total, self.recovery = cells, total, recovery
@@ -59,26 +59,26 @@ class Tally:
 
     @property
     def done(self) -> int:
-        """Lanes that came to their end."""
+        """Number of finished lanes."""
         return int(self.sums[:, 0].sum()) + self.under_way
 
     @property
     def failed(self) -> int:
-        """Lanes that failed, of shards that are there."""
+        """Number of failed lanes in finished shards."""
         return int((self.sums[:, 0] - self.sums[:, 1]).sum())
 
     @property
     def counts(self) -> RecoveryCounts:
-        """Of each cell, the lanes that ended and those of them that did not recover."""
+        """Numbers of unrecovered lanes and of ok lanes, by cell."""
         return RecoveryCounts(self.sums[:, 2].astype(int), self.sums[:, 1].astype(int))
 
     @property
     def compiling(self) -> bool:
-        """Whether a program is being compiled in this process."""
+        """Whether this process is compiling a program."""
         return batch.compiling()
 
-    def there(self, found: Iterable[Done]) -> None:
-        """Of these shards these lanes are there; of each what was told last holds."""
+    def record(self, found: Iterable[Done]) -> None:
+        """Record finished shards. A later record of a shard replaces an earlier one."""
         for shard, cell, sums in found:
             before = self.shards.get(shard, Sums(0, 0, 0, 0.0))
             with np.errstate(invalid="ignore"):  # infinite ones
@@ -87,7 +87,7 @@ class Tally:
             self.shards[shard] = sums
 
     def standing(self) -> list[Standing]:
-        """Of each cell that has ok lanes."""
+        """Return the state of each cell that has ok lanes."""
         lanes, ok, over, errors = self.sums.T
         with np.errstate(all="ignore"):
             share = np.where(attacked_mask(self.cells) & self.recovery, over / ok, np.nan)

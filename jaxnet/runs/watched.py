@@ -1,4 +1,4 @@
-"""The lanes that the report shows: which they are, and where their trajectories are stored."""
+"""The lanes that the report shows, and the stores of their trajectories."""
 
 import re
 import warnings
@@ -22,7 +22,7 @@ MOST_VEHICLES = 300  # of a fleet of which each can be told from the others wher
 
 
 class Watched(NamedTuple):
-    """A lane with its trajectory: why it is shown, its engine if that is not the study's, and its store."""
+    """A lane with a trajectory: the reason to show it, its engine (None: the study's own), and its store."""
 
     cell: int
     sample: int
@@ -31,7 +31,7 @@ class Watched(NamedTuple):
     path: UPath
 
     def arrays(self) -> xr.Dataset:
-        """Its states, the navigator's path, the attack and whom vehicles retained, over time."""
+        """Return states, the navigator's path, the attack and the kept weights over time."""
         data = open_store(self.path)
         if "lane" not in data.dims:
             return data.isel(cell=self.cell, sample=self.sample)
@@ -40,7 +40,7 @@ class Watched(NamedTuple):
 
 
 def exemplary(results: Results) -> dict[tuple[int, int], str]:
-    """The median and the worst ok lane of MOST_REPLAYED cells at most, spread evenly over the study."""
+    """Return the median and the worst ok lane of up to MOST_REPLAYED cells, spread evenly over the study."""
     ended = np.flatnonzero(results.cells["ok"])
     spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
@@ -52,10 +52,10 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 
 
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
-    """Simulate again what the report shows and no store holds; the stores, as they are made.
+    """Simulate the lanes of the report that no store holds; yield each store.
 
-    The worst lanes of the study are followed by the nonlinear engine, the exemplary ones by the study's own.
-    None is of large fleets, which is told.
+    The nonlinear engine simulates the study's worst lanes, the study's own engine the exemplary ones.
+    Lanes of large fleets are left out, with a warning.
     """
     cells = results.study.cells
     size = layout.variable_bytes(layout.trajectory_variables(cells), cells)
@@ -67,7 +67,7 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
         warnings.warn(f"{results.path}: {words}", stacklevel=2)
         return
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")
-    there = {each[:2] for each in stored(results)} | set(wanted)
+    there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
     for done, ((cell, sample), engine) in enumerate(wanted.items()):
         told("lanes simulated again", done, len(wanted))
@@ -78,22 +78,19 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
 
 
 def watched(results: Results) -> list[Watched]:
-    """All lanes that have a trajectory.
-
-    First the worst of the study, then replayed, exemplary and other ones.
-    """
+    """Return all lanes with a trajectory: the study's worst, then replayed, exemplary and other lanes."""
     worst, known = set(worst_of(results)), exemplary(results)
     order = ["worst of the study", "replayed", *dict.fromkeys(known.values()), "stored"]
     found: dict[tuple[int, int, str | None], Watched] = {}
-    for each in [*replayed(results), *stored(results)]:
+    for each in [*replayed_lanes(results), *stored_lanes(results)]:
         place = each[:2]
         why = "worst of the study" if place in worst else known.get(place, each.why)
         found.setdefault((*place, each.engine), each._replace(why=why))
     return sorted(found.values(), key=lambda each: order.index(each.why))
 
 
-def replayed(results: Results) -> Iterator[Watched]:
-    """Those in `replays/` that the study has."""
+def replayed_lanes(results: Results) -> Iterator[Watched]:
+    """Yield the lanes in `replays/` that the study has."""
     places = (
         folder.glob("replays/cell-*.zarr/zarr.json")
         for folder in dict.fromkeys((results.folder.path, results.path))
@@ -107,8 +104,8 @@ def replayed(results: Results) -> Iterator[Watched]:
             yield Watched(int(named[1]), int(named[2]), "replayed", named[3], path)
 
 
-def stored(results: Results) -> Iterator[Watched]:
-    """Those in `trajectories.zarr`."""
+def stored_lanes(results: Results) -> Iterator[Watched]:
+    """Yield the lanes in `trajectories.zarr`."""
     path = results.path / "trajectories.zarr"
     if not path.exists():
         return

@@ -36,7 +36,7 @@ def summarise(
     """
     table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
     confidence = recovery.confidence_of(study.samples, samples)
-    for number, lanes in rows.scan(folder, shards, ("sample", "status", *metrics)):
+    for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         ranges = ranges_of(study, cells[number], ok["sample"].tolist())

@@ -1,1 +1,1 @@
-"""The results folder: who may write, what is in it, and reading it back as `Results`."""
+"""The results folder: its lock, its files, and `Results`, which reads them."""

@@ -1,11 +1,9 @@
-"""Which folders a study may go into: an empty one, or one that holds the same study, by the same version."""
+"""Which folders accept a study: an empty folder, or one that holds this study, written by this version."""
 
 import json
 import re
 from textwrap import shorten
-from typing import Any
 
-import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
@@ -14,60 +12,62 @@ from jaxnet.store.folder import (
     OURS,
     Folder,
     FolderError,
+    Manifest,
+    describe_kinds,
     digest,
-    made_from,
-    said_of_kinds,
+    modules_of,
     unhashed,
     versions,
 )
+from jaxnet.version import __version__
 
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
-REMEDY = "give another folder with --out, or replace its results with --fresh"
-MADE_OF = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
+ANOTHER_FOLDER = "give another folder with --out, or replace its results with --fresh"
+DERIVED_FROM = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
 LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 
 def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
-    """Refuse a folder that holds another study, or one by another version, or something else.
+    """Raise FolderError for a folder that holds another study, a study by another version, or foreign files.
 
-    With `fresh`, earlier results are removed instead, and nothing but results. Raises FolderError.
+    With `fresh`, remove earlier results instead, and nothing but results.
     """
-    written_by, holds = held(folder)
+    written_by, holds = version_and_hash(folder)
     if fresh:
         folder.clear()
-    elif written_by not in (None, jaxnet.__version__):
+    elif written_by not in (None, __version__):
         raise FolderError(
-            f"{folder.path} was written by jaxnet {written_by}, this is {jaxnet.__version__}; {REMEDY}"
+            f"{folder.path} was written by jaxnet {written_by}, this is {__version__}; {ANOTHER_FOLDER}"
         )
     elif holds not in (None, digest(config)):
-        raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {REMEDY}")
+        raise FolderError(f"{folder.path} holds another study{difference(folder, config)}; {ANOTHER_FOLDER}")
 
 
 def claim(folder: Folder, config: Config) -> None:
-    """Admit a study, and have a folder that holds nothing say that it is this one's, before any run."""
+    """Admit a study; mark an empty folder as this study's before any run."""
     admit(folder, config)
     if not folder.manifest:
         folder.write_study(config)
         folder.write_manifest(
             hash=digest(config),
             versions=versions(),
-            kinds=said_of_kinds(config),
-            modules={name: made._asdict() for name, made in made_from(config).items()},
+            kinds=describe_kinds(config),
+            modules={name: made._asdict() for name, made in modules_of(config).items()},
             save=plain(config.save),
             samples=0,
             finished=False,
         )
 
 
-def admit_made(folder: Folder, manifest: dict[str, Any]) -> None:
-    """Have a folder say of which rows it holds what was made; a manifest tells of the rows.
+def admit_made(folder: Folder, manifest: Manifest) -> None:
+    """Mark a folder as holding files made of the rows that a manifest describes.
 
-    Raises FolderError if it holds what was made of other rows, or cannot be written to.
+    Raises FolderError if the folder holds files made of other rows, or cannot be written.
     """
     rows_of = {entry: manifest[entry] for entry in ("hash", "samples")} | {
         "jaxnet": manifest["versions"]["jaxnet"]
     }
-    file = folder.path / MADE_OF
+    file = folder.path / DERIVED_FROM
     if file.exists():
         try:
             same = json.loads(file.read_text()) == rows_of
@@ -80,13 +80,13 @@ def admit_made(folder: Folder, manifest: dict[str, Any]) -> None:
         return
     if taken := [name for name in OURS if (folder.path / name).exists()]:
         raise FolderError(f"{folder.path} holds {taken[0]} of something else: give another folder with --out")
-    folder.put(MADE_OF, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
+    folder.put(DERIVED_FROM, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
 
 
-def held(folder: Folder) -> tuple[str | None, str | None]:
-    """By which version and of which study the results are that a folder holds; None where there are none.
+def version_and_hash(folder: Folder) -> tuple[str | None, str | None]:
+    """Return the version and the study hash of the results in a folder, or (None, None).
 
-    Raises FolderError if something else is there.
+    Raises FolderError if the folder holds foreign files.
     """
     if manifest := folder.manifest:
         if not set(manifest) >= MANIFEST:
@@ -104,13 +104,13 @@ def held(folder: Folder) -> tuple[str | None, str | None]:
 
 
 def difference(folder: Folder, config: Config) -> str:
-    """Keys in which the folder's study differs from a config, where it is known."""
+    """Describe the keys in which the folder's study differs from a config; "" if its study is unknown."""
     if changed := changed_modules(folder, config):
         return f": {changed[0]} was changed since its rows were made"
     file = folder.path / "study.yaml"
     if not file.exists():
         return ""
-    theirs, ours = flat(Document.read(file).data), flat(plain(config))
+    theirs, ours = flatten_keys(Document.read(file).data), flatten_keys(plain(config))
     keys = [
         key
         for key in dict.fromkeys([*theirs, *ours])
@@ -118,26 +118,29 @@ def difference(folder: Folder, config: Config) -> str:
     ]
     if not keys:
         return ": its sweep has another order"
-    apart = (f"{key} is {short(theirs.get(key))} there and {short(ours.get(key))} here" for key in keys[:3])
+    apart = (
+        f"{key} is {shorten_value(theirs.get(key))} there and {shorten_value(ours.get(key))} here"
+        for key in keys[:3]
+    )
     return ": " + ", ".join(apart)
 
 
-def short(value: Any) -> str:
-    """A value that may be as long as a file's content."""
+def shorten_value(value: object) -> str:
+    """Return a value as text of at most 100 characters."""
     return shorten(str(value), 100, placeholder=" …")
 
 
 def changed_modules(folder: Folder, config: Config) -> list[str]:
-    """Modules that a config's kinds come from and that are not what they were when the rows were made."""
-    theirs, ours = folder.manifest.get("modules", {}), made_from(config)
+    """Return the names of the kinds' modules that have changed since the rows were made."""
+    theirs, ours = folder.manifest.get("modules", {}), modules_of(config)
     return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
 
 
-def flat(value: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested mappings as one with dotted keys."""
+def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:
+    """Return nested mappings as one mapping with dotted keys."""
     if not isinstance(value, dict) or not value:
         return {prefix: value}
     joined = {}
     for key, each in value.items():
-        joined |= flat(each, f"{prefix}.{key}" if prefix else str(key))
+        joined |= flatten_keys(each, f"{prefix}.{key}" if prefix else str(key))
     return joined

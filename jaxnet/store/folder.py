@@ -1,8 +1,8 @@
-"""The results folder (docs/results-folder.md): where it is, what belongs to whom, and who may write.
+"""The results folder (docs/results-folder.md): its place, its files, and its writers.
 
-It is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`, `gs://…`).
-A file is written under a temporary name and then renamed, an object is put whole, so a reader sees it whole
-or not at all. Who holds the folder is read before each write (`lock`).
+The folder is on the local disk, or in an object store at any URL that fsspec knows (`s3://bucket/study`,
+`gs://…`). A file is written under a temporary name and then renamed. An object is put whole. A reader
+therefore sees a whole file or none. Before each write, a process checks that it holds the folder (`lock`).
 """
 
 import contextlib
@@ -16,18 +16,18 @@ import uuid
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypedDict, cast
 
 import yaml
 from upath import UPath
 
-import jaxnet
 from jaxnet.config.cells import plain
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import Dumper
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
-from jaxnet.store.looking import described
+from jaxnet.store.looking import describe_outside
+from jaxnet.version import __version__
 
 UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
@@ -52,57 +52,84 @@ ANSWER = 10  # [s] in which a store must answer at first; later it may take as m
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
 
+class LaneCounts(TypedDict):
+    """Numbers of lanes in a finished folder."""
+
+    total: int
+    ok: int
+    failed: int
+
+
+class Manifest(TypedDict):
+    """Entries of `manifest.json` (docs/results-folder.md). A folder before its first run has none of them."""
+
+    hash: str  # of the study
+    seed: int
+    versions: dict[str, str]  # by package
+    kinds: dict[str, dict[str, object]]  # descriptions of kinds from outside
+    modules: dict[str, dict[str, str]]  # provenance of kinds from outside
+    device: str
+    chunk: int | None  # lanes side by side; None suits the engine
+    cells: int
+    samples: int  # of each cell
+    shard_size: int  # samples of a whole shard
+    save: dict[str, object]
+    finished: bool
+    lanes: LaneCounts
+    wall_seconds: float
+
+
 class FolderError(ValueError):
-    """A results folder that cannot be used for what was asked."""
+    """A results folder that cannot be used for the request."""
 
 
 class UnwrittenError(OSError, FolderError):
     """A file that cannot be written, with the system's error number and a message that names the file."""
 
     def __str__(self) -> str:
-        """The message alone."""
+        """Return the message without the error number."""
         return str(self.strerror)
 
 
 class TakenError(FolderError):
-    """A folder that this process held, and may not write to any more."""
+    """A folder that another process has taken over from this one."""
 
 
 def unhashed(config: Config) -> tuple[str, ...]:
-    """Keys that change no row: of Sobol's sequences the number of samples does."""
+    """Return the keys that change no row. The number of samples changes rows only if draws are not random."""
     return UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
 
 
 def digest(config: Config) -> str:
-    """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
+    """Return the hash of all that changes rows: the config, and the modules of kinds from outside."""
     data = plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
-    if made_of := made_from(config):
+    if made_of := modules_of(config):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
-def made_from(config: Config) -> dict[str, Provenance]:
-    """What the kinds from outside that a config names are made of, by module."""
+def modules_of(config: Config) -> dict[str, Provenance]:
+    """Return the provenance of the kinds from outside that a config names, by module."""
     return provenance(config.scope.named_in(plain(config)))
 
 
-def said_of_kinds(config: Config) -> dict[str, Any]:
-    """What the manifest says of the kinds from outside that a config names."""
-    return described(config.scope.known, config.scope.named_in(plain(config)))
+def describe_kinds(config: Config) -> dict[str, dict[str, object]]:
+    """Return the manifest's description of the kinds from outside that a config names."""
+    return describe_outside(config.scope.known, config.scope.named_in(plain(config)))
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the rows may depend on."""
+    """Return the versions of the packages on which rows may depend."""
     packages = {package: metadata.version(package) for package in PACKAGES}
-    return {"jaxnet": jaxnet.__version__, **packages, "python": platform.python_version()}
+    return {"jaxnet": __version__, **packages, "python": platform.python_version()}
 
 
 def place(path: str | Path | UPath) -> UPath:
-    """Where a folder is: a path of the local disk, or an object store's URL; raises FolderError.
+    """Return the path of a folder on the local disk or in an object store; raise FolderError.
 
-    What is listed there is looked up each time, for other processes write there too.
+    Listings are not cached, since other processes write there too.
     """
     try:
         found = UPath(path)
@@ -119,7 +146,7 @@ def place(path: str | Path | UPath) -> UPath:
 
 
 def reach(path: UPath) -> None:
-    """Raise FolderError if nothing answers at a URL, we may not look there, or there is no such bucket."""
+    """Raise FolderError if no store answers at a URL, access is denied, or the bucket does not exist."""
     root = path.parents[-1] if path.parents else path
     patience = {"timeout": ANSWER} if path.fs.async_impl else {}
     try:
@@ -136,8 +163,8 @@ def reach(path: UPath) -> None:
         raise FolderError(f"{path}: {error}") from error
 
 
-def put_file(final: Path, write: Callable[[BinaryIO], Any], look: Callable[[], None]) -> None:
-    """Have a file written under a temporary name, and rename it after a look."""
+def put_file(final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]) -> None:
+    """Write a file under a temporary name, look, and rename it."""
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -170,46 +197,46 @@ ENTRIES: dict[str, Any] = {  # of a manifest, and their types
 MOST = {"samples": 2**32, "cells": 10**6, "shard_size": 2**32}
 
 
-def wrong_entries(found: Any) -> Iterator[str]:
-    """What is wrong with a manifest, if it was not written by us."""
+def wrong_entries(found: object) -> Iterator[str]:
+    """Yield what is wrong with a manifest that jaxnet has not written."""
     if not isinstance(found, dict):
         yield "it is no mapping"
         return
     for name, kind in ENTRIES.items():
         value: Any = found.get(name)
         number = value if name in MOST else 0
-        if value is not None and not (is_of(value, kind) and 0 <= number <= MOST.get(name, 0)):
+        if value is not None and not (has_type(value, kind) and 0 <= number <= MOST.get(name, 0)):
             yield f"{name} is {json.dumps(value)[:60]}"
     if found.get("shard_size") == 0:
         yield "shard_size is 0"
     for name, made in found.get("modules", {}).items():
-        if not is_of(made, {"file": str, "sha256": str}):
+        if not has_type(made, {"file": str, "sha256": str}):
             yield f"modules.{name} is {json.dumps(made)[:60]}"
 
 
-def is_of(value: Any, kind: Any) -> bool:
-    """Whether a value is of a type, or is a mapping with values of these types."""
+def has_type(value: object, kind: type | dict[str, type]) -> bool:
+    """Return whether a value has a type, or is a mapping whose values have these types."""
     if isinstance(kind, dict):
-        return isinstance(value, dict) and all(is_of(value.get(key), each) for key, each in kind.items())
+        return isinstance(value, dict) and all(has_type(value.get(key), each) for key, each in kind.items())
     return type(value) is kind or (kind is float and type(value) is int)
 
 
 class Folder:
-    """One results folder, and the locks under which this process, or who sent it here, writes to it."""
+    """A results folder, and the locks under which this process or its sender writes there."""
 
     def __init__(self, path: str | Path | UPath, holds: tuple[lock.Hold, ...] = ()):
         self.path, self.holds = place(path), holds
 
     def absolute(self) -> "Folder":
-        """The same folder, under the same locks, for a process that runs elsewhere."""
+        """Return the folder with an absolute path and these locks, for another process."""
         return Folder(self.path.absolute(), self.holds)
 
     def inside(self, name: str) -> "Folder":
-        """A folder in this one, under the same locks."""
+        """Return a folder inside this one, under equal locks."""
         return Folder(self.path / name, self.holds)
 
     def look(self) -> None:
-        """Raise TakenError unless all locks are still there under which this process writes."""
+        """Raise TakenError unless this process still has all its locks."""
         for hold in self.holds:
             if why := hold.lost():
                 raise TakenError(
@@ -217,26 +244,26 @@ class Folder:
                 )
 
     @property
-    def manifest(self) -> dict[str, Any]:
-        """What `manifest.json` says; empty before a run."""
+    def manifest(self) -> Manifest:
+        """Content of `manifest.json`; empty before a run."""
         file = self.path / "manifest.json"
         try:
             found = json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
         except (FileNotFoundError, NotADirectoryError):
-            return {}
+            return cast(Manifest, {})
         except (ValueError, RecursionError) as error:
             raise FolderError(f"{file}: not a manifest: {error}") from error
         if wrong := next(wrong_entries(found), ""):
             raise FolderError(f"{file}: not a manifest of ours: {wrong}")
         return found
 
-    def write_manifest(self, **entries: Any) -> None:
+    def write_manifest(self, **entries: object) -> None:
         """Change entries of the manifest."""
         text = json.dumps(self.manifest | entries, indent=2) + "\n"
         self.put("manifest.json", lambda file: file.write(text.encode()))
 
-    def put(self, name: str, write: Callable[[BinaryIO], Any]) -> UPath:
-        """Have `write` make a file that has its name once it is whole and on the disk; its path.
+    def put(self, name: str, write: Callable[[BinaryIO], object]) -> UPath:
+        """Have `write` write a file, which gets its name once it is whole and on the disk; return its path.
 
         Raises TakenError if another process holds the folder by then, and UnwrittenError.
         """
@@ -258,15 +285,15 @@ class Folder:
 
     @contextlib.contextmanager
     def writing(self, alone: bool = True) -> Iterator[None]:
-        """Hold the folder, as its one writer or as one of those that write some shards each.
+        """Hold the folder, as its only writer or as one of several writers of shards.
 
-        Meanwhile each write looks whether it still does. Raises FolderError if another process holds it, or
-        nothing can be written there.
+        Each write within the context checks the lock. Raises FolderError if another process holds the folder,
+        or the folder cannot be written.
         """
         before = self.holds
         with contextlib.ExitStack() as stack:
             try:
-                hold = stack.enter_context(lock.held(self.path, alone))
+                hold = stack.enter_context(lock.hold_folder(self.path, alone))
             except lock.HeldError as error:
                 raise FolderError(f"{self.path} is being written by {error}") from error
             except (OSError, NotImplementedError) as error:
@@ -281,7 +308,7 @@ class Folder:
                 self.holds = before
 
     def remove_torn(self) -> None:
-        """Remove what a writer that was killed had not yet given its name; objects have theirs at once."""
+        """Remove the temporary files of a killed writer; an object store has none."""
         if not isinstance(self.path, Path):
             return
         files = (name for name in OURS if "." in name and not name.endswith(".zarr"))
@@ -291,12 +318,12 @@ class Folder:
                 torn.unlink(missing_ok=True)
 
     def clear(self, names: Sequence[str] = OURS) -> None:
-        """Remove results, and nothing else."""
+        """Remove these results and nothing else."""
         for name in names:
             self.remove(name)
 
     def remove(self, name: str) -> None:
-        """Remove a file, or a folder with all that is in it, if it is there."""
+        """Remove a file, or a folder with its content; do nothing if it does not exist."""
         target = self.path / name
         self.look()
         if target.is_dir():
@@ -305,7 +332,7 @@ class Folder:
             target.unlink(missing_ok=True)
 
     def write_study(self, config: Config) -> None:
-        """`study.yaml`, the study with every default written out, runnable as it is."""
+        """Write `study.yaml`: the study with every default, which a run accepts as a config."""
         data = plain(config)
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
         body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
@@ -313,7 +340,7 @@ class Folder:
         self.put("study.yaml", lambda file: file.write(text.encode()))
 
     def need(self, wanted: int) -> None:
-        """Refuse to begin what the disk has no room for; where it is no disk, nothing is known of room."""
+        """Raise FolderError if the disk has fewer free bytes than `wanted`; object stores have no limit."""
         if not isinstance(self.path, Path):
             return
         free = shutil.disk_usage(self.path).free

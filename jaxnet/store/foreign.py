@@ -1,6 +1,6 @@
-"""What a store of arrays must be before anything reads it: one that this program could have written.
+"""Refusal of stores of arrays that jaxnet could not have written, before anything reads them.
 
-A store of version 2 of Zarr may name codecs that run code, and a small file may claim to be a huge array.
+A store of Zarr version 2 may name codecs that run code. A small file may claim to be a huge array.
 """
 
 import json
@@ -20,7 +20,7 @@ MOST_LABELS = 2**27  # entries of an array of one dimension, which is read as a 
 
 
 def refuse_foreign(path: UPath) -> None:
-    """Raise FolderError for a store that is not of version 3, or that has arrays unlike ours."""
+    """Raise FolderError for a store that is not of version 3 or that has arrays unlike ours."""
     file = path / "zarr.json"
     if not file.exists():
         raise FolderError(f"{path} is no store of ours: it has no zarr.json, of version 3 of Zarr")
@@ -38,8 +38,8 @@ def refuse_foreign(path: UPath) -> None:
         raise FolderError(f"{file}: no store of ours: it tells of {sorted(arrays)[0]!r}, which is not there")
 
 
-def metadata(file: UPath) -> Any:
-    """What a file of metadata says; raises FolderError."""
+def metadata(file: UPath) -> dict[str, object]:
+    """Read a file of metadata; raise FolderError."""
     try:
         found = json.loads(file.read_bytes())
     except (ValueError, RecursionError) as error:
@@ -49,14 +49,14 @@ def metadata(file: UPath) -> Any:
     return found
 
 
-def wrong_in_group(found: dict[str, Any]) -> Iterator[str]:
-    """What a group of ours does not have."""
+def wrong_in_group(found: dict[str, object]) -> Iterator[str]:
+    """Yield what distinguishes a group from one of ours."""
     if (found.get("zarr_format"), found.get("node_type")) != (3, "group"):
         yield "it is no group of version 3"
 
 
-def wrong_in_array(found: Any) -> Iterator[str]:
-    """What an array of ours does not have."""
+def wrong_in_array(found: object) -> Iterator[str]:
+    """Yield what distinguishes an array from one of ours."""
     if not isinstance(found, dict) or (found.get("zarr_format"), found.get("node_type")) != (3, "array"):
         yield "it is no array of version 3"
         return
@@ -83,6 +83,6 @@ def wrong_in_array(found: Any) -> Iterator[str]:
         yield "it has storage transformers"
 
 
-def is_shape(given: Any) -> bool:
-    """Whether this is a list of whole numbers, none of them negative."""
+def is_shape(given: object) -> bool:
+    """Return whether a value is a list of nonnegative integers."""
     return isinstance(given, list) and all(type(each) is int and each >= 0 for each in given)

@@ -1,7 +1,7 @@
-"""What a study leaves in its folder, and how its lanes are parted into shards; known before anything runs."""
+"""The arrays of a study's folder, and the split of its lanes into shards, all known before a run starts."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from jaxnet.config.scenario import sources_of
 
 SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
+
+Label = str | int | float  # value of a swept key, as tables and coordinates show it
 
 
 class Variable(NamedTuple):
@@ -37,11 +39,11 @@ TRAJECTORIES = {
     "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "weights in force", "kept"),
 }
 NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]", "navigator")
-SOURCES = Variable(("cell", "slot", "vehicle"), "int32", "whom a vehicle hears in a slot", "sources")
+HEARD_SOURCES = Variable(("cell", "slot", "vehicle"), "int32", "whom a vehicle hears in a slot", "sources")
 
 
-def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
-    """Labels along every dimension."""
+def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
+    """Return the labels along each dimension."""
     scenario = cells[0].scenario
     outputs = round(scenario.horizon / scenario.output_step)
     return {
@@ -56,7 +58,7 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, Any]:
 
 
 def slots_of(cells: Sequence[Cell]) -> int:
-    """Slots of a trajectory that says whom vehicles retain, of the cell that has most; else 0."""
+    """Return the largest number of slots of a cell whose defence decides; 0 without such a cell."""
     alike = {}
     for scenario in (cell.scenario for cell in cells if cell.scenario.defence.decides):
         several = scenario.attack.identities() + scenario.attack.splits() > 1  # slots of an attacked source
@@ -65,9 +67,9 @@ def slots_of(cells: Sequence[Cell]) -> int:
 
 
 class Shard(NamedTuple):
-    """Consecutive samples of one cell; numbered so that more samples leave the numbers as they are.
+    """Consecutive samples of one cell. More samples in a study leave the numbers of its shards unchanged.
 
-    Where its first samples are there, `samples` may be those that are missing.
+    Where the first samples of a shard are stored, `samples` may be the missing ones alone.
     """
 
     number: int
@@ -76,7 +78,7 @@ class Shard(NamedTuple):
 
 
 def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
-    """All shards of a study: first every cell's first samples, then every cell's next."""
+    """Return all shards of a study: the first samples of every cell, then the next samples of every cell."""
     blocks = enumerate(range(0, samples, size))
     return [
         Shard(block * len(cells) + cell.number, cell, range(start, min(start + size, samples)))
@@ -86,19 +88,19 @@ def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
 
 
 def shard_of(cells: Sequence[Cell], samples: int, size: int, number: int) -> Shard:
-    """The shard of a number; one that the study does not have has no samples."""
+    """Return the shard of a number; a shard beyond the study has no samples."""
     block, cell = divmod(number, len(cells))
     return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples)))
 
 
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
-    """Lanes a shard: about a second's work, and so that its saved arrays stay small."""
+    """Return the number of lanes in a shard: about a second's work, with small saved arrays."""
     most = min(cell.scenario.engine.shard for cell in cells)
     return int(np.clip(SHARD_BYTES // max(1, lane_bytes(cells, study.save)), 1, most))
 
 
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
-    """Variables of the stores that are filled shard by shard, by the stores' names."""
+    """Return the variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
@@ -106,12 +108,12 @@ def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str,
 
 
 def lane_bytes(cells: Sequence[Cell], save: keys.Save) -> int:
-    """Bytes of arrays that one lane leaves behind in the folder, at most."""
+    """Return an upper bound on the bytes of arrays that a lane leaves in the folder."""
     return sum(variable_bytes(variables, cells) for variables in filled_stores(cells, save).values())
 
 
 def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
-    """Bytes that so many lanes of a study, and the trajectories it chooses, take on the disk, at most."""
+    """Return an upper bound on the bytes on the disk of these lanes and of the chosen trajectories."""
     match study.save.trajectories:
         case keys.Samples(samples=samples):
             chosen = len(samples) * len(cells)
@@ -124,34 +126,34 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Arrays of a trajectory: `kept` only where a defence decides."""
+    """Return the arrays of a trajectory; `kept` only where a defence decides."""
     decides = any(cell.scenario.defence.decides for cell in cells)
     return {name: variable for name, variable in TRAJECTORIES.items() if decides or name != "kept"}
 
 
 def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:
-    """What an engine is asked for to fill some arrays."""
+    """Return the names of the engine's series that fill these arrays."""
     return tuple(variable.series for variable in variables.values())
 
 
 def along_lanes(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """The same arrays, and those that lanes of a cell share, of chosen lanes along one dimension."""
-    every = {**variables, **shared(variables)}
+    """Return the arrays of a store of chosen lanes, with `lane` as the first dimension."""
+    every = {**variables, **cell_variables(variables)}
     return {name: variable._replace(dims=("lane", *own_dims(variable))) for name, variable in every.items()}
 
 
-def shared(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Arrays of a trajectory that all lanes of a cell share."""
-    return {"navigator": NAVIGATOR} | ({"source": SOURCES} if "kept" in variables else {})
+def cell_variables(variables: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Return the arrays of a trajectory that all lanes of a cell share."""
+    return {"navigator": NAVIGATOR} | ({"source": HEARD_SOURCES} if "kept" in variables else {})
 
 
 def own_dims(variable: Variable) -> tuple[str, ...]:
-    """Dimensions of an array but those that say of which lane it is."""
+    """Return the dimensions of an array without those that number the lane."""
     return tuple(dim for dim in variable.dims if dim not in ("cell", "sample", "lane"))
 
 
 def variable_bytes(variables: Mapping[str, Variable], cells: Sequence[Cell]) -> int:
-    """Bytes of one lane's part of some arrays."""
+    """Return the bytes of one lane's part of these arrays."""
     coords = coordinates(cells, 1)
     return sum(
         int(np.prod([len(coords[dim]) for dim in own_dims(variable)])) * np.dtype(variable.dtype).itemsize

@@ -1,8 +1,8 @@
-"""Kinds of results that are only looked at: nothing is imported for them from a results folder.
+"""Kinds of results that are read without running code from the results folder.
 
-A kind from outside is here if this process has loaded its very files, or if it is installed. For any other
-there is a stand-in. It has the keys of the kind and what the folder's manifest says of it; asked for what its
-code alone knows, it raises MissingKindError.
+A kind from outside is available if this process has loaded its very files, or if it is installed. Any other
+kind gets a stand-in with the kind's keys and the manifest's description. Methods of a stand-in raise
+MissingKindError.
 """
 
 import contextlib
@@ -13,9 +13,9 @@ import inspect
 import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, get_origin
+from typing import Any, ClassVar, NoReturn, TypeVar, get_origin
 
-from pydantic import ConfigDict, create_model
+from pydantic import BaseModel, ConfigDict, create_model
 
 from jaxnet.kinds import modules
 from jaxnet.kinds import provenance as source
@@ -24,26 +24,30 @@ from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.registry import FAMILIES, LOADED, NAMED, Scope, base_of, entry_points, imported
 
 METRIC = ("name", "unit", "over", "time", "vehicles", "words")  # what is known of a metric besides its code
+Found = type[Kind] | Metric  # a kind from outside
+Description = dict[str, object]  # of a kind from outside, in JSON
 ASKS = {"drawn", "drawn_keys", "apart", "chosen", "signal", "told", "faults"}  # need the types of keys
 
 
-REMEDY = "give the study's config, beside which it is (--config FILE), or trust the folder's word (--trust)"
+GIVE_CODE = (
+    "give the study's config, beside which it is (--config FILE), or trust the folder's word (--trust)"
+)
 
 
 class MissingKindError(KindError):
-    """What was asked needs the code of kinds that is not here, and says what brings it."""
+    """A request that needs the code of kinds that are not available; the message says how to give it."""
 
     def __init__(self, names: str):
         super().__init__(
-            f"the code of {names} is needed, and none is run because a results folder names it: {REMEDY}"
+            f"the code of {names} is needed, and none is run because a results folder names it: {GIVE_CODE}"
         )
 
 
-Found = TypeVar("Found")
+Fallback = TypeVar("Fallback")
 
 
-def known_or(otherwise: Found, ask: Callable[[], Found]) -> Found:
-    """What is found, or something else where the code of a kind is missing."""
+def known_or(otherwise: Fallback, ask: Callable[[], Fallback]) -> Fallback:
+    """Return what `ask` finds, or `otherwise` if it needs the code of a missing kind."""
     try:
         return ask()
     except MissingKindError:
@@ -51,10 +55,10 @@ def known_or(otherwise: Found, ask: Callable[[], Found]) -> Found:
 
 
 class Looking(Scope):
-    """What names mean in results that are looked at.
+    """Names of kinds in the results of an earlier run.
 
-    `manifest` is the results' one, and no module inside `results` is imported. `places` are folders whose
-    modules may be loaded, which the user has said.
+    `manifest` belongs to the results, and no module inside the folder `results` is imported. `places` are
+    folders whose modules the user permits.
     """
 
     judges = False
@@ -62,22 +66,22 @@ class Looking(Scope):
     def __init__(self, results: Path | None, manifest: Mapping[str, Any], places: Iterable[Path] = ()):
         super().__init__()
         self.results, self.manifest, self.places = results, manifest, list(places)
-        self.stand_ins: dict[tuple[str, str], Any] = {}
+        self.stand_ins: dict[tuple[str, str], Found] = {}
 
     @property
     def missing(self) -> list[str]:
-        """Names of kinds whose code is not here."""
+        """Names of the kinds whose code is not available."""
         return sorted({name for _, name in self.stand_ins})
 
-    def outside(self, family: str, name: str) -> Any:
-        """The kind if it is here, else a stand-in; raises KindError if a module that may be loaded fails."""
+    def outside(self, family: str, name: str) -> Found | None:
+        """Return the kind or a stand-in; raise KindError if a permitted module fails."""
         for here in (self.loaded, self.placed, self.installed, self.stand_in):
             if (found := here(family, name)) is not None:
                 return found
         return None
 
-    def loaded(self, family: str, name: str) -> Any:
-        """What this process has loaded under this name from files like those of the results."""
+    def loaded(self, family: str, name: str) -> Found | None:
+        """Return the kind that this process has loaded from files equal to those of the results."""
         made = self.manifest.get("modules", {})
         for found in reversed(LOADED.get((family, name), [])):
             parts = source.provenance([found])
@@ -85,15 +89,15 @@ class Looking(Scope):
                 return found
         return None
 
-    def placed(self, family: str, name: str) -> Any:
-        """What stands in a module of a place that the user has named."""
+    def placed(self, family: str, name: str) -> Found | None:
+        """Return the kind from a module in one of the user's places."""
         module = name.partition(":")[0]
         held = (place for place in self.places if modules.file_of(place, module) is not None)
         place = next(held, None) if ":" in name else None
         return None if place is None else imported(name, name, place)
 
-    def installed(self, family: str, name: str) -> Any:
-        """What an installed package offers, or has at `module:attribute`."""
+    def installed(self, family: str, name: str) -> Found | None:
+        """Return the kind that an installed package registers, or that its `module:attribute` names."""
         offered = {point.name: point.value for point in entry_points(family)}
         reference = offered.get(name, name if ":" in name else "")
         module = reference.partition(":")[0]
@@ -105,7 +109,7 @@ class Looking(Scope):
         return None
 
     def is_inside(self, top: str) -> bool:
-        """Whether an import of this name would find something inside the results, or nothing."""
+        """Return whether an import of this name would find a file inside the results, or nothing."""
         try:
             spec = importlib.util.find_spec(top) if top.isidentifier() else None
         except ValueError:  # of a module without a spec
@@ -115,8 +119,8 @@ class Looking(Scope):
         places = [*(spec.submodule_search_locations or ()), *filter(None, [spec.origin])]
         return any(self.results.resolve() in Path(place).resolve().parents for place in places)
 
-    def stand_in(self, family: str, name: str) -> Any:
-        """A class or metric in place of one whose code is not here."""
+    def stand_in(self, family: str, name: str) -> Found:
+        """Return a class or metric in place of a kind without code."""
         key = family, name
         if key not in self.stand_ins:
             told = self.manifest.get("kinds", {}).get(name, {})
@@ -126,8 +130,10 @@ class Looking(Scope):
         return self.stand_ins[key]
 
 
-def described(known: Mapping[tuple[str, str], Any], named: Iterable[Any]) -> dict[str, Any]:
-    """What a manifest says of kinds from outside, for those who look at results without their code."""
+def describe_outside(
+    known: Mapping[tuple[str, str], Found], named: Iterable[Found]
+) -> dict[str, Description]:
+    """Return the manifest's description of kinds from outside, for readers without their code."""
     wanted = list(named)
     return {
         name: {"family": family, **(of_metric(found) if isinstance(found, Metric) else of_class(found))}
@@ -136,21 +142,23 @@ def described(known: Mapping[tuple[str, str], Any], named: Iterable[Any]) -> dic
     }
 
 
-def of_metric(metric: Metric) -> dict[str, Any]:
-    """All of a metric but its function."""
+def of_metric(metric: Metric) -> Description:
+    """Return the fields of a metric without its function."""
     return {key: getattr(metric, key) for key in METRIC}
 
 
-def of_class(cls: type[Kind]) -> dict[str, Any]:
-    """Of a class: its base among ours, keys with their defaults, plain facts, and the methods of its own."""
+def of_class(cls: type[Kind]) -> Description:
+    """Describe a class: its base, keys with defaults, constant facts, and overridden methods."""
     base = next(each for each in cls.__mro__ if is_ours(each))
     keys = {key: field.get_default() for key, field in cls.model_fields.items() if not field.is_required()}
     return {
         "base": base.__name__,
         "kind": cls.kind,
-        "keys": dict.fromkeys(cls.model_fields) | {key: plain(each) for key, each in keys.items()},
+        "keys": dict.fromkeys(cls.model_fields) | {key: json_value(each) for key, each in keys.items()},
         "facts": {
-            key: getattr(cls, key) for key in facts_of(base) if plain(getattr(cls, key, None)) is not None
+            key: getattr(cls, key)
+            for key in facts_of(base)
+            if json_value(getattr(cls, key, None)) is not None
         },
         "own": [
             name
@@ -161,49 +169,49 @@ def of_class(cls: type[Kind]) -> dict[str, Any]:
 
 
 def is_ours(cls: type) -> bool:
-    """Whether a class is the base, or one of the bases, of a family of ours."""
+    """Return whether a class is a base of one of jaxnet's families."""
     return cls.__module__ in {family.package for family in FAMILIES.values()}
 
 
 def facts_of(base: type) -> list[str]:
-    """Names of what a class says of itself besides its keys and methods."""
+    """Return the names of a class's class variables."""
     told = (vars(each).get("__annotations__", {}) for each in base.__mro__ if is_ours(each))
     names = (name for each in told for name, kind in each.items() if get_origin(kind) is ClassVar)
     return [name for name in dict.fromkeys(names) if name != "untraced"]
 
 
 def methods_of(base: type) -> list[str]:
-    """Public methods of a class of ours, besides those that every kind has."""
+    """Return the public methods of a family's base class, without those of every kind."""
     own = {name for each in base.__mro__ if is_ours(each) for name in vars(each)}
     return sorted(name for name in own if name[0] != "_" and callable(getattr(base, name)))
 
 
-def plain(value: Any) -> Any:
-    """Plain data that JSON has words for; None of anything else."""
-    value = value.model_dump() if hasattr(value, "model_dump") else value
+def json_value(value: object) -> object:
+    """Return a value as JSON data; None if JSON cannot represent it."""
+    value = value.model_dump() if isinstance(value, BaseModel) else value
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
         return None
 
 
-def metric_like(family: str, name: str, told: Mapping[str, Any]) -> Metric:
-    """A metric without its function."""
+def metric_like(family: str, name: str, told: Description) -> Metric:
+    """Return a metric without its function, from the manifest's description."""
     texts = {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
-    found = Metric(**{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing(name)})
+    found = Metric(**{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing_method(name)})
     NAMED[found] = name
     return found
 
 
-def class_like(family: str, name: str, told: Mapping[str, Any]) -> type[Kind]:
-    """A class with the keys of a kind and what a manifest says of it, whose own methods are missing."""
+def class_like(family: str, name: str, told: Description) -> type[Kind]:
+    """Return a class with the keys and facts of the manifest's description, whose own methods raise."""
     package = importlib.import_module(FAMILIES[family].package)
     base = getattr(package, str(told.get("base")), None)
     if not (isinstance(base, type) and issubclass(base, base_of(family)) and is_ours(base)):
         base, told = base_of(family), {}
     listed = told.get("own")
     own = [key for key in methods_of(base) if not isinstance(listed, list) or key in listed]
-    namespace: dict[str, Any] = {key: missing(name) for key in {*own, *ASKS} if hasattr(base, key)}
+    namespace: dict[str, Any] = {key: missing_method(name) for key in {*own, *ASKS} if hasattr(base, key)}
     namespace |= facts_like(name, base, told.get("facts"))
     namespace |= {
         "__module__": __name__,
@@ -219,34 +227,34 @@ def class_like(family: str, name: str, told: Mapping[str, Any]) -> type[Kind]:
     return found
 
 
-def facts_like(name: str, base: type, told: Any) -> dict[str, Any]:
-    """What a manifest says of a class, as far as it is of the type that it must be; the rest is missing."""
-    found: dict[str, Any] = {}
+def facts_like(name: str, base: type, told: object) -> dict[str, object]:
+    """Return the described facts of a class that have the right type; any other fact raises."""
+    found: dict[str, object] = {}
     for key in facts_of(base):
         value, known = told.get(key) if isinstance(told, dict) else None, getattr(base, key, ())
         value = tuple(map(str, value)) if isinstance(value, list) else value
-        found[key] = value if type(value) is type(known) else property(missing(name))
+        found[key] = value if type(value) is type(known) else property(missing_method(name))
     return found
 
 
-def keys_like(base: type[Kind], told: Any) -> dict[str, Any]:
-    """Keys of a class with their defaults: those of a base keep their types, others take anything."""
+def keys_like(base: type[Kind], told: object) -> dict[str, Any]:
+    """Return the described keys of a class. Keys of its base keep their types, others accept anything."""
     found: dict[str, Any] = {}
     for key, default in told.items() if isinstance(told, dict) else ():
         field = base.model_fields.get(key)
         if field is None and key.isidentifier() and key[0] != "_" and not hasattr(base, key):
             found[key] = (Any, default)
-        elif field is not None and plain(field.get_default()) != default:
+        elif field is not None and json_value(field.get_default()) != default:
             field = copy.copy(field)
             field.default = default
             found[key] = (field.annotation, field)
     return found
 
 
-def missing(name: str) -> Callable[..., Any]:
-    """A method that says whose code is not here."""
+def missing_method(name: str) -> Callable[..., NoReturn]:
+    """Return a method that raises MissingKindError with the name of the kind."""
 
-    def ask(*given: Any, **more: Any) -> Any:
+    def ask(*given: object, **more: object) -> NoReturn:
         raise MissingKindError(name)
 
     return ask

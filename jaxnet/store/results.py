@@ -1,4 +1,4 @@
-"""Results: what a run has left in its folder, read when it is asked for."""
+"""`Results`: the tables and arrays of a results folder, read at their first use."""
 
 import shlex
 import warnings
@@ -6,16 +6,17 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, NamedTuple, SupportsInt
 
 import pandas as pd
+import pyarrow.dataset as ds
 from upath import UPath
 
 from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules
-from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.folder import Folder, FolderError, Manifest
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Results:
-    """A results folder, read when asked."""
+    """The tables and arrays of a results folder, read at their first use."""
 
     path: UPath
     out: Folder | None = None  # where what is made of the rows is written, if not into the folder itself
@@ -33,12 +34,12 @@ class Results:
     config: Path | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
-        """One line."""
+        """Return one line with the path."""
         return f"Results({str(self.path)!r})"
 
     @cached_property
     def study(self) -> Study:
-        """The study that was run; kinds from outside whose code is not here are named, and no more."""
+        """Study of the run. A kind from outside without its code is known by its name and description."""
         local = self.path if isinstance(self.path, Path) else None
         study = read(
             Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
@@ -48,7 +49,7 @@ class Results:
         return study
 
     def code_places(self) -> Iterator[Path]:
-        """Folders from which the user lets the code of kinds be loaded."""
+        """Yield the folders from which the user permits the code of kinds."""
         if self.config is not None:
             yield self.config if self.config.is_dir() else self.config.parent
         if self.trust:
@@ -60,111 +61,189 @@ class Results:
 
     @property
     def missing(self) -> list[str]:
-        """Names of the study's kinds whose code is not here."""
+        """Names of the study's kinds whose code is not available."""
         scope = self.study.config.scope
         return scope.missing if isinstance(scope, Looking) else []
 
     def need_code(self) -> None:
-        """Raise MissingKindError if the code of some kind is not here."""
+        """Raise MissingKindError if the code of a kind is not available."""
         if self.missing:
             raise MissingKindError(", ".join(self.missing))
 
     def tell_missing(self, what: str) -> None:
-        """Warn that something is left out if the code of some kind is not here."""
+        """Warn that `what` is left out if the code of a kind is not available."""
         if self.missing:
             warnings.warn(f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2)
 
     @cached_property
-    def manifest(self) -> dict[str, Any]:
-        """What `manifest.json` says."""
+    def manifest(self) -> Manifest:
+        """Content of `manifest.json`, read at the first use."""
         return Folder(self.path).manifest
 
     @cached_property
     def folder(self) -> Folder:
-        """Where what is made of the rows is written."""
+        """Folder for fits, figures, replays and the report."""
         return self.out or Folder(self.path)
 
     def file(self, name: str) -> UPath:
-        """Where a file or store is that was made of the rows: in `out`, or else in the folder."""
+        """Return the path of a file that was made of the rows.
+
+        Parameters
+        ----------
+        name
+            Name of a file or store.
+
+        Returns
+        -------
+        UPath
+            Path in `out` if the file exists there, else in the results folder.
+        """
         made = self.folder.path / name
         return made if made.exists() else self.path / name
 
     @cached_property
     def lanes(self) -> pd.DataFrame:
-        """One row per lane, all in memory; see `by_cell`."""
-        return rows.read_all(Folder(self.path), self.shards)
+        """Table with a row per lane, all in memory; see `by_cell`."""
+        return rows.read_lanes(Folder(self.path), self.shards)
 
     def by_cell(
-        self, *columns: str, where: Any = None, cells: Container[int] | None = None
+        self, *columns: str, where: ds.Expression | None = None, cells: Container[int] | None = None
     ) -> Iterator[tuple[int, pd.DataFrame]]:
-        """Cell by cell, these columns of its lanes by sample; one cell's are in memory at a time.
+        """Read the rows of the lanes cell by cell, with one cell's rows in memory.
 
-        `where` is a condition of pyarrow's datasets on the rows, `cells` are the numbers of those wanted;
-        cells without rows are passed over.
+        Parameters
+        ----------
+        *columns
+            Names of columns; none means all columns.
+        where
+            A pyarrow expression on the rows.
+        cells
+            Numbers of the cells; None is all of them.
+
+        Yields
+        ------
+        tuple[int, pd.DataFrame]
+            The number of a cell, and its rows sorted by sample. Cells without rows are omitted.
+
+        Raises
+        ------
+        FolderError
+            A file cannot be read, or holds lanes of another study.
         """
         wanted = getattr(cells, "tolist", lambda: cells)()  # for `in` a Series holds its labels
         shards = [shard for shard in self.shards if wanted is None or shard.cell.number in wanted]
-        yield from rows.scan(Folder(self.path), shards, columns, where)
+        yield from rows.scan_cells(Folder(self.path), shards, columns, where)
 
     def failed(self, most: int) -> tuple[int, pd.DataFrame]:
-        """How many lanes failed, and cell, sample and status of the first of them."""
+        """Count the failed lanes.
+
+        Parameters
+        ----------
+        most
+            Largest number of lanes to list.
+
+        Returns
+        -------
+        tuple[int, pd.DataFrame]
+            The number of failed lanes, and cell, sample and status of the first `most` of them.
+        """
         empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
         if not self.manifest["lanes"]["failed"]:
             return 0, empty
         found = [lanes for _, lanes in self.by_cell("sample", "status", where=~rows.OK)]
         return sum(map(len, found)), pd.concat(found, ignore_index=True).head(most)
 
-    def row(self, cell: SupportsInt, sample: SupportsInt) -> Any:
-        """One lane's row, a pandas Series; None if it is not there."""
-        cell, sample = whole("cell", cell), whole("sample", sample)
+    def row(self, cell: SupportsInt, sample: SupportsInt) -> pd.Series | None:
+        """Read the row of one lane.
+
+        Parameters
+        ----------
+        cell, sample
+            Numbers of the cell and of the sample, from 0.
+
+        Returns
+        -------
+        pd.Series | None
+            The row; None if it is not in the folder.
+
+        Raises
+        ------
+        FolderError
+            A number is not a nonnegative integer.
+        """
+        cell, sample = whole_number("cell", cell), whole_number("sample", sample)
         mine = [shard for shard in self.shards if shard.cell.number == cell and sample in shard.samples]
-        for _, lanes in rows.scan(Folder(self.path), mine):
+        for _, lanes in rows.scan_cells(Folder(self.path), mine):
             return lanes[lanes["sample"] == sample].iloc[0]
         return None
 
     @cached_property
     def shards(self) -> list[Shard]:
-        """Shards whose rows are there."""
+        """Shards whose rows are in the folder."""
         names = (path.name for path in self.path.glob("lanes/*.parquet"))
-        there = {number for name in names if (number := rows.number_of(name)) is not None}
+        there = {number for name in names if (number := rows.shard_number(name)) is not None}
         samples, size, cells = self.manifest["samples"], self.manifest["shard_size"], self.study.cells
         shards = (layout.shard_of(cells, samples, size, number) for number in sorted(there))
         return [shard for shard in shards if shard.samples]
 
     @cached_property
     def cells(self) -> pd.DataFrame:
-        """One row per cell."""
+        """Table with a row per cell: means, quantiles and shares of its lanes.
+
+        Raises
+        ------
+        FolderError
+            The run is unfinished.
+        """
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
         return read_table(self.path / "cells.csv")
 
     @property
     def fits(self) -> pd.DataFrame:
-        """Fits of the ultimate error against ā."""
+        """Table of the fits of the ultimate error against ā; raises FolderError before `fit`."""
         return self.table("fit.csv")
 
     @property
     def bounds(self) -> pd.DataFrame:
-        """Bounds on the ultimate error."""
+        """Table of the bounds on the ultimate error; raises FolderError before `fit`."""
         return self.table("bounds.csv")
 
     @property
     def violations(self) -> pd.DataFrame:
-        """Lanes above a bound that claims to hold for them."""
+        """Table of the lanes above a bound that claims to hold for them; raises FolderError before `fit`."""
         return self.table("violations.csv")
 
     @property
     def worst(self) -> pd.DataFrame:
-        """The worst that a search has found in each cell."""
+        """Table of the worst choice that a search found in each cell; raises FolderError before a search."""
         return self.table("worst.csv", "jaxnet search CONFIG makes it")
 
     @property
     def searched(self) -> pd.DataFrame:
-        """Each generation of a search."""
+        """Table with a row per generation of a search; raises FolderError before a search."""
         return self.table("search.csv", "jaxnet search CONFIG makes it")
 
     def table(self, name: str, remedy: str = "") -> pd.DataFrame:
-        """A table that is made when it is asked for; raises FolderError if it is not there."""
+        """Read a table that a command makes after the run.
+
+        Parameters
+        ----------
+        name
+            Name of the table's file.
+        remedy
+            Advice for the error message; by default it names `jaxnet fit`.
+
+        Returns
+        -------
+        pd.DataFrame
+            The table.
+
+        Raises
+        ------
+        FolderError
+            The table does not exist.
+        """
         file = self.file(name)
         if not file.exists():
             remedy = remedy or f"jaxnet fit {self.path} makes it, or Results.fit()"
@@ -172,30 +251,85 @@ class Results:
         return read_table(file)
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
-        """What to type to see one lane again."""
-        cell, sample = whole("cell", cell), whole("sample", sample)
+        """Return the shell command that simulates one lane again.
+
+        Parameters
+        ----------
+        cell, sample
+            Numbers of the cell and of the sample, from 0.
+        engine
+            Name of an engine; None is the study's own engine.
+
+        Returns
+        -------
+        str
+            The command, quoted for a shell.
+        """
+        cell, sample = whole_number("cell", cell), whole_number("sample", sample)
         words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
         return shlex.join(words + (["--engine", engine] if engine else []))
 
     @property
     def errors(self) -> "xarray.Dataset":
-        """`ẽ` and `ε̃` over time."""
+        """Mean tracking error [m] and disagreement [m] over (cell, sample, time).
+
+        Raises
+        ------
+        FolderError
+            The study did not save errors.
+        """
         return self.arrays("errors.zarr", "save.errors=true")
 
     @property
     def trajectories(self) -> "xarray.Dataset":
-        """States, navigator, attack signals and kept weights over time."""
+        """States, the navigator's path [m], attack signals [m] and kept weights over time.
+
+        Raises
+        ------
+        FolderError
+            The study did not save trajectories.
+        """
         return self.arrays("trajectories.zarr", "save.trajectories=all")
 
     def arrays(self, name: str, remedy: str) -> "xarray.Dataset":
-        """One of the stores; raises FolderError if the study did not save it."""
+        """Open one of the stores of arrays.
+
+        Parameters
+        ----------
+        name
+            Name of the store.
+        remedy
+            Override of the config that saves these arrays, for the error message.
+
+        Returns
+        -------
+        xarray.Dataset
+            The arrays, read from the disk at their first use.
+
+        Raises
+        ------
+        FolderError
+            The study did not save these arrays.
+        """
         if not (self.path / name).exists():
             raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
         return arrays_at(self.path / name)
 
 
 class Part(NamedTuple):
-    """What a part of a run came to: its shards, those of them simulated now, and its failed lanes."""
+    """Shards of a part of a run: their number, the number simulated now, and the number of failed lanes.
+
+    Attributes
+    ----------
+    path
+        Path of the results folder.
+    shards
+        Number of shards of the part.
+    simulated
+        Number of shards that were missing.
+    failed
+        Number of failed lanes.
+    """
 
     path: UPath
     shards: int
@@ -203,8 +337,8 @@ class Part(NamedTuple):
     failed: int
 
 
-def whole(name: str, number: SupportsInt) -> int:
-    """A cell's or sample's number as Python has it; raises FolderError if it cannot be one."""
+def whole_number(name: str, number: SupportsInt) -> int:
+    """Return a cell's or sample's number as an int; raise FolderError unless it is a nonnegative integer."""
     found = int(number)
     if found != number or found < 0:
         raise FolderError(f"{name} is a whole number from 0 on (got {number})")
@@ -212,29 +346,26 @@ def whole(name: str, number: SupportsInt) -> int:
 
 
 def arrays_at(path: UPath) -> "xarray.Dataset":
-    """A store, read when it is asked for; one in memory at once, for that is freed with its Results."""
+    """Open a store; load a store in memory at once, since its memory is freed with its Results."""
     found = arrays.open_store(path)
     return found.load() if path.protocol == "memory" else found
 
 
 def read_table(path: UPath) -> pd.DataFrame:
-    """A table of a results folder; blank is not-a-number, and labels like NA and None are text."""
+    """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text."""
     with path.open("rb") as file:
         return pd.read_csv(file, keep_default_na=False, na_values=[""])
 
 
-def open(
+def open_folder(
     path: str | Path | UPath,
     out: str | Path | UPath | None = None,
     trust: bool = False,
     config: Path | None = None,
 ) -> Results:
-    """Results of a folder that a run has made; what is made of them goes into `out`, if that is given.
+    """Open a results folder; see `jaxnet.open`.
 
-    Raises FolderError if it is no such folder, or if `out` holds what was made of other rows.
-
-    No code is run because the folder names it. `config` is the study's config, or its folder: modules beside
-    it are loaded. With `trust` modules are loaded from where the folder says that they are.
+    Raises FolderError if `path` is not a results folder, or `out` holds files made of other rows.
     """
     if config is not None and not config.exists():
         raise FolderError(f"{config}: there is no such config")

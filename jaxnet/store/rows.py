@@ -1,14 +1,13 @@
-"""Rows: one per lane, `lanes/NNNNN.parquet` per shard, with a stamp that says what the file holds.
+"""Rows, one a lane: a file `lanes/NNNNN.parquet` a shard, with a stamp that describes the file.
 
-A file is read as if anything may have happened to it: one that was cut short, that has a page whose checksum
-is wrong or that holds another study's lanes is none.
+A reader trusts no file. A truncated file, a page's wrong checksum, or lanes of another study are errors.
 """
 
 import itertools
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,21 +18,26 @@ from upath import UPath
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
-from jaxnet.engine.plan import Outcome
-from jaxnet.engine.status import Status
+from jaxnet.lazy import LazyModule
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.layout import Shard
+from jaxnet.store.layout import Label, Shard
+
+if TYPE_CHECKING:
+    from jaxnet.engine import status
+    from jaxnet.engine.plan import Outcome
+else:
+    status = LazyModule("jaxnet.engine.status")
 
 STAMP = b"jaxnet.shard"  # in a file's metadata
-OK: Any = ds.field("status") == "ok"
+OK: ds.Expression = ds.field("status") == "ok"
 
 
 class TornError(Exception):
-    """A row file that cannot be used; says why."""
+    """A row file that cannot be used; the message is the reason."""
 
 
 class Stamp(NamedTuple):
-    """What a row file says of itself."""
+    """Description of a row file, stored in its metadata."""
 
     jaxnet: str  # version that wrote it
     study: str  # hash
@@ -45,12 +49,12 @@ class Stamp(NamedTuple):
 
 
 def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]:
-    """Types of the swept keys' columns, the same in every shard."""
+    """Return the types of the swept keys' columns, equal in every shard."""
     return {key: column_type(study, key, label) for key, label in cells[0].labels.items()}
 
 
-def column_type(study: Config, key: str, label: Any) -> pa.DataType:
-    """Type of a swept key's column."""
+def column_type(study: Config, key: str, label: Label) -> pa.DataType:
+    """Return the type of a swept key's column."""
     if isinstance(label, str):
         return pa.string()
     given = study.sweep[key]
@@ -58,16 +62,16 @@ def column_type(study: Config, key: str, label: Any) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def table_of(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -> pa.Table:
-    """One row per lane, columns as the contract orders them."""
+def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType]) -> pa.Table:
+    """Return the rows of a shard's lanes, with columns in the documented order."""
     count = len(shard.samples)
-    columns: dict[str, Any] = {
+    columns: dict[str, pa.Array | np.ndarray | list[str]] = {
         "cell": np.full(count, shard.cell.number, dtype=np.int64),
         "sample": np.array(shard.samples, dtype=np.int64),
     }
     for key, label in shard.cell.labels.items():
         columns[key] = pa.array([label] * count, type=types[key])
-    columns["status"] = [Status(code).name for code in outcome.status]
+    columns["status"] = [status.Status(code).name for code in outcome.status]
     columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
     columns |= {
         "steps": outcome.steps.astype(np.int64),
@@ -77,33 +81,33 @@ def table_of(shard: Shard, outcome: Outcome, types: Mapping[str, pa.DataType]) -
 
 
 def column_names(cell: Cell) -> list[str]:
-    """Names of a row file's columns, in their order."""
+    """Return the names of a row file's columns, in order."""
     metrics = [metric.name for metric in cell.scenario.measured()]
     return ["cell", "sample", *cell.labels, "status", *metrics, "steps", "switches"]
 
 
-def name_of(number: int) -> str:
-    """The row file of a shard."""
+def row_file(number: int) -> str:
+    """Return the name of a shard's row file."""
     return f"lanes/{number:05d}.parquet"
 
 
-def number_of(name: str) -> int | None:
-    """The shard of a row file, None for another file."""
+def shard_number(name: str) -> int | None:
+    """Return the number of the shard of a row file; None for any other file."""
     found = re.fullmatch(r"(\d{5,12})\.parquet", name)
     return int(found[1]) if found else None
 
 
 def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> None:
-    """Write a shard's rows, stamped."""
+    """Write a shard's rows with their stamp."""
     stamped = rows.replace_schema_metadata({STAMP: json.dumps(stamp._asdict())})
     folder.put(
-        name_of(number),
+        row_file(number),
         lambda file: pq.write_table(stamped, file, compression="zstd", write_page_checksum=True),
     )
 
 
 def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
-    """A row file, every page checked, and its stamp; raises FileNotFoundError or TornError."""
+    """Read a row file and its stamp, and verify every page; raise FileNotFoundError or TornError."""
     content = pa.BufferReader(path.fs.cat_file(path.path))
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
@@ -116,24 +120,29 @@ def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
         raise TornError("not a row file of ours") from error
 
 
-TEXT = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
-NUMBERS = {pa.int64(), pa.float64()}
-NEEDED = {"cell": {pa.int64()}, "sample": {pa.int64()}, "status": TEXT, "tail_mean": {pa.float64()}}
+TEXT_TYPES = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
+NUMBER_TYPES = {pa.int64(), pa.float64()}
+COLUMN_TYPES = {
+    "cell": {pa.int64()},
+    "sample": {pa.int64()},
+    "status": TEXT_TYPES,
+    "tail_mean": {pa.float64()},
+}
 
 
 def strange_columns(schema: pa.Schema) -> str:
-    """What a column is that none of our files has; empty if there is none."""
-    for name in NEEDED:
+    """Return what is wrong with the columns of a row file; "" if nothing is."""
+    for name in COLUMN_TYPES:
         if name not in schema.names:
             return f"it has no column {name}"
     for column in schema:
-        if column.type not in NEEDED.get(column.name, TEXT | NUMBERS):
+        if column.type not in COLUMN_TYPES.get(column.name, TEXT_TYPES | NUMBER_TYPES):
             return f"its column {column.name} holds {column.type}"
     return ""
 
 
 def any_stamp(folder: Folder) -> Stamp | None:
-    """Stamp of some row file that can be read, if there is one."""
+    """Return the stamp of any readable row file; None without one."""
     for path in sorted(folder.path.glob("lanes/[0-9]*.parquet")):
         try:
             return read_rows(path)[1]
@@ -142,19 +151,22 @@ def any_stamp(folder: Folder) -> Stamp | None:
     return None
 
 
-def scan(
-    folder: Folder, shards: Sequence[Shard], columns: Sequence[str] | None = None, where: Any = None
+def scan_cells(
+    folder: Folder,
+    shards: Sequence[Shard],
+    columns: Sequence[str] | None = None,
+    where: ds.Expression | None = None,
 ) -> Iterator[tuple[int, pd.DataFrame]]:
-    """Cell by cell in their order, its rows by sample: these columns of those that a condition holds for.
+    """Yield cell by cell the number of the cell and its rows, sorted by sample.
 
-    One pass over the shards' files, with one cell's rows in memory; cells without rows are passed over, and
-    so are samples beyond those of the shards, which a part of a longer run may have written.
-    Raises FolderError if a file cannot be read, or holds lanes of another study than the manifest tells of.
+    `columns` and `where` select columns and rows. The scan reads the files once, with the rows of one cell in
+    memory. It omits cells without rows, and samples beyond those of the shards.
+    Raises FolderError if a file cannot be read or holds lanes of another study than the manifest.
     """
     if not shards:
         return
     ordered = sorted(shards, key=lambda shard: (shard.cell.number, shard.number))
-    files = [(folder.path / name_of(shard.number)).path for shard in ordered]
+    files = [(folder.path / row_file(shard.number)).path for shard in ordered]
     wanted = None if columns is None else list(dict.fromkeys(["cell", *columns]))
     within = ds.field("sample") < max(shard.samples.stop for shard in shards)
     options = ds.ParquetFragmentScanOptions(page_checksum_verification=True, pre_buffer=True)
@@ -166,7 +178,7 @@ def scan(
         study = folder.manifest.get("hash")
         data_of_ours = data.replace_schema(data.schema.remove_metadata())  # pandas would heed its own there
         scanner = data_of_ours.scanner(columns=wanted, filter=within if where is None else within & where)
-        found = (batch_of(study, each) for each in scanner.scan_batches())
+        found = (checked_batch(study, each) for each in scanner.scan_batches())
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
@@ -174,14 +186,14 @@ def scan(
         raise FolderError(f"{folder.path}: {error}; jaxnet run simulates again what is torn") from error
 
 
-def batch_of(study: str | None, found: Any) -> pa.RecordBatch:
-    """Rows of a scan; raises FolderError if their file's stamp is of another study."""
+def checked_batch(study: str | None, found: ds.TaggedRecordBatch) -> pa.RecordBatch:
+    """Return the rows of a scanned batch; raise FolderError if their file belongs to another study."""
     stamp = (found.fragment.metadata.metadata or {}).get(STAMP)
     if study is not None and stamp is not None and json.loads(stamp)["study"] != study:
         raise FolderError(f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them")
     return found.record_batch
 
 
-def read_all(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:
-    """All rows of some shards by cell and sample."""
-    return pd.concat([rows for _, rows in scan(folder, shards)], ignore_index=True)
+def read_lanes(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:
+    """Return all rows of these shards, sorted by cell and sample."""
+    return pd.concat([rows for _, rows in scan_cells(folder, shards)], ignore_index=True)

@@ -1,19 +1,19 @@
-"""Which results folders there are below a folder."""
+"""Search for the results folders below a folder."""
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from upath import UPath
 
 from jaxnet.store.admission import MANIFEST
-from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.folder import Folder, FolderError, Manifest
 
 
-def below(root: str | Path | UPath) -> Iterator[tuple[UPath, dict[str, Any]]]:
-    """Results folders at or below a folder, by name, and their manifests; none is looked for inside another.
+def find_results(root: str | Path | UPath) -> Iterator[tuple[UPath, Manifest]]:
+    """Yield the results folders at or below a folder, sorted by name, and their manifests.
 
-    The manifest is empty where parts of a run (`--shard`) are all there is.
+    The search does not enter a results folder. The manifest is empty where only parts of a run exist.
     """
     path = Folder(root).path
     manifest = manifest_of(path)
@@ -22,13 +22,14 @@ def below(root: str | Path | UPath) -> Iterator[tuple[UPath, dict[str, Any]]]:
     elif path.is_dir():
         inside = (each for each in path.iterdir() if each.is_dir() and not each.name.startswith("."))
         for each in sorted(inside, key=lambda each: each.name):
-            yield from below(each)
+            yield from find_results(each)
 
 
-def manifest_of(path: UPath) -> dict[str, Any]:
-    """A folder's manifest; empty where there is none of ours."""
+def manifest_of(path: UPath) -> Manifest:
+    """Return a folder's manifest; empty unless jaxnet has written it."""
+    empty = cast(Manifest, {})
     try:
         found = Folder(path).manifest
     except FolderError:
-        return {}
-    return found if set(found) >= MANIFEST else {}
+        return empty
+    return found if set(found) >= MANIFEST else empty

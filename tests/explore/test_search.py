@@ -13,7 +13,7 @@ import pytest
 import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
-from jaxnet import api
+from jaxnet.api import studies, writing
 from jaxnet.config.keys import Scenario
 from jaxnet.explore import late, search, worst
 from jaxnet.explore.box import Box, places_of
@@ -172,7 +172,7 @@ def test_the_table_and_the_page_tell_what_is_left_late(whole):
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     """It ends as one that nobody disturbed, and does nothing twice."""
     results, given = whole
-    random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
+    random = studies.run(writing.with_random_lanes(given), tmp_path / "s", progress=False)
     simulated, simulate = [], Trials.simulate
 
     def counting(trials, points):
@@ -186,10 +186,10 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(api.write_search(random, stop))
+        list(writing.write_search(random, stop))
     before = len(simulated)
     assert before > 1
-    list(api.write_search(random))
+    list(writing.write_search(random))
     again = jaxnet.open(tmp_path / "s")
     assert again.worst.equals(results.worst)
     assert again.searched.equals(results.searched)
@@ -208,7 +208,7 @@ def test_a_search_whose_folder_is_taken_over_writes_no_more(whole, tmp_path, whe
             before.append(contents(tmp_path / "s"))
 
     with pytest.raises(TakenError, match="was taken over by process 1 on Mars"):
-        list(api.write_search(jaxnet.open(tmp_path / "s"), take))
+        list(writing.write_search(jaxnet.open(tmp_path / "s"), take))
     assert before == [contents(tmp_path / "s")]
 
 
@@ -233,8 +233,8 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
     """They find what one process finds, and leave it nothing to simulate of the choices."""
     results, given = whole
     monkeypatch.setattr(worst, "FRESH", 48)
-    random = api.run(api.with_random_lanes(given), tmp_path / "s", progress=False)
-    monkeypatch.setattr(cluster, "crew", lambda *_: contextlib.nullcontext(Here()))
+    random = studies.run(writing.with_random_lanes(given), tmp_path / "s", progress=False)
+    monkeypatch.setattr(writing, "executor", lambda *_: contextlib.nullcontext(Here()))
     told, counts, simulate = [], [], Trials.simulate
 
     def counting(trials, points):
@@ -245,7 +245,7 @@ def test_workers_search_whole_cells(whole, tmp_path, monkeypatch):
         told.append((what, len(counts)))
 
     monkeypatch.setattr(Trials, "simulate", counting)
-    list(api.write_search(random, tell, workers=2))
+    list(writing.write_search(random, tell, workers=2))
     assert told[1] == ("cells searched", len(results.searched))
     assert len(counts) == len(results.searched)
     again = jaxnet.open(tmp_path / "s")
@@ -258,7 +258,7 @@ def test_a_cell_that_has_ended_is_not_tried_from_other_starts_again(whole, monke
     results, _ = whole
     monkeypatch.setattr(worst.CellSearch, "verify", lambda *_: pytest.fail("again"))
     before = results.worst
-    list(api.write_search(results))
+    list(writing.write_search(results))
     assert results.worst.equals(before)
 
 

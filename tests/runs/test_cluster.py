@@ -200,12 +200,12 @@ def test_lanes_that_failed_at_once_are_stored_like_others(study, tmp_path):
     """A chunk of nothing but not-a-number is there, and is not taken for one that is gone."""
     place, cells = UPath(tmp_path / "errors.zarr"), study.cells
     arrays.prepare(place, layout.ERRORS, cells, samples=4, chunk=2)
-    store = arrays.opened(place)
+    store = arrays.open_for_writing(place)
     blank = np.full((2, 51), np.nan)
-    arrays.write(store, (3, slice(2, 4)), dict.fromkeys(layout.ERRORS, blank))
-    written = arrays.checksums(place, layout.ERRORS, (3, 1))
-    assert arrays.intact(place, layout.ERRORS, (3, 1), written)
-    assert not arrays.intact(place, layout.ERRORS, (3, 0), written)
+    arrays.write_chunks(store, (3, slice(2, 4)), dict.fromkeys(layout.ERRORS, blank))
+    written = arrays.read_checksums(place, layout.ERRORS, (3, 1))
+    assert arrays.is_intact(place, layout.ERRORS, (3, 1), written)
+    assert not arrays.is_intact(place, layout.ERRORS, (3, 0), written)
 
 
 def test_parts_of_a_longer_study(study, whole, tmp_path):

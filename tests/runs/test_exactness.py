@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxnet.runs.exactness import deviations, ticked
+from jaxnet.runs.exactness import deviations, lanes_at_ticks
 from tests import systems
 
 
@@ -10,7 +10,7 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
     """With trimming under attack; a tolerance of 1e-3 is seen at once."""
     keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1}
     sound, coarse = (
-        ticked(systems.study(engine=engine, **keys).cells[0].scenario, 0, range(3))
+        lanes_at_ticks(systems.study(engine=engine, **keys).cells[0].scenario, 0, range(3))
         for engine in ({}, {"rtol": 1e-3, "atol": 1e-3})
     )
     assert deviations(sound).max() < 1e-5
@@ -21,7 +21,7 @@ def test_it_is_small_for_a_sound_simulation_and_large_for_a_coarse_one():
 def test_what_has_no_such_solution(keys):
     """It is refused, not compared with something else."""
     with pytest.raises(ValueError, match="the law solved at every instant"):
-        ticked(systems.study(**keys).cells[0].scenario, 0, [0])
+        lanes_at_ticks(systems.study(**keys).cells[0].scenario, 0, [0])
 
 
 def test_drawn_numbers_are_each_lane_s_own():
@@ -29,4 +29,4 @@ def test_drawn_numbers_are_each_lane_s_own():
     keys = {"horizon": 5.0, "tail": 1.0, "tick": 0.1, "gain": [{"uniform": [0.5, 1.5]}, 3, 3]}
     topology = {"navigator_weight": {"uniform": [0.1, 0.4]}}
     (cell,) = systems.study(topology=topology, **keys).cells
-    assert deviations(ticked(cell.scenario, 0, range(3))).max() < 1e-5
+    assert deviations(lanes_at_ticks(cell.scenario, 0, range(3))).max() < 1e-5

@@ -78,7 +78,7 @@ def test_a_run_in_the_background_that_is_taken_over_stops(config, whole, tmp_pat
     """Before its next write, while another simulates what is missing; no shard is written twice."""
     out = tmp_path / "out"
     first = started(config, out)
-    (tmp_path / "lock").write_bytes(lock.content(lock.signed("another"), 0))
+    (tmp_path / "lock").write_bytes(lock.lock_content(lock.holder_entries("another"), 0))
     (tmp_path / "lock").rename(out / ".lock")
     there = done(out)
     results = jaxnet.run(jaxnet.load(config), out)

@@ -253,7 +253,7 @@ def test_the_place_of_one_who_died_is_taken(objects, monkeypatch):
         folder = Folder(objects)
         folder.put(".lock", lambda file: file.write(OTHER))
         with pytest.warns(UserWarning, match="held by process 1 on Mars: waiting"), folder.writing(alone):
-            assert b"Mars" not in lock.content_of(folder.path / ".lock")
+            assert b"Mars" not in lock.read_lock(folder.path / ".lock")
         assert files(objects) == {}
 
 

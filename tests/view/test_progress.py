@@ -39,7 +39,7 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
         batch.COMPILING.add(0)
         assert line_of("0/100 lanes  compiling") == "0/100 lanes  compiling  0 failed  unknown time left"
         batch.COMPILING.clear()
-        tally.there([Done(0, 0, Sums(50, 48, 0, 0.0))])
+        tally.record([Done(0, 0, Sums(50, 48, 0, 0.0))])
         report(tally)
         assert " lanes/s  2 failed  0:00:" in line_of("50/100 lanes")
     capsys.readouterr()
@@ -60,7 +60,7 @@ def said_of(monkeypatch, stream: io.StringIO, given) -> str:
     monkeypatch.setattr(sys, "stderr", stream)
     with progress.reporting(given) as report:
         tally = tally_of(0, 10)
-        tally.there([Done(0, 0, Sums(10, 9, 0, 0.0))])
+        tally.record([Done(0, 0, Sums(10, 9, 0, 0.0))])
         report(tally)
     return stream.getvalue()
 
@@ -97,7 +97,7 @@ def test_a_tally_has_the_mean_of_all_rows_however_they_came():
     tally = Tally(cells, 80, recovery=True)
     tally.under_way = 25
     for shard, part in ((0, rows[:10]), (1, rows[25:]), (0, rows[:25])):
-        tally.there([Done(shard, 1, sums_of(cells[1], part, tau=0.5))])
+        tally.record([Done(shard, 1, sums_of(cells[1], part, tau=0.5))])
     (told,) = tally.standing()
     assert (told.cell, told.lanes, tally.done, tally.failed, tally.under_way) == (1, 40, 40, 1, 0)
     ok = rows["tail_mean"].dropna()
@@ -111,7 +111,7 @@ def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
     label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
     sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
     tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)
-    tally.there(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
+    tally.record(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
     lines = [str(line) for line in standing.lines(tally, 80, 24)]
     assert max(map(len, lines)) <= 80
     told = [int(line.split(":")[0].removeprefix("cell ")) for line in lines[1:-1]]
@@ -127,7 +127,7 @@ def test_a_bar_shows_cells_while_it_goes_and_not_after(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     with progress.reporting(None) as report:
         tally = tally_of(0, 10)
-        tally.there([Done(0, 0, Sums(10, 10, 0, 20.0))])
+        tally.record([Done(0, 0, Sums(10, 10, 0, 20.0))])
         report(tally)
         time.sleep(1.5 / progress.REFRESH)
         assert "tail mean [m]" in terminal.getvalue()

@@ -120,7 +120,7 @@ def graph_of(results: Results, one: Watched, cell: Cell) -> Digraph:
 def label(results: Results, one: Watched, cell: Cell) -> str:
     """How the choice of lanes names one."""
     row = results.row(one.cell, one.sample)
-    error = float("nan") if row is None else float(row["tail_mean"])
+    error = float("nan") if row is None else float(row.loc["tail_mean"])
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])

@@ -6,12 +6,13 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.store import search
+from jaxnet.store.folder import Manifest
 from jaxnet.view.text.width import as_lines
 
 
 def listing(root: str) -> str:
     """All of them; empty if there is none. The path is last, whole, for it is there to be copied."""
-    found = list(search.below(root))
+    found = list(search.find_results(root))
     if not found:
         return ""
     table = as_lines(pd.DataFrame([row(path, manifest) for path, manifest in found])).splitlines()
@@ -19,7 +20,7 @@ def listing(root: str) -> str:
     return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
 
 
-def row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
+def row(path: UPath, manifest: Manifest) -> dict[str, Any]:
     """One folder: of an unfinished run nobody has counted what failed, of parts alone nothing is known."""
     cells = manifest.get("cells")
     finished = manifest.get("finished", False)

@@ -1,0 +1,239 @@
+"""`Results`: tables, arrays, fits, replays, films, figures and the report of a results folder."""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, SupportsInt
+
+import pandas as pd
+from upath import UPath
+
+from jaxnet.api import writing
+from jaxnet.api.writing import AnyPath
+from jaxnet.lazy import LazyModule
+from jaxnet.runs.cache import enable
+from jaxnet.store import results as stored
+from jaxnet.store.results import Part, arrays_at, whole_number
+
+if TYPE_CHECKING:
+    import xarray
+
+    from jaxnet.runs import replay as replays
+    from jaxnet.store import matlab
+    from jaxnet.view.figures import every as figures
+    from jaxnet.view.text import tables
+else:
+    figures = LazyModule("jaxnet.view.figures.every")
+    matlab = LazyModule("jaxnet.store.matlab")
+    replays = LazyModule("jaxnet.runs.replay")
+    tables = LazyModule("jaxnet.view.text.tables")
+
+__all__ = ["Part", "Replay", "Results", "open"]
+
+
+class Replay(NamedTuple):
+    """One lane that was simulated again.
+
+    Attributes
+    ----------
+    row
+        The lane's row, as in `Results.lanes`.
+    trajectory
+        States, attack signals, weights in force and errors over (lane, time, …), with one lane.
+    path
+        Path of the store that holds the trajectory.
+    """
+
+    row: pd.Series
+    trajectory: "xarray.Dataset"
+    path: UPath
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Results(stored.Results):
+    """A results folder. Tables and arrays are read at their first use.
+
+    Attributes
+    ----------
+    path
+        Path of the results folder.
+    out
+        Folder for fits, figures, replays and the report; None is the results folder itself.
+    trust
+        Whether the code of kinds may be loaded from the places that the folder names.
+    config
+        The study's config or its folder; kinds are loaded from the modules beside it.
+    found_all
+        Whether `run` found all lanes in the folder and simulated none.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> results.lanes[["cell", "sample", "status"]]
+       cell  sample status
+    0     0       0     ok
+    1     0       1     ok
+    """
+
+    found_all: bool = dataclasses.field(default=False, compare=False)
+
+    def fit(self) -> pd.DataFrame:
+        """Fit the ultimate error against ā, compute the bounds of theory, and write both.
+
+        Returns
+        -------
+        pd.DataFrame
+            The fits, as `Results.fits` reads them from `fit.csv`.
+
+        Raises
+        ------
+        FolderError
+            The run is unfinished, the study neither fixes nor sweeps ā, or another process writes there.
+        """
+        for _ in writing.write_fits(self):
+            pass
+        return self.fits
+
+    def replay(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> Replay:
+        """Simulate one lane again and store its trajectory.
+
+        Parameters
+        ----------
+        cell, sample
+            Numbers of the cell and of the sample, from 0.
+        engine
+            Name of an engine; None is the study's own engine.
+
+        Returns
+        -------
+        Replay
+            The lane's row, its trajectory and the path of the trajectory's store.
+
+        Raises
+        ------
+        FolderError
+            The study has no such lane, or the engine cannot simulate it.
+
+        Examples
+        --------
+        >>> import jaxnet
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> dict(results.replay(cell=0, sample=0).trajectory["states"].sizes)
+        {'lane': 1, 'time': 11, 'vehicle': 12, 'state': 6}
+        """
+        enable()
+        path, row = replays.replay(self, whole_number("cell", cell), whole_number("sample", sample), engine)
+        return Replay(row, arrays_at(path), path)
+
+    def report(self) -> UPath:
+        """Write the figures and `report.html`, a page that works offline.
+
+        The method first makes missing fits. It also simulates the lanes again that the page shows: the median
+        and the worst lane of up to twelve cells, and the worst lanes of a study that has `recovery`.
+
+        Returns
+        -------
+        UPath
+            Path of the page.
+
+        Raises
+        ------
+        FolderError
+            The run is unfinished, or another process writes there.
+        """
+        *_, page = writing.write_report(self)
+        return page
+
+    def animate(self, cell: SupportsInt, sample: SupportsInt, out: AnyPath | None = None) -> UPath:
+        """Write a film of one lane. A lane without a stored trajectory is simulated again.
+
+        Parameters
+        ----------
+        cell, sample
+            Numbers of the cell and of the sample, from 0.
+        out
+            File name that ends in .mp4 or .gif; None is a file in `figures/`.
+
+        Returns
+        -------
+        UPath
+            Path of the film.
+
+        Raises
+        ------
+        FolderError
+            The study has no such lane, or the film is an .mp4 and ffmpeg is not installed.
+        """
+        return writing.write_film(self, whole_number("cell", cell), whole_number("sample", sample), out)
+
+    def export(self, out: AnyPath | None = None) -> UPath:
+        """Write a file for MATLAB and Octave.
+
+        Parameters
+        ----------
+        out
+            File name that ends in .mat; None is `results.mat` in the folder.
+
+        Returns
+        -------
+        UPath
+            Path of the file.
+
+        Raises
+        ------
+        FolderError
+            A variable of the file would exceed 2 GB.
+        """
+        return matlab.write_mat(self, out)
+
+    @property
+    def plot(self) -> "figures.Plots":
+        """Figures, one method each, as in `results.plot.tails()`."""
+        return figures.Plots(self)
+
+    def _repr_html_(self) -> str:
+        """Return the lanes and the summary as a notebook shows them."""
+        return tables.html(self)
+
+
+def open(
+    path: AnyPath, out: AnyPath | None = None, trust: bool = False, config: AnyPath | None = None
+) -> Results:
+    """Open a results folder.
+
+    Opening a folder runs no code that the folder names. A kind from outside needs its code for replays only.
+    Without its code, the kind is known by the folder's description of it.
+
+    Parameters
+    ----------
+    path
+        Path or URL of a results folder.
+    out
+        Folder for fits, figures, replays and the report; None is the results folder itself.
+    trust
+        Whether modules are loaded from the places that the folder names.
+    config
+        The study's config or its folder; modules beside it are loaded.
+
+    Returns
+    -------
+    Results
+        Tables, arrays and all that is made of them.
+
+    Raises
+    ------
+    FolderError
+        `path` is not a results folder, or `out` holds files that were made of other rows.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> ran = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> len(jaxnet.open(ran.path).lanes)
+    2
+    """
+    found = stored.open_folder(path, out, trust, None if config is None else Path(str(config)))
+    return Results(found.path, found.out, found.trust, found.config)

@@ -1,0 +1,387 @@
+"""What a script does with a study: simulate it, search it, analyse its draws, compare it with another."""
+
+import contextlib
+import weakref
+from typing import TYPE_CHECKING, SupportsInt
+
+import pandas as pd
+
+from jaxnet.api.results import Results, open
+from jaxnet.api.writing import (
+    AnyPath,
+    default_out,
+    in_memory,
+    with_random_lanes,
+    write_rare,
+    write_search,
+    write_sensitivity,
+)
+from jaxnet.config.study import Source, load
+from jaxnet.engine.cores import cores
+from jaxnet.lazy import LazyModule
+from jaxnet.runs.cache import enable
+from jaxnet.runs.cluster import executor
+from jaxnet.statistics.steps import no_progress
+from jaxnet.store import results as stored
+from jaxnet.store.admission import admit
+from jaxnet.store.folder import Folder, FolderError
+from jaxnet.store.results import Part, read_table, whole_number
+from jaxnet.view.text import progress as reports
+
+if TYPE_CHECKING:
+    from jax import Array
+
+    from jaxnet.engine import batch
+    from jaxnet.runs import field as fields
+    from jaxnet.runs import run as runs
+    from jaxnet.statistics import pairs
+else:
+    batch = LazyModule("jaxnet.engine.batch")
+    fields = LazyModule("jaxnet.runs.field")
+    pairs = LazyModule("jaxnet.statistics.pairs")
+    runs = LazyModule("jaxnet.runs.run")
+
+ProgressOption = reports.Progress | bool | None
+
+
+def run(
+    study: Source,
+    out: AnyPath | None = None,
+    fresh: bool = False,
+    progress: ProgressOption = None,
+    devices: int | None = None,
+    chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> Results:
+    """Simulate the lanes of a study that its results folder lacks.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    out
+        Path or URL of the results folder; None is results/NAME.
+    fresh
+        Whether to remove earlier results of the folder first.
+    progress
+        A function of lanes done, lanes in all, and lanes failed. None shows a bar in a terminal or notebook,
+        True also prints a line each half minute elsewhere, False shows nothing.
+    devices
+        Largest number of cores or accelerators; None is all of them.
+    chunk
+        Number of lanes that advance side by side; None suits the engine. Another number changes rows by
+        rounding.
+    workers
+        Number of processes that share the cores. A script that asks for workers must guard its `__main__`.
+    cluster
+        Address of a dask scheduler whose workers see the results folder.
+
+    Returns
+    -------
+    Results
+        The finished folder.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+    FolderError
+        The folder holds another study, or cannot be written.
+    ClusterError
+        The workers are lost or do not answer.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     results = jaxnet.run(keys, folder, progress=False)
+    ...     sorted(path.name for path in results.path.iterdir() if not path.name.startswith("."))
+    ['cells.csv', 'lanes', 'manifest.json', 'study.yaml']
+    """
+    enable()
+    study = load(study)
+    folder = Folder(default_out(study, out))
+    with folder.writing(), executor(folder.path, workers, cluster, devices or cores(), chunk) as others:
+        admit(folder, study.config, fresh)
+        with reports.reporting(
+            progress
+        ) as report:  # `runs` takes long to import; the workers start meanwhile
+            machine = batch.Machine(devices, chunk)
+            work = runs.Run(study.config, study.cells, folder, report, machine, others)
+            missing = work.whole()
+    return Results(folder.path, found_all=not missing)
+
+
+def run_part(
+    study: Source,
+    part: int,
+    parts: int,
+    out: AnyPath | None = None,
+    progress: ProgressOption = None,
+    devices: int | None = None,
+    chunk: int | None = None,
+) -> Part:
+    """Simulate shards `part`, `part + parts`, … of a study.
+
+    Any number of these calls may run at the same time. Afterwards `run` simulates missing lanes and makes the
+    tables and arrays.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    part
+        Number of the first shard, from 0 to `parts - 1`.
+    parts
+        Number of parts.
+    out, progress, devices, chunk
+        As in `run`.
+
+    Returns
+    -------
+    Part
+        The number of shards, of shards simulated now, and of failed lanes.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+    FolderError
+        There is no such part, the folder holds another study, or it cannot be written.
+    """
+    if not 0 <= part < parts:
+        raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
+    enable()
+    study = load(study)
+    folder, machine = Folder(default_out(study, out)), batch.Machine(devices, chunk)
+    with folder.writing(alone=False):
+        admit(folder, study.config)
+        with reports.reporting(progress) as report:
+            work = runs.Run(study.config, study.cells, folder, report, machine)
+            return Part(folder.path, *work.part(part, parts))
+
+
+def simulate(
+    study: Source,
+    samples: SupportsInt | None = None,
+    progress: ProgressOption = None,
+    devices: int | None = None,
+) -> Results:
+    """Simulate a study in memory.
+
+    The results live in this process alone, and their memory is freed with the returned object. Tables and
+    arrays that were read from it stay.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    samples
+        Number of lanes of each cell; None is the study's own number.
+    progress, devices
+        As in `run`.
+
+    Returns
+    -------
+    Results
+        All that the results of a folder have.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"attack.magnitude": [1, 10]}}
+    >>> results = jaxnet.simulate(keys, samples=3, progress=False)
+    >>> results.cells[["attack.magnitude", "lanes", "ok"]]
+       attack.magnitude  lanes  ok
+    0                 1      3   3
+    1                10      3   3
+    """
+    study = load(study, {} if samples is None else {"samples": samples})
+    results = Results(in_memory().path)
+    weakref.finalize(results, Folder(results.path.parent).remove, results.path.name)
+    run(study, results.path, progress=progress, devices=devices)
+    return results
+
+
+def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> "tuple[fields.LaneField, Array]":
+    """Return the vector field of one lane, and the state from which the lane starts.
+
+    `field(t, state, args)`, as diffrax takes it, is pure and jitted. Its arguments are the time [s] and a
+    state of shape (n, m): rows x [m], y [m], heading [rad], speed [m/s] and the vehicle's further states, one
+    column a vehicle. `args` is ignored. Vehicles decide at every evaluation, whatever the study's `tick` is.
+    The field jumps where a decision changes.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    sample, cell
+        Numbers of the sample and of the cell, from 0.
+
+    Returns
+    -------
+    field : Callable
+        The vector field.
+    state : Array, shape (n, m)
+        The initial state.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+    ValueError
+        The study has no such lane, or its defence or attack decides at ticks only.
+    RuntimeError
+        JAX does not calculate in double precision.
+
+    Examples
+    --------
+    >>> import jax, jaxnet
+    >>> jax.config.update("jax_enable_x64", True)
+    >>> vector_field, state = jaxnet.field({"vehicles": 3, "attack": "none"})
+    >>> state.shape, vector_field(0.0, state, None).shape
+    ((6, 3), (6, 3))
+    """
+    return fields.field_of(load(study), whole_number("cell", cell), whole_number("sample", sample))
+
+
+def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -> "pairs.Comparison":
+    """Compare the lanes of two studies, paired by their draws.
+
+    Parameters
+    ----------
+    first, second
+        Results, or paths of results folders.
+
+    Returns
+    -------
+    Comparison
+        Tables of the differences, second − first, cell by cell.
+
+    Raises
+    ------
+    FolderError
+        The studies have no lanes with equal draws.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 4}
+    >>> weak, strong = (
+    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False) for size in (1, 10)
+    ... )
+    >>> bool((jaxnet.compare(weak, strong).cells["tail_mean_difference"] > 0).all())
+    True
+    """
+    a, b = (each if isinstance(each, stored.Results) else open(each) for each in (first, second))
+    return pairs.compare_studies(a, b)
+
+
+def sensitivity(study: Source, samples: SupportsInt = 1024, out: AnyPath | None = None) -> pd.DataFrame:
+    """Compute Sobol's indices of each metric to each quantity that a study draws, cell by cell.
+
+    The function simulates `samples` (d + 2) lanes for a cell that draws d quantities. It writes
+    `sensitivity.csv`. Cells that the file already has are not computed again.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    samples
+        Number of lanes of a cell for each quantity.
+    out
+        Results folder, which may hold a run of the study; None is results/NAME.
+
+    Returns
+    -------
+    pd.DataFrame
+        First-order and total indices with 95 % intervals.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+    FolderError
+        The folder holds another study, or cannot be written.
+    """
+    study = load(study)
+    table, *_ = write_sensitivity(study, whole_number("samples", samples), out)
+    return read_table(table)
+
+
+def rare(study: Source, points: SupportsInt = 1000, out: AnyPath | None = None) -> pd.DataFrame:
+    """Estimate a very small share of unrecovered lanes by subset simulation, cell by cell.
+
+    The function writes `rare.csv`. Cells that the file already has are not computed again.
+
+    Parameters
+    ----------
+    study
+        A study, or any other argument of `load`.
+    points
+        Number of lanes of a level, in each of ten repeats.
+    out
+        Results folder, which may hold a run of the study; None is results/NAME.
+
+    Returns
+    -------
+    pd.DataFrame
+        The shares with 95 % t intervals over the repeats.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid.
+    FolderError
+        The study has no `recovery`, the folder holds another study, or it cannot be written.
+    """
+    return read_table(write_rare(load(study), whole_number("points", points), out))
+
+
+def search(
+    study: Source,
+    out: AnyPath | None = None,
+    fresh: bool = False,
+    progress: ProgressOption = None,
+    devices: int | None = None,
+    chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> Results:
+    """Search for the attacker's worst choice in each cell, beside as many random lanes.
+
+    The random lanes are a run of the study. An interrupted search goes on. Workers search cells side by side.
+
+    Parameters
+    ----------
+    study
+        A study that has `search`, or any other argument of `load`.
+    out, fresh, progress, devices, chunk, workers, cluster
+        As in `run`.
+
+    Returns
+    -------
+    Results
+        `worst` has a row for each cell, `searched` a row for each generation.
+
+    Raises
+    ------
+    ConfigError
+        The study is not valid, or has no `search`.
+    FolderError
+        The folder holds another study, or cannot be written.
+    ClusterError
+        The workers are lost or do not answer.
+    """
+    results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
+    with contextlib.nullcontext(no_progress) if progress is False else reports.stepping() as told:
+        for _ in write_search(results, told, devices, chunk, workers, cluster):
+            pass
+    return results

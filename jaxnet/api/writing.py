@@ -1,0 +1,173 @@
+"""What the command line writes. A function yields the path of each file as soon as the file is whole."""
+
+import uuid
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from upath import UPath
+
+from jaxnet.config.document import ConfigError, Problem
+from jaxnet.config.study import Source, Study, load
+from jaxnet.engine.cores import cores
+from jaxnet.lazy import LazyModule
+from jaxnet.runs.cache import enable
+from jaxnet.runs.cluster import executor
+from jaxnet.statistics.steps import Steps, no_progress
+from jaxnet.store.admission import claim
+from jaxnet.store.folder import Folder
+from jaxnet.store.looking import known_or
+from jaxnet.store.results import Results
+from jaxnet.view.figures import SENSITIVITY, ULTIMATE
+
+if TYPE_CHECKING:
+    from jaxnet import film
+    from jaxnet.engine import batch
+    from jaxnet.explore import rare, sensitivity, worst
+    from jaxnet.runs import replay, watched
+    from jaxnet.statistics import pairs, ultimate
+    from jaxnet.view import page
+    from jaxnet.view.figures import every as figures
+    from jaxnet.view.page import comparison, trajectories
+else:
+    batch = LazyModule("jaxnet.engine.batch")
+    comparison = LazyModule("jaxnet.view.page.comparison")
+    figures = LazyModule("jaxnet.view.figures.every")
+    film = LazyModule("jaxnet.film")
+    page = LazyModule("jaxnet.view.page")
+    pairs = LazyModule("jaxnet.statistics.pairs")
+    rare = LazyModule("jaxnet.explore.rare")
+    replay = LazyModule("jaxnet.runs.replay")
+    sensitivity = LazyModule("jaxnet.explore.sensitivity")
+    trajectories = LazyModule("jaxnet.view.page.trajectories")
+    ultimate = LazyModule("jaxnet.statistics.ultimate")
+    watched = LazyModule("jaxnet.runs.watched")
+    worst = LazyModule("jaxnet.explore.worst")
+
+AnyPath = str | Path | UPath
+
+
+def default_out(study: Study, out: AnyPath | None) -> AnyPath:
+    """Return the results folder of a study: the given one, or results/NAME."""
+    return Path("results") / study.config.name if out is None else out
+
+
+def in_memory() -> Folder:
+    """Return a new folder in the memory of this process."""
+    return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
+
+
+def write_sensitivity(
+    study: Study, samples: int, out: AnyPath | None, told: Steps = no_progress
+) -> Iterator[UPath]:
+    """Write `sensitivity.csv` and its figures."""
+    enable()
+    folder = Folder(default_out(study, out))
+    with folder.writing():
+        claim(folder, study.config)
+        yield sensitivity.write_indices(study, folder, samples, progress=told)
+        yield from figures.draw(Results(folder.path, folder), SENSITIVITY, told)
+
+
+def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_progress) -> UPath:
+    """Write `rare.csv` and return its path."""
+    enable()
+    folder = Folder(default_out(study, out))
+    with folder.writing():
+        claim(folder, study.config)
+        return rare.count_rare(study, folder, points, progress=told)
+
+
+def write_comparison(found: "pairs.Comparison", out: AnyPath) -> Iterator[UPath]:
+    """Write the tables and the page of a comparison into a folder."""
+    folder = Folder(out)
+    pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
+    for name, table in pages.items():
+        yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
+    yield folder.put("compare.html", lambda file: file.write(comparison.html(found).encode()))
+
+
+def write_film(
+    results: Results, cell: int, sample: int, out: AnyPath | None = None, told: Steps = no_progress
+) -> UPath:
+    """Write a film of one lane and return its path; see `Results.animate`."""
+    enable()
+    kind = film.file_kind(None if out is None else str(out))
+    place = UPath(out) if out else results.folder.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
+    if out:  # then nothing is written into the folder
+        results = Results(results.path, in_memory())
+    with results.folder.writing():
+        lane, graph = replay.trajectory_of(results, cell, sample)
+        if out:
+            lane = lane.load()
+            results.folder.clear(["replays"])
+    chosen = results.study.cells[cell]
+    shown = film.film_of(lane, chosen, graph, trajectories.headings(lane["states"]))
+    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
+
+
+def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
+    """Write fits, bounds and violations of the ultimate error, and their figures."""
+    enable()
+    with results.folder.writing():
+        results.tell_missing("bounds that need it are")
+        yield from ultimate.write_ultimate_error(results, told)
+        yield from figures.draw(results, ULTIMATE, told)
+
+
+def write_figure(
+    results: Results, name: str, where: Mapping[str, list[str]] | None = None, column: str = "two"
+) -> Iterator[UPath]:
+    """Write one of the figures in `view.figures.NAMES`.
+
+    `where` selects cells and `column` a width, as in `Results.plot`. Raises FolderError if the folder has no
+    data for the figure.
+    """
+    enable()
+    with results.folder.writing():
+        _ = results.cells  # refuses an unfinished run
+        drawn = getattr(figures.Plots(results), name)(where, column)
+        yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
+
+
+def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
+    """Write missing fits, the trajectories that the page shows, the figures, and the page at last."""
+    enable()
+    with results.folder.writing():
+        _ = results.cells  # refuses an unfinished run
+        results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
+        if (
+            known_or(False, lambda: ultimate.has_fixed_magnitude(results))
+            and not results.file("fit.csv").exists()
+        ):
+            yield from ultimate.write_ultimate_error(results, told)
+        if not results.missing:
+            yield from watched.replay_watched(results, told)
+        yield from figures.draw(results, told=told)
+        yield page.write_page(results)
+
+
+def with_random_lanes(study: Source) -> Study:
+    """Return the study with as many random lanes as its search takes; raise ConfigError without a search."""
+    study = load(study)
+    if study.config.search is None:
+        problem = Problem(study.config.name, "search", "is missing: search: {over: {attack.phase: each}}")
+        raise ConfigError([problem])
+    return load(study, {"samples": study.config.search.budget})
+
+
+def write_search(
+    results: Results,
+    told: Steps = no_progress,
+    devices: int | None = None,
+    chunk: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> Iterator[UPath]:
+    """Search for the worst choice in each cell of a study whose random lanes are in the folder."""
+    enable()
+    with (
+        results.folder.writing(),
+        executor(results.path, workers, cluster, devices or cores(), chunk) as others,
+    ):  # `worst` takes long to import; the workers start meanwhile
+        yield from worst.search_each(results, batch.Machine(devices, chunk), told, others)
