@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Place = str | Path | UPath
-Progress = reports.Progress | bool | None
+Progress = reports.ReportLanes | bool | None
 VectorField = Callable[[Any, Any, Any], Any]  # time, state (n, m), ignored: the state's derivative
 
 
@@ -123,7 +123,7 @@ class Results(stored.Results):
         """What a notebook shows: lanes, and the summary."""
         from jaxnet.view.text import tables
 
-        return tables.html(self)
+        return tables.summary_html(self)
 
 
 def open(path: Place, out: Place | None = None, trust: bool = False, config: Place | None = None) -> Results:
@@ -175,7 +175,7 @@ def run(
         from jaxnet.store.admission import admit
 
         admit(folder, study.config, fresh)
-        with reports.reporting(progress) as report:
+        with reports.report_progress(progress) as report:
             work = Run(study.config, study.cells, folder, report, Machine(devices, chunk), others)
             missing = work.whole()
     return Results(folder.path, found_all=not missing)
@@ -206,7 +206,7 @@ def run_part(
     folder, machine = Folder(default_out(study, out)), Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        with reports.reporting(progress) as report:
+        with reports.report_progress(progress) as report:
             run = Run(study.config, study.cells, folder, report, machine)
             return Part(folder.path, *run.part(part, parts))
 
@@ -286,7 +286,7 @@ def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps
     with folder.writing():
         claim(folder, study.config)
         yield analyse(study, folder, samples, told=told)
-        yield from figures.draw(stored.Results(folder.path, folder), SENSITIVITY, told)
+        yield from figures.draw_figures(stored.Results(folder.path, folder), SENSITIVITY, told)
 
 
 def rare(study: Source, points: SupportsInt = 1000, out: Place | None = None) -> pd.DataFrame:
@@ -319,7 +319,7 @@ def write_comparison(found: "Comparison", out: Place) -> Iterator[UPath]:
     pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
     for name, table in pages.items():
         yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
-    yield folder.put("compare.html", lambda file: file.write(comparison.html(found).encode()))
+    yield folder.put("compare.html", lambda file: file.write(comparison.comparison_page(found).encode()))
 
 
 def write_film(
@@ -335,7 +335,7 @@ def write_film(
     from jaxnet.runs.replay import trajectory_of
     from jaxnet.view.page.trajectories import headings
 
-    kind = film.file_kind(None if out is None else str(out))
+    kind = film.film_format(None if out is None else str(out))
     place = UPath(out) if out else results.folder.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
     if out:  # then nothing is written into the folder
         results = stored.Results(results.path, in_memory())
@@ -346,7 +346,7 @@ def write_film(
             results.folder.clear(["replays"])
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, graph, headings(lane["states"]))
-    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
+    return film.save_film(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 
 def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
@@ -359,7 +359,7 @@ def write_fits(results: stored.Results, told: Steps = untold) -> Iterator[UPath]
     with results.folder.writing():
         results.tell_missing("bounds that need it are")
         yield from ultimate.analyse(results, told)
-        yield from figures.draw(results, ULTIMATE, told)
+        yield from figures.draw_figures(results, ULTIMATE, told)
 
 
 def write_figure(
@@ -375,7 +375,7 @@ def write_figure(
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         drawn = getattr(figures.Plots(results), name)(where, column)
-        yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
+        yield from figures.save_figure(results, figures.file_name(name, where or {}, column), drawn)
 
 
 def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPath]:
@@ -393,7 +393,7 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
             yield from ultimate.analyse(results, told)
         if not results.missing:
             yield from replay_watched(results, told)
-        yield from figures.draw(results, told=told)
+        yield from figures.draw_figures(results, told=told)
         yield page.write_page(results)
 
 
@@ -416,7 +416,7 @@ def search(
     Raises ConfigError, FolderError or ClusterError.
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
-    with contextlib.nullcontext(untold) if progress is False else reports.stepping() as told:
+    with contextlib.nullcontext(untold) if progress is False else reports.report_steps() as told:
         for _ in write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results

@@ -310,9 +310,6 @@ ONE_MEANING = {
     "simulate": "outcomes of lanes, of a study (api), a job (batch) and a load (the engines)",
     "field": "the vector field of a lane",
     "feedback": "P(y) = k0 y + k1 ẏ + k2 ÿ, as the paper writes it and as the programs need it",
-    "figure": "what a file of view/figures draws",
-    "legend": "that of a figure",
-    "text": "what a command prints",
     "ROUNDING": "what rounding may amount to, of the numbers that a module has",
 }
 ENGINES = {

@@ -38,7 +38,7 @@ def replay(
         from jaxnet.view.text import tables
 
         again = opened.replay(cell, sample, engine)
-        click.echo(tables.lane(opened, again.row))
+        click.echo(tables.lane_text(opened, again.row))
         click.echo(f"wrote {again.path}", err=True)
 
 
@@ -58,6 +58,6 @@ def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, 
         from jaxnet.api import write_film
         from jaxnet.view.text import progress
 
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             path = write_film(opened, cell, sample, out, told)
         click.echo(f"wrote {path}", err=True)

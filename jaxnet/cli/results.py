@@ -7,7 +7,7 @@ import click
 
 import jaxnet
 from jaxnet.cli.errors import user_errors
-from jaxnet.view.figures import COLUMNS, NAMES
+from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
 
 FORMATS = ("text", "csv", "markdown", "latex")
 
@@ -57,7 +57,7 @@ def show(results: str, form: str) -> None:
         from jaxnet.view.text import formats, tables
 
         if form == "text":
-            click.echo(tables.summary(opened))
+            click.echo(tables.summary_text(opened))
         else:
             click.echo(formats.in_format(tables.summary_rows(opened), form))
 
@@ -73,7 +73,7 @@ def list_results(folder: str) -> None:
     with user_errors():
         from jaxnet.view.text import folders
 
-        if lines := folders.listing(folder):
+        if lines := folders.folders_text(folder):
             click.echo(lines)
         else:
             click.echo(f"no results in {folder}", err=True)
@@ -93,10 +93,10 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
         from jaxnet.api import write_fits
         from jaxnet.view.text import progress, slopes
 
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             for path in write_fits(opened, told):
                 click.echo(f"wrote {path}", err=True)
-        click.echo(slopes.text(opened))
+        click.echo(slopes.fit_text(opened))
 
 
 @click.command()
@@ -115,7 +115,7 @@ def report(results: str, out: str | None, shown: bool, trust: bool, config: Path
         from jaxnet.api import write_report
         from jaxnet.view.text import progress
 
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             for path in write_report(opened, told):
                 click.echo(f"wrote {path}", err=True)
         if shown:
@@ -132,7 +132,7 @@ def show_page(page: Any) -> None:
 
 @click.command()
 @results_argument
-@click.argument("name", type=click.Choice(NAMES))
+@click.argument("name", type=click.Choice(FIGURE_NAMES))
 @click.option(
     "--where",
     metavar="KEY=VALUE",
@@ -141,7 +141,7 @@ def show_page(page: Any) -> None:
 )
 @click.option(
     "--column",
-    type=click.Choice(list(COLUMNS)),
+    type=click.Choice(list(COLUMN_WIDTHS)),
     default="two",
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
@@ -200,9 +200,9 @@ def compare(a: str, b: str, form: str, out: str | None) -> None:
         for path in write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
             click.echo(f"wrote {path}", err=True)
         if form == "text":
-            click.echo(comparison.told(found))
+            click.echo(comparison.comparison_text(found))
         else:
-            click.echo(formats.in_format(comparison.rows(found), form))
+            click.echo(formats.in_format(comparison.comparison_rows(found), form))
 
 
 def neighbour_of(folder: str, name: str) -> Any:

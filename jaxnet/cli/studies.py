@@ -145,13 +145,13 @@ def run(
         if shard is not None:
             part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
-            click.echo(tables.part(part), err=True)
+            click.echo(tables.part_text(part), err=True)
         else:
             results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
-            click.echo(tables.summary(results))
-            done = tables.nothing_to_do if results.found_all else tables.what_was_written
-            said = [done(results), tables.failures(results), tables.next_command(results)]
+            click.echo(tables.summary_text(results))
+            done = tables.nothing_to_do_text if results.found_all else tables.written_text
+            said = [done(results), tables.failures_text(results), tables.next_command(results)]
             click.echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
@@ -187,9 +187,9 @@ def search(
 
         study = api.with_random_lanes(jaxnet.load(config, overrides))
         results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             files = [str(file) for file in api.write_search(results, told, devices, None, workers, cluster)]
-        click.echo(worst.text(results))
+        click.echo(worst.search_text(results))
         click.echo("\n".join(f"wrote {file}" for file in files), err=True)
 
 
@@ -201,7 +201,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
         study = jaxnet.load(config, overrides)
         from jaxnet.view.text import check
 
-        click.echo(check.text(study))
+        click.echo(check.check_text(study))
 
 
 @click.command()
@@ -235,10 +235,10 @@ def sensitivity(config: Path, overrides: tuple[str, ...], metric: str, samples: 
         from jaxnet.view.text import progress
         from jaxnet.view.text import sensitivity as words
 
-        click.echo(words.plan(lanes_needed(study, samples), samples), err=True)
-        with progress.stepping() as told:
+        click.echo(words.plan_text(lanes_needed(study, samples), samples), err=True)
+        with progress.report_steps() as told:
             written = list(write_sensitivity(study, samples, out, told))
-        click.echo(words.printed(read_table(written[0]), study, metric))
+        click.echo(words.indices_text(read_table(written[0]), study, metric))
         for path in written:
             click.echo(f"wrote {path}", err=True)
 
@@ -258,11 +258,11 @@ def rare(config: Path, overrides: tuple[str, ...], points: int, out: str | None)
         from jaxnet.api import write_rare
         from jaxnet.store.results import read_table
         from jaxnet.view.text import progress
-        from jaxnet.view.text.width import MOST_ROWS, as_lines
+        from jaxnet.view.text.width import MOST_ROWS, table_text
 
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             written = write_rare(study, points, out, told)
-        click.echo(as_lines(read_table(written).drop(columns=["points", "tau"]).head(MOST_ROWS)))
+        click.echo(table_text(read_table(written).drop(columns=["points", "tau"]).head(MOST_ROWS)))
         click.echo(f"wrote {written}", err=True)
 
 
