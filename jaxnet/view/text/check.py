@@ -1,9 +1,8 @@
 """The report of `jaxnet check`: cells, and the guarantees of each network. It needs no JAX."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import numbered
 from jaxnet.model import safety
-from jaxnet.model.graph import Digraph, Links, dense
+from jaxnet.model.graph import Digraph, Links, Row, dense
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
@@ -50,7 +49,7 @@ def certificates(cells: Sequence[Cell]) -> list[str]:
 
 def network_texts(cells: Sequence[Cell]) -> list[str]:
     """Return the certificates for a terminal; of many networks, only lines that differ from the first."""
-    found: dict[Any, list[Cell]] = {}
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[Cell]] = {}
     groups = group_by_network(cells)
     for group in groups:
         rows = network_rows(group, len(groups) <= MOST_NETWORKS)
@@ -82,7 +81,7 @@ def wrap_lines(text: str) -> str:
 
 def group_by_network(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Group cells that share a network, in the order of their first cells."""
-    groups: dict[Any, list[Cell]] = {}
+    groups: dict[Hashable, list[Cell]] = {}
     networks = NetworkKeys()
     for cell in cells:
         groups.setdefault(networks.key(cell.scenario), []).append(cell)
@@ -130,10 +129,10 @@ class NetworkKeys:
     """Keys that tell networks apart; a cache by identity treats shared objects once."""
 
     def __init__(self):
-        self.graphs: dict[Any, Any] = {}
-        self.known: dict[Any, Any] = {}
+        self.graphs: dict[Hashable, Digraph] = {}
+        self.known: dict[Hashable, tuple[Digraph, tuple[Row, Row], Hashable]] = {}
 
-    def key(self, scenario: Scenario) -> Any:
+    def key(self, scenario: Scenario) -> Hashable:
         """Return a key equal for cells with one network, kinds of attack and defence, and navigator.
 
         Where the law holds the jerk, the key includes law, gain and tick.
@@ -145,7 +144,7 @@ class NetworkKeys:
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
         return shared, attacked, threat, scenario.horizon, held
 
-    def without_attack(self, scenario: Scenario) -> tuple[Digraph, Any, Any]:
+    def without_attack(self, scenario: Scenario) -> tuple[Digraph, tuple[Row, Row], Hashable]:
         """Return the graph, its links, and the part of the key that no attack changes."""
         topology, vehicles = scenario.topology, scenario.vehicles
         navigator, defence = scenario.navigator, scenario.defence

@@ -22,7 +22,7 @@ def folders_text(root: str) -> str:
     return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
 
 
-def folder_row(path: UPath, manifest: dict[str, Any]) -> dict[str, Any]:
+def folder_row(path: UPath, manifest: dict[str, Any]) -> dict[str, object]:
     """Return the table row of a folder; a dash marks an unknown number."""
     cells = manifest.get("cells")
     finished = manifest.get("finished", False)

@@ -1,7 +1,6 @@
 """Tables for other programs: CSV with all digits, Markdown and LaTeX with four."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pandas as pd
 
@@ -51,7 +50,7 @@ def displayed_rows(table: pd.DataFrame) -> Iterator[list[str]]:
         yield [displayed_value(value) for value in row]
 
 
-def displayed_value(value: Any) -> str:
+def displayed_value(value: object) -> str:
     """Return a number to four digits, a dash for NaN, and other values as text."""
     if not isinstance(value, float):
         return str(value)

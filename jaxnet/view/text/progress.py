@@ -6,12 +6,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxnet.statistics.steps import Steps
 from jaxnet.view.text import standing
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress, ProgressColumn
+
     from jaxnet.runs.tally import Tally
 
 HEARTBEAT = 30.0  # [s]
@@ -62,7 +65,7 @@ def report_by_bar() -> Iterator[ReportTally]:
     ]
     speed, now = Speed(), list["Tally"]()
 
-    def below() -> Iterable[Any]:
+    def below() -> "Iterable[RenderableType]":
         if now:
             live.update(task, speed=speed.words(now[0]))
             yield from standing.standing_lines(now[0], live.console.width, live.console.height)
@@ -80,7 +83,9 @@ def report_by_bar() -> Iterator[ReportTally]:
         now.clear()  # the summary comes next
 
 
-def live_bar(columns: Iterable[Any], below: Callable[[], Iterable[Any]]) -> Any:
+def live_bar(
+    columns: Iterable["ProgressColumn"], below: Callable[[], "Iterable[RenderableType]"]
+) -> "Progress":
     """Return a bar of these columns, drawn twice a second, with the output of `below` under it."""
     from rich.console import Console
     from rich.progress import Progress
@@ -88,7 +93,7 @@ def live_bar(columns: Iterable[Any], below: Callable[[], Iterable[Any]]) -> Any:
     class Live(Progress):
         """With more than bars."""
 
-        def get_renderables(self) -> Iterable[Any]:
+        def get_renderables(self) -> "Iterable[RenderableType]":
             """Yield the bar, then the lines below it; `below` runs first, as it may change the bar."""
             beneath = list(below())
             yield from super().get_renderables()

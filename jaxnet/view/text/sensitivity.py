@@ -36,7 +36,7 @@ def in_hundredths(estimate: float, low: float, high: float) -> str:
     return f"{estimate:z.2f}" if np.isnan(low) else f"{estimate:z.2f} ({low:z.2f} to {high:z.2f})"
 
 
-def indices_text(table: Any, study: Study, metric: str) -> str:
+def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     """Return the indices of one metric, a line per cell and quantity."""
     rows: Any = pd.DataFrame(
         [
@@ -46,7 +46,7 @@ def indices_text(table: Any, study: Study, metric: str) -> str:
                 for order in ("first", "total")
             }
             | {"left out": row["left_out"]}
-            for row in table[table["metric"] == metric].to_dict("records")
+            for row in table.loc[table["metric"] == metric].to_dict("records")
         ]
     )
     rows = rows.drop(columns="left out") if not rows["left out"].any() else rows

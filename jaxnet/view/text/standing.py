@@ -1,20 +1,22 @@
 """Intermediate results of the cells, as lines below the progress bar."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jaxnet.view.text.width import cell_title, four_digits
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
     from jaxnet.runs.tally import Standing, Tally
 
 MOST_LINES = 8  # of cells
 OTHER_LINES = 5  # lines that are no cell's: the bar, the head, two notes, the one that the cursor is in
 
 
-def standing_lines(tally: "Tally", width: int, height: int) -> Iterator[Any]:
+def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | Text]":
     """Yield a header, a line for each of the worst cells, and notes, as the terminal's height permits.
 
     Nothing is yielded before the first lanes end, or in a terminal of a few lines.

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 from html import escape
 from textwrap import fill
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import pandas as pd
@@ -57,6 +57,14 @@ RECOVERY_COLUMNS = {
     "unrecovered_low": "share low",
     "unrecovered_high": "share high",
 }
+
+
+@runtime_checkable
+class LaneRow(Protocol):
+    """A row of a table of lanes, as `itertuples` gives it."""
+
+    cell: int
+    sample: int
 
 
 def summary_rows(results: Results) -> pd.DataFrame:
@@ -197,14 +205,15 @@ def failures_text(results: Results) -> str:
     return "\n".join(lines)
 
 
-def lane_title(results: Results, row: Any) -> str:
+def lane_title(results: Results, row: LaneRow) -> str:
     """Return cell and sample of a lane, short enough for a line with a word or two more."""
     return f"{cell_title(results.study.cells[row.cell], TERMINAL_WIDTH - 40)}, sample {row.sample}"
 
 
-def lane_text(results: Results, row: Any) -> str:
+def lane_text(results: Results, row: pd.Series) -> str:
     """Return the row of a lane, and whether the stored row equals it."""
-    stored = results.row(int(row["cell"]), int(row["sample"]))
+    cell, sample = map(int, row.loc[["cell", "sample"]].tolist())
+    stored = results.row(cell, sample)
     lines = row.map(lambda value: cut_text(value, TERMINAL_WIDTH - 4 - max(map(len, row.index)))).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"

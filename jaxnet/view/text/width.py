@@ -2,18 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
-from typing import Any
+from typing import TypeVar
 
 import pandas as pd
 
 from jaxnet.config.cells import Cell
+
+Value = TypeVar("Value")
 
 TERMINAL_WIDTH = 80
 MOST_ROWS = 60
 LABEL_LENGTHS = range(40, 9, -1)  # characters that long labels are cut to, the first that fits
 
 
-def cut_text(text: Any, room: int) -> Any:
+def cut_text(text: Value, room: int) -> Value | str:
     """Shorten a text with an ellipsis; return other values unchanged."""
     return text if not isinstance(text, str) or len(text) <= room else f"{text[: room - 1]}…"
 
