@@ -123,7 +123,9 @@ def main(write: Path | None, against: Path | None, only: str | None) -> None:
             for key in now.columns
             if key in then and pd.api.types.is_float_dtype(now[key]) and key not in COUNTS
         ]
-        apart = np.nanmax(np.abs(now[numbers].to_numpy(float) - then[numbers].to_numpy(float)), initial=0.0)
+        apart = np.nanmax(
+            np.abs(np.asarray(now[numbers], float) - np.asarray(then[numbers], float)), initial=0.0
+        )
         others = [np.count_nonzero(now[key] != then[key]) for key in [*COUNTS, "status"]]
         ok = np.count_nonzero(now["status"] == "ok")
         print(f"{name:26}{len(now):6}{ok:5}{apart:12.1e}{others[0]:7}{others[1]:9}{others[2]:8}", flush=True)

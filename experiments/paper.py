@@ -30,7 +30,7 @@ def main() -> None:
     results = jaxnet.run(study, progress=True)
     print(table(results).to_string(index=False, float_format=lambda value: f"{value:.4g}"))
     print("\ntail: mean over vehicles and the last 5 s; exact: greatest distance from the exact solution")
-    for path in (results.path / "cells.csv", *figures.draw(results)):
+    for path in (results.path / "cells.csv", *figures.draw_figures(results)):
         print(f"wrote {path}")
 
 

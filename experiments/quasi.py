@@ -59,14 +59,14 @@ def draw(table: pd.DataFrame) -> None:
 
     from jaxnet.view.figures import multiples, style
 
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(style.PRINT_STYLE):
         labels = [{"study": name} for name in STUDIES]
-        drawn, panels = multiples.panels(
-            labels, "lanes", "standard deviation of the mean [m]", style.WIDTH, 1.9
+        drawn, panels = multiples.panel_grid(
+            labels, "lanes", "standard deviation of the mean [m]", style.FIGURE_WIDTH, 1.9
         )
         for panel, (name, mine) in zip(panels, table.groupby("study", sort=False), strict=True):
             panel.set_title(str(name), fontsize=7.5)
-            for draws, look in zip(("random", "sobol"), style.SERIES, strict=False):
+            for draws, look in zip(("random", "sobol"), style.SERIES_STYLES, strict=False):
                 panel.loglog(mine["lanes"], mine[draws], marker="o", markersize=3, label=draws, **look)
         panels[0].set_xticks(SAMPLES, map(str, SAMPLES))
         panels[0].minorticks_off()

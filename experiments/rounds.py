@@ -136,12 +136,14 @@ def draw() -> None:
 
     from jaxnet.view.figures import style
 
-    with mpl.rc_context(style.RC):
-        figure = style.Figure(figsize=(style.WIDTH, 2.9))
+    with mpl.rc_context(style.PRINT_STYLE):
+        figure = style.Figure(figsize=(style.FIGURE_WIDTH, 2.9))
         rates, by_rounds, by_size = figure.subplots(1, 3)
-        draw_rates(rates, style.SERIES)
+        draw_rates(rates, style.SERIES_STYLES)
         numbers = range(1, 11)
-        for (graph, marker), look in zip(zip(GRAPHS, "os^Dv", strict=True), style.SERIES, strict=False):
+        for (graph, marker), look in zip(
+            zip(GRAPHS, "os^Dv", strict=True), style.SERIES_STYLES, strict=False
+        ):
             shown: Any = {**look, "marker": marker, "markersize": 3, "label": graph}
             of_twelve = [rounds.greatest_tick(weights_of(graph, 12), GAIN, n) for n in numbers]
             by_rounds.semilogy(numbers, of_twelve, **shown)

@@ -37,7 +37,7 @@ def main() -> None:
     simulated = time.monotonic()
     page = results.report()
     ended = time.monotonic()
-    print(slopes.text(results))
+    print(slopes.fit_text(results))
     print(f"\n{ranking(results).to_string(index=False)}")
     off = {name: abs(slope(curves(results), name) - exact) for name, exact in EXACT.items()}
     print(f"\ngreatest distance from the exact slopes of the constant attack: {max(off.values()):.1e}")
@@ -65,7 +65,7 @@ def ranking(results: Results) -> pd.DataFrame:
         rows.append(
             {
                 **curve.group.labels,
-                "tail mean / ā": slopes.interval(curve.fit("tail_mean")),
+                "tail mean / ā": slopes.interval_text(curve.fit("tail_mean")),
                 "unrecovered": f"{shares.min():.1f} to {shares.max():.1f} %",
             }
         )

@@ -56,10 +56,12 @@ def chosen(results: Results, cell: int) -> Any:
 def draw(table: pd.DataFrame) -> None:
     """A panel a graph, a row a defence."""
     names = list(dict.fromkeys(table["defence"]))
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(style.PRINT_STYLE):
         labels = [{"topology": graph} for graph in dict.fromkeys(table["topology"])]
         height = multiples.ROW_HEIGHT * len(names)
-        drawn, panels = multiples.panels(labels, "greatest tail error / ā", "", style.WIDTH, height)
+        drawn, panels = multiples.panel_grid(
+            labels, "greatest tail error / ā", "", style.FIGURE_WIDTH, height
+        )
         for panel, label in zip(panels, labels, strict=True):
             rows = table[table["topology"] == label["topology"]].set_index("defence").loc[names]
             for column, look in SHOWN.items():
@@ -68,7 +70,7 @@ def draw(table: pd.DataFrame) -> None:
         panels[0].set_xlim(LEAST / 1.5, MOST * 1.5)
         panels[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
         panels[0].set_ylim(len(names) - 0.4, -0.6)
-        multiples.note(drawn, f"what is under {LEAST:g} or over {MOST:g} stands at that end")
+        multiples.write_note(drawn, f"what is under {LEAST:g} or over {MOST:g} stands at that end")
         drawn.legend(panels[0].lines, WORDS.values(), loc="outside lower center", ncols=2)
         drawn.savefig(FIGURE, format="png", dpi=150)
 

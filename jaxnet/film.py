@@ -1,4 +1,4 @@
-"""One lane as a film: who hears whom, where they drive, what is transmitted falsely, and the errors below."""
+"""Films of single lanes: links, motion, falsified positions, and the errors below the plane."""
 
 import shutil
 import subprocess
@@ -30,16 +30,16 @@ from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
 from jaxnet.view.figures.style import Figure
 
-SIZE = (5.6, 7.2)  # [in]
-DPI = 110
-FRAMES_AT_MOST = 150
-RATE = 10  # frames a second
-ARROW = 0.07  # of the frame, that a heading is long
-KINDS_OF_FILE = (".mp4", ".gif")
+FILM_SIZE = (5.6, 7.2)  # [in]
+FILM_RESOLUTION = 110
+MOST_FRAMES_PER_FILM = 150
+FRAME_RATE = 10  # frames a second
+ARROW_LENGTH = 0.07  # of the frame, that a heading is long
+FILM_FORMATS = (".mp4", ".gif")
 
 
 class Film(NamedTuple):
-    """What a film shows at each of its frames."""
+    """Data of a film, frame by frame."""
 
     time: Float[np.ndarray, " times"]
     places: Float[np.ndarray, "times sources 2"]  # of the navigator, then of the vehicles [m]
@@ -58,9 +58,9 @@ class Film(NamedTuple):
 
 
 def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarray, "times m"]) -> Film:
-    """A lane's trajectory with its graph and headings [°], at FRAMES_AT_MOST instants at most."""
+    """Extract a film of at most MOST_FRAMES_PER_FILM frames from a lane; `ahead` holds the headings [°]."""
     times = lane.sizes["time"]
-    frames = np.unique(np.linspace(0, times - 1, min(times, FRAMES_AT_MOST)).round().astype(int))
+    frames = np.unique(np.linspace(0, times - 1, min(times, MOST_FRAMES_PER_FILM)).round().astype(int))
     vehicles, navigator = lane["states"].values[frames, :, :2], lane["navigator"].values[frames]
     attack, vehicles_attacked = cell.scenario.attack, attacked_vehicles(cell, lane)
     false, liars = falsified_links(cell, graph, vehicles_attacked), np.array(vehicles_attacked, int) - 1
@@ -86,7 +86,7 @@ def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarra
     )
 
 
-LINKS: dict[str, dict[str, Any]] = {
+FILM_LINK_STYLES: dict[str, dict[str, Any]] = {
     "retained link": {"color": "0.6", "linewidth": 0.7},
     "retained link, attacked": {"color": style.RED, "linewidth": 0.9},
     "dropped link": {"color": style.BLUE, "linewidth": 0.7, "linestyle": (0, (1, 1.5))},
@@ -94,19 +94,19 @@ LINKS: dict[str, dict[str, Any]] = {
 
 
 def links_at(film: Film, frame: int) -> list[Float[np.ndarray, "links 2 2"]]:
-    """Ends of the links of each look, in the order of LINKS."""
+    """Return end points of the links at a frame [m], one array per style in FILM_LINK_STYLES."""
     places, kept = film.places[frame], film.kept[frame]
     listeners, sources = film.links
     ends = np.stack([places[sources], places[listeners + 1]], axis=1)
     return [ends[chosen] for chosen in (kept & ~film.attacked, kept & film.attacked, ~kept)]
 
 
-def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
-    """The figure, what moves in it, and what takes that to a frame."""
-    drawn = Figure(figsize=SIZE, dpi=DPI)
+def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], Callable[[int], None]]:
+    """Return the figure, its moving artists, and a function that moves these artists to a frame."""
+    drawn = Figure(figsize=FILM_SIZE, dpi=FILM_RESOLUTION)
     plane, below = drawn.subplots(2, 1, height_ratios=[3.2, 1])
     cursor = draw_errors_below(below, film, cell)
-    links = [LineCollection([], zorder=1, **look) for look in LINKS.values()]
+    links = [LineCollection([], zorder=1, **look) for look in FILM_LINK_STYLES.values()]
     for each in links:
         plane.add_collection(each)
     false_links = LineCollection([], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2)
@@ -122,7 +122,7 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], C
     reach = plane.get_xlim()[1]
     arrows = plane.quiver(
         *film.places[0, 1:].T,
-        *(ARROW * reach * direction(film, 0)),
+        *(ARROW_LENGTH * reach * heading_vectors(film, 0)),
         color=edges,
         angles="xy",
         scale_units="xy",
@@ -133,8 +133,8 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], C
     clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
     size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
     named = ", ".join(filter(None, [title(cell.labels), *size, f"sample {sample}"]))
-    plane.set_title(multiples.as_text(named), loc="left")
-    drawn.legend(handles=legend(film), loc="outside lower center", ncols=3, handlelength=2.2)
+    plane.set_title(multiples.escape_dollars(named), loc="left")
+    drawn.legend(handles=film_legend(film), loc="outside lower center", ncols=3, handlelength=2.2)
 
     def show(frame: int) -> None:
         for each, ends in zip(links, links_at(film, frame), strict=True):
@@ -144,20 +144,20 @@ def figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artist], C
         navigator.set_data(*film.places[frame, :1].T)
         vehicles.set_offsets(film.places[frame, 1:])
         arrows.set_offsets(film.places[frame, 1:])
-        arrows.set_UVC(*(ARROW * reach * direction(film, frame)))
+        arrows.set_UVC(*(ARROW_LENGTH * reach * heading_vectors(film, frame)))
         clock.set_text(f"t = {film.time[frame]:.1f} s")
         cursor.set_xdata([film.time[frame]] * 2)
 
     return drawn, [*links, false_links, vehicles, arrows, false, navigator, clock, cursor], show
 
 
-def direction(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
-    """Unit vectors of the headings."""
+def heading_vectors(film: Film, frame: int) -> Float[np.ndarray, "2 m"]:
+    """Return unit vectors along the headings at a frame."""
     return np.stack([np.cos(film.heading[frame]), np.sin(film.heading[frame])])
 
 
 def frame_plane(plane: Axes, film: Film) -> None:
-    """Axes around all that is ever shown, but for what a lane that failed ran off to."""
+    """Set axes around all finite positions of the film, true and falsified."""
     everything = np.concatenate([film.places, film.told], axis=1)
     reach = float(np.ceil(1.08 * np.nanmax(np.abs(everything), initial=1.0)))
     plane.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")
@@ -165,7 +165,7 @@ def frame_plane(plane: Axes, film: Film) -> None:
 
 
 def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
-    """The error of each vehicle over time; the line that stands at the moment."""
+    """Draw each vehicle's error over time; return the line that marks the current time."""
     for number, errors in enumerate(film.errors.T):
         attacked = number + 1 in film.liars
         panel.plot(
@@ -176,8 +176,8 @@ def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
     return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
 
 
-def legend(film: Film) -> list[Line2D]:
-    """What is what, of what is ever shown."""
+def film_legend(film: Film) -> list[Line2D]:
+    """Return legend entries for the links and markers that occur in the film."""
     node: dict[str, Any] = {"linestyle": "", "markersize": 5}
     handles = [
         Line2D([], [], marker="s", color="0.15", label="navigator", **node),
@@ -193,12 +193,16 @@ def legend(film: Film) -> list[Line2D]:
         )
     shown = np.array([[len(ends) for ends in links_at(film, frame)] for frame in range(len(film.time))])
     ever_shown: Any = shown.any(axis=0)
-    looks = [(called, look) for (called, look), ever in zip(LINKS.items(), ever_shown, strict=True) if ever]
+    looks = [
+        (called, look)
+        for (called, look), ever in zip(FILM_LINK_STYLES.items(), ever_shown, strict=True)
+        if ever
+    ]
     return handles + [Line2D([], [], **look, label=called) for called, look in looks]
 
 
-def encoder() -> str | None:
-    """Where ffmpeg is: the system's, or that of the extra `video`; None if there is none."""
+def find_ffmpeg() -> str | None:
+    """Return the path of ffmpeg, from the system or the extra `video`, or None."""
     if found := shutil.which("ffmpeg"):
         return found
     try:
@@ -209,12 +213,12 @@ def encoder() -> str | None:
         return None
 
 
-def file_kind(out: str | None) -> str:
-    """The ending of a film's file: what is asked for, else .mp4 where ffmpeg is, else .gif."""
-    kind = Path(out).suffix.lower() if out else ".mp4" if encoder() else ".gif"
-    if kind not in KINDS_OF_FILE:
-        raise FolderError(f"out: a film is a file that ends in {' or '.join(KINDS_OF_FILE)} (got {out})")
-    if kind == ".mp4" and not encoder():
+def film_format(out: str | None) -> str:
+    """Return the requested file extension, or .mp4 if ffmpeg is found, or .gif."""
+    kind = Path(out).suffix.lower() if out else ".mp4" if find_ffmpeg() else ".gif"
+    if kind not in FILM_FORMATS:
+        raise FolderError(f"out: a film is a file that ends in {' or '.join(FILM_FORMATS)} (got {out})")
+    if kind == ".mp4" and not find_ffmpeg():
         raise FolderError(
             f"out: {out} needs ffmpeg, and none is found: install it, or pip install 'jaxnet-sim[video]', or"
             " ask for a .gif"
@@ -222,9 +226,9 @@ def file_kind(out: str | None) -> str:
     return kind
 
 
-def pictures(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
-    """The frames, one after the other: what stands still is drawn once."""
-    drawn, moving, show = figure(film, cell, sample)
+def film_frames(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
+    """Yield the frames in order; draw the static background once."""
+    drawn, moving, show = film_figure(film, cell, sample)
     canvas = FigureCanvasAgg(drawn)
     for each in moving:
         each.set_animated(True)
@@ -239,17 +243,17 @@ def pictures(film: Film, cell: Cell, sample: int) -> Iterator[Image.Image]:
 
 
 def write_gif(file: Path, frames: Iterator[Image.Image]) -> None:
-    """Write frames as a GIF that begins anew."""
+    """Write the frames as a GIF that loops."""
     reduced = [frame.quantize(128, dither=Image.Dither.NONE) for frame in frames]
-    reduced[0].save(file, save_all=True, append_images=reduced[1:], duration=1000 // RATE, loop=0)
+    reduced[0].save(file, save_all=True, append_images=reduced[1:], duration=1000 // FRAME_RATE, loop=0)
 
 
 def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
-    """Write frames as an MP4 that browsers and slides play."""
-    width, height = (int(inches * DPI) for inches in SIZE)
-    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {RATE} -i -".split()
+    """Write the frames as an H.264 video, which browsers and slides play."""
+    width, height = (int(inches * FILM_RESOLUTION) for inches in FILM_SIZE)
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {FRAME_RATE} -i -".split()
     words = [
-        str(encoder()),
+        str(find_ffmpeg()),
         "-loglevel",
         "error",
         "-y",
@@ -269,15 +273,15 @@ def write_mp4(file: Path, frames: Iterator[Image.Image]) -> None:
         raise FolderError(f"out: ffmpeg ended with status {process.returncode}; ask for a .gif")
 
 
-def write_to(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
-    """Draw a film into a file, which has its name once it is whole."""
+def save_film(folder: Folder, name: str, film: Film, cell: Cell, sample: int, told: Steps) -> UPath:
+    """Draw a film and store the complete file in a results folder."""
 
     def counted() -> Iterator[Image.Image]:
-        for number, frame in enumerate(pictures(film, cell, sample), 1):
+        for number, frame in enumerate(film_frames(film, cell, sample), 1):
             yield frame
             told("frames", number, len(film.time))
 
-    with mpl.rc_context(style.RC), tempfile.TemporaryDirectory() as scratch:
+    with mpl.rc_context(style.PRINT_STYLE), tempfile.TemporaryDirectory() as scratch:
         made = Path(scratch) / name
         (write_gif if made.suffix.lower() == ".gif" else write_mp4)(made, counted())
         return folder.put(name, lambda file: file.write(made.read_bytes()))

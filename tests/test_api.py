@@ -277,10 +277,10 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
     page = results.report()
     assert page.read_text().startswith("<!DOCTYPE html>")
     drawn = {path.stem for path in (results.path / "figures").iterdir()}
-    assert drawn == {*every.NAMES} - NOT_HERE
+    assert drawn == {*every.FIGURE_NAMES} - NOT_HERE
 
 
-@pytest.mark.parametrize("name", sorted({*every.NAMES} - NOT_HERE))
+@pytest.mark.parametrize("name", sorted({*every.FIGURE_NAMES} - NOT_HERE))
 def test_a_notebook_shows_every_figure(results, name):
     """Without pyplot and on a screen's scale; one that is saved by hand has the resolution for print."""
     figure = getattr(results.plot, name)()
@@ -298,7 +298,9 @@ def width_of(png: bytes) -> int:
 
 def test_plot_has_figures_alone(results):
     """So that a notebook's completion lists them."""
-    assert {name for name in dir(results.plot) if not name.startswith("_")} - {"results"} == {*every.NAMES}
+    assert {name for name in dir(results.plot) if not name.startswith("_")} - {"results"} == {
+        *every.FIGURE_NAMES
+    }
 
 
 def test_a_figure_without_data_says_what_gives_them(tmp_path):

@@ -169,7 +169,7 @@ def test_one_figure_is_drawn_by_name(finished, tmp_path):
     assert written[0].read_bytes().startswith(b"%PDF")
     unknown = jaxnet_does("figure", tmp_path / "copy", "band")
     assert unknown.exit_code == 2
-    for name in figures.NAMES:
+    for name in figures.FIGURE_NAMES:
         assert repr(name) in unknown.stderr
     lacking = jaxnet_does("figure", tmp_path / "copy", "ultimate")
     assert lacking.exit_code == 2

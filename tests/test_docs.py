@@ -127,7 +127,7 @@ def reader(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fits, "estimates", ones)
     monkeypatch.setattr(fits, "RESAMPLES", 2)
-    monkeypatch.setattr(every, "draw", lambda *_, **__: iter(()))
+    monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     monkeypatch.setattr(watched, "replay_watched", lambda *_, **__: iter(()))
     monkeypatch.setattr(sys, "path", [*sys.path])  # where modules beside the config are found
     monkeypatch.delitem(sys.modules, "my_kinds", raising=False)  # of another test

@@ -110,19 +110,19 @@ def test_an_interrupt_leaves_no_torn_film(results, tmp_path):
 
     (tmp_path / "film.gif").write_text("before")
     with pytest.raises(KeyboardInterrupt):
-        animation.write_to(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
+        animation.save_film(Folder(tmp_path), "film.gif", shown, results.study.cells[2], 0, interrupt)
     assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [("film.gif", "before")]
 
 
 def test_without_ffmpeg_films_are_gifs(monkeypatch):
     """And an .mp4 is refused with the remedy."""
-    assert animation.file_kind(None) == ".mp4"
-    monkeypatch.setattr(animation, "encoder", lambda: None)
-    assert animation.file_kind(None) == ".gif"
+    assert animation.film_format(None) == ".mp4"
+    monkeypatch.setattr(animation, "find_ffmpeg", lambda: None)
+    assert animation.film_format(None) == ".gif"
     with pytest.raises(FolderError, match=r"pip install 'jaxnet-sim\[video\]', or ask for a \.gif"):
-        animation.file_kind("x.mp4")
+        animation.film_format("x.mp4")
     with pytest.raises(FolderError, match=r"ends in \.mp4 or \.gif \(got x\.avi\)"):
-        animation.file_kind("x.avi")
+        animation.film_format("x.avi")
 
 
 def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
@@ -141,15 +141,15 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
     for each in watched(results):
         wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()
         shown = film_of_sample(results, each.sample)
-        page = trajectories.lane(results, each, 5)
+        page = trajectories.lane_data(results, each, 5)
         assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays()) == wanted
         said = [(i, j) for i, j, false in page["links"] if false]
         assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
-    assert "attacked: 2 drawn for each lane" in networks.drawing(study.cells)
-    assert "rotating on 2 drawn for each lane in what they transmit" in networks.words(study)
-    assert "rotating on 2 drawn for each lane in what they transmit" in check.text(study)
+    assert "attacked: 2 drawn for each lane" in networks.networks_html(study.cells)
+    assert "rotating on 2 drawn for each lane in what they transmit" in networks.study_sentences(study)
+    assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
 
 
 def film_of_sample(results, sample):

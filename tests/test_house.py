@@ -314,9 +314,6 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
 # Names that more than two modules define and that mean one thing wherever they stand.
 ONE_MEANING = {
     "simulate": "outcomes of lanes, of a study (api), a job (batch) and a load (the engines)",
-    "figure": "what a file of view/figures draws",
-    "legend": "that of a figure",
-    "text": "what a command prints",
     "ROUNDING": "what rounding may amount to, of the numbers that a module has",
 }
 ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked"}

@@ -115,7 +115,7 @@ def main() -> None:
         race(rates, given.seconds, given.budget)
     print(f"{len(ours())} cores, {platform.machine()}\n")
     print("\n".join(table(rates, given.budget)))
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(style.PRINT_STYLE):
         drawn = figure(rates)
         for suffix in ("png", "pdf"):
             drawn.savefig(given.out / f"scaling.{suffix}")
@@ -158,7 +158,7 @@ def table(rates: Rates, budget: float) -> Iterator[str]:
 
 def figure(rates: Rates) -> Figure:
     """A panel per axis, log-log: medians with bars from the least to the greatest."""
-    drawn = Figure(figsize=(style.WIDTH, 2.5))
+    drawn = Figure(figsize=(style.FIGURE_WIDTH, 2.5))
     panels = drawn.subplots(1, 3, sharey=True, width_ratios=[1.4, 1.4, 1])
     for panel, letter, (axis, numbers) in zip(panels, "abc", axes().items(), strict=True):
         for line in LINES:

@@ -195,7 +195,7 @@ class Results(stored.Results):
 
     def _repr_html_(self) -> str:
         """Return the lanes and the summary as a notebook shows them."""
-        return tables.html(self)
+        return tables.summary_html(self)
 
 
 def open(

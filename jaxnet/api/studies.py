@@ -41,7 +41,7 @@ else:
     pairs = LazyModule("jaxnet.statistics.pairs")
     runs = LazyModule("jaxnet.runs.run")
 
-ProgressOption = reports.Progress | bool | None
+ProgressOption = reports.ReportLanes | bool | None
 
 
 def run(
@@ -105,7 +105,7 @@ def run(
     folder = Folder(default_out(study, out))
     with folder.writing(), executor(folder.path, workers, cluster, devices or cores(), chunk) as others:
         admit(folder, study.config, fresh)
-        with reports.reporting(
+        with reports.report_progress(
             progress
         ) as report:  # `runs` takes long to import; the workers start meanwhile
             machine = batch.Machine(devices, chunk)
@@ -158,7 +158,7 @@ def run_part(
     folder, machine = Folder(default_out(study, out)), batch.Machine(devices, chunk)
     with folder.writing(alone=False):
         admit(folder, study.config)
-        with reports.reporting(progress) as report:
+        with reports.report_progress(progress) as report:
             work = runs.Run(study.config, study.cells, folder, report, machine)
             return Part(folder.path, *work.part(part, parts))
 
@@ -381,7 +381,7 @@ def search(
         The workers are lost or do not answer.
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
-    with contextlib.nullcontext(no_progress) if progress is False else reports.stepping() as told:
+    with contextlib.nullcontext(no_progress) if progress is False else reports.report_steps() as told:
         for _ in write_search(results, told, devices, chunk, workers, cluster):
             pass
     return results

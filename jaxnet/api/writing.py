@@ -66,7 +66,7 @@ def write_sensitivity(
     with folder.writing():
         claim(folder, study.config)
         yield sensitivity.write_indices(study, folder, samples, progress=told)
-        yield from figures.draw(Results(folder.path, folder), SENSITIVITY, told)
+        yield from figures.draw_figures(Results(folder.path, folder), SENSITIVITY, told)
 
 
 def write_rare(study: Study, points: int, out: AnyPath | None, told: Steps = no_progress) -> UPath:
@@ -84,7 +84,7 @@ def write_comparison(found: "pairs.Comparison", out: AnyPath) -> Iterator[UPath]
     pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
     for name, table in pages.items():
         yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
-    yield folder.put("compare.html", lambda file: file.write(comparison.html(found).encode()))
+    yield folder.put("compare.html", lambda file: file.write(comparison.comparison_page(found).encode()))
 
 
 def write_film(
@@ -92,7 +92,7 @@ def write_film(
 ) -> UPath:
     """Write a film of one lane and return its path; see `Results.animate`."""
     enable()
-    kind = film.file_kind(None if out is None else str(out))
+    kind = film.film_format(None if out is None else str(out))
     place = UPath(out) if out else results.folder.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
     if out:  # then nothing is written into the folder
         results = Results(results.path, in_memory())
@@ -103,7 +103,7 @@ def write_film(
             results.folder.clear(["replays"])
     chosen = results.study.cells[cell]
     shown = film.film_of(lane, chosen, graph, trajectories.headings(lane["states"]))
-    return film.write_to(Folder(place.parent), place.name, shown, chosen, sample, told)
+    return film.save_film(Folder(place.parent), place.name, shown, chosen, sample, told)
 
 
 def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
@@ -112,7 +112,7 @@ def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     with results.folder.writing():
         results.tell_missing("bounds that need it are")
         yield from ultimate.write_ultimate_error(results, told)
-        yield from figures.draw(results, ULTIMATE, told)
+        yield from figures.draw_figures(results, ULTIMATE, told)
 
 
 def write_figure(
@@ -127,7 +127,7 @@ def write_figure(
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         drawn = getattr(figures.Plots(results), name)(where, column)
-        yield from figures.save(results, figures.file_name(name, where or {}, column), drawn)
+        yield from figures.save_figure(results, figures.file_name(name, where or {}, column), drawn)
 
 
 def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
@@ -143,7 +143,7 @@ def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]
             yield from ultimate.write_ultimate_error(results, told)
         if not results.missing:
             yield from watched.replay_watched(results, told)
-        yield from figures.draw(results, told=told)
+        yield from figures.draw_figures(results, told=told)
         yield page.write_page(results)
 
 

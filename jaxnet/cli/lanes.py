@@ -46,7 +46,7 @@ def replay_command(
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
         again = opened.replay(cell, sample, engine)
-        click.echo(tables.lane(opened, again.row))
+        click.echo(tables.lane_text(opened, again.row))
         click.echo(f"wrote {again.path}", err=True)
 
 
@@ -63,6 +63,6 @@ def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, 
     """
     with user_errors():
         opened = jaxnet.open(results, trust=trust, config=config)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             path = writing.write_film(opened, cell, sample, out, told)
         click.echo(f"wrote {path}", err=True)

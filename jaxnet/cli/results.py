@@ -9,7 +9,7 @@ import click
 import jaxnet
 from jaxnet.cli.errors import user_errors
 from jaxnet.lazy import LazyModule
-from jaxnet.view.figures import COLUMNS, NAMES
+from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
 
 if TYPE_CHECKING:
     import webbrowser
@@ -77,7 +77,7 @@ def show(results: str, form: str) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         if form == "text":
-            click.echo(tables.summary(opened))
+            click.echo(tables.summary_text(opened))
         else:
             click.echo(formats.in_format(tables.summary_rows(opened), form))
 
@@ -91,7 +91,7 @@ def list_results(folder: str) -> None:
     was written.
     """
     with user_errors():
-        if lines := folders.listing(folder):
+        if lines := folders.folders_text(folder):
             click.echo(lines)
         else:
             click.echo(f"no results in {folder}", err=True)
@@ -108,10 +108,10 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             for path in writing.write_fits(opened, told):
                 click.echo(f"wrote {path}", err=True)
-        click.echo(slopes.text(opened))
+        click.echo(slopes.fit_text(opened))
 
 
 @click.command()
@@ -127,7 +127,7 @@ def report(results: str, out: str | None, shown: bool, trust: bool, config: Path
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             for path in writing.write_report(opened, told):
                 click.echo(f"wrote {path}", err=True)
         if shown:
@@ -142,7 +142,7 @@ def show_page(page: "UPath") -> None:
 
 @click.command("figure")
 @results_argument
-@click.argument("name", type=click.Choice(NAMES))
+@click.argument("name", type=click.Choice(FIGURE_NAMES))
 @click.option(
     "--where",
     metavar="KEY=VALUE",
@@ -151,7 +151,7 @@ def show_page(page: "UPath") -> None:
 )
 @click.option(
     "--column",
-    type=click.Choice(list(COLUMNS)),
+    type=click.Choice(list(COLUMN_WIDTHS)),
     default="two",
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
@@ -205,9 +205,9 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
         for path in writing.write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
             click.echo(f"wrote {path}", err=True)
         if form == "text":
-            click.echo(comparison.told(found))
+            click.echo(comparison.comparison_text(found))
         else:
-            click.echo(formats.in_format(comparison.rows(found), form))
+            click.echo(formats.in_format(comparison.comparison_rows(found), form))
 
 
 def neighbour_of(folder: str, name: str) -> "UPath":

@@ -167,13 +167,13 @@ def run_command(
         if shard is not None:
             part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
-            click.echo(tables.part(part), err=True)
+            click.echo(tables.part_text(part), err=True)
         else:
             results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
-            click.echo(tables.summary(results))
-            done = tables.nothing_to_do if results.found_all else tables.what_was_written
-            said = [done(results), tables.failures(results), tables.next_command(results)]
+            click.echo(tables.summary_text(results))
+            done = tables.nothing_to_do_text if results.found_all else tables.written_text
+            said = [done(results), tables.failures_text(results), tables.next_command(results)]
             click.echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
@@ -206,11 +206,11 @@ def search_command(
     with user_errors():
         study = writing.with_random_lanes(jaxnet.load(config, overrides))
         results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             files = [
                 str(file) for file in writing.write_search(results, told, devices, None, workers, cluster)
             ]
-        click.echo(worst.text(results))
+        click.echo(worst.search_text(results))
         click.echo("\n".join(f"wrote {file}" for file in files), err=True)
 
 
@@ -220,7 +220,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
-        click.echo(checks.text(study))
+        click.echo(checks.check_text(study))
 
 
 @click.command("sensitivity")
@@ -250,10 +250,10 @@ def sensitivity_command(
         known += ["unrecovered"] if study.config.recovery else []
         if metric not in known:
             raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
-        click.echo(indices.plan(sensitivity.lanes_needed(study, samples), samples), err=True)
-        with progress.stepping() as told:
+        click.echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
+        with progress.report_steps() as told:
             written = list(writing.write_sensitivity(study, samples, out, told))
-        click.echo(indices.printed(stored.read_table(written[0]), study, metric))
+        click.echo(indices.indices_text(stored.read_table(written[0]), study, metric))
         for path in written:
             click.echo(f"wrote {path}", err=True)
 
@@ -270,10 +270,10 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
     """
     with user_errors():
         study = jaxnet.load(config, overrides)
-        with progress.stepping() as told:
+        with progress.report_steps() as told:
             written = writing.write_rare(study, points, out, told)
         rows = stored.read_table(written).drop(columns=["points", "tau"])
-        click.echo(width.as_lines(rows.head(width.MOST_ROWS)))
+        click.echo(width.table_text(rows.head(width.MOST_ROWS)))
         click.echo(f"wrote {written}", err=True)
 
 

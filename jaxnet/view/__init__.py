@@ -1,1 +1,1 @@
-"""What people look at: tables, the check's text, progress, figures."""
+"""Views of results: tables as text, figures for print, and the HTML page."""

@@ -54,7 +54,7 @@ def test_a_long_sweep_takes_a_time_like_its_length():
     def seconds(count):
         began = time.process_time()
         study = load(attack_magnitude={"linspace": [0.1, 1.1, count]})
-        told = check.text(study)
+        told = check.check_text(study)
         assert f"{count:,} cells" in told
         return time.process_time() - began
 

@@ -53,7 +53,7 @@ def test_two_who_trust_each_other_know_nothing():
     ended = outcome.metrics["tail_max"]
     assert np.mean((ended < 1e-6) | (np.abs(ended - 5.0) < 1e-6)) > 0.98  # a few still change sides
     assert safe(study).tolist() == [False, False, True, True]
-    text = check.text(study)
+    text = check.check_text(study)
     assert "safe          3, 4 untouched; not known of 1, 2" in text
     assert "broken        1, 2 by 4 alone; 3, 4 by no 3 more" in text
 
@@ -165,4 +165,4 @@ def test_whom_nobody_attacks_may_still_be_cut_off():
     )
     assert safe(study).tolist() == [True, False, False, True]
     assert (systems.simulate(systems.lanes(study, 4, ())).status == Status.disconnected).all()
-    assert "cut off       2, 3 may be, by whom they drop" in check.text(study)
+    assert "cut off       2, 3 may be, by whom they drop" in check.check_text(study)

@@ -236,7 +236,7 @@ def test_a_law_from_outside():
     known = theory.growth((1 + values) / 2, np.array([1.0, 3.0, 3.0]), 0.04)
     assert max(found) == pytest.approx(known, rel=1e-6)
     assert known < 1 < theory.growth(values, np.array([1.0, 3.0, 3.0]), 0.04)
-    told = " ".join(check.text(study).split())
+    told = " ".join(check.check_text(study).split())
     assert (
         f"law stable, deviations times {max(found):.4f} at each tick of 0.04 s safe nothing is proved" in told
     )

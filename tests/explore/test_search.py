@@ -23,7 +23,7 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs import cluster
 from jaxnet.store.folder import TakenError
 from jaxnet.view.page.sections import search_section
-from jaxnet.view.text.worst import text as text_of
+from jaxnet.view.text.worst import search_text as text_of
 from tests import systems
 
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}

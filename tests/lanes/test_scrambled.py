@@ -117,7 +117,7 @@ def test_intervals_are_over_the_sequences(tmp_path):
     low, high = means.mean_interval(found, 0.0, most, 0.95)
     assert results.cells["tail_mean_low"][0] == pytest.approx(low, rel=1e-9)
     assert results.cells["tail_mean_high"][0] == pytest.approx(high, rel=1e-9)
-    assert "scrambled sequences" in tables.summary(results)
+    assert "scrambled sequences" in tables.summary_text(results)
     with pytest.raises(jaxnet.FolderError, match="samples is 64 there and 128 here"):
         jaxnet.run(systems.study(**KEYS | {"samples": 128}), tmp_path / "out", progress=False)
     assert results.fit()["low"].isna().all()

@@ -33,7 +33,7 @@ from jaxnet.store.admission import admit
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import Results
 from jaxnet.view.figures import panels
-from jaxnet.view.text.tables import lane
+from jaxnet.view.text.tables import lane_text
 from tests import systems
 
 STUDY = {
@@ -388,7 +388,7 @@ def test_no_lane_to_be_chosen(config, tmp_path):
     keys = {"engine": {"max_steps": 1}, "sweep": {}, "save.trajectories": {"worst": 1}}
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
     assert results.trajectories["states"].shape == (0, 21, 12, 6)
-    panels.figure(results, results.study.cells, trajectories=True, errors=False)
+    panels.panels_figure(results, results.study.cells, trajectories=True, errors=False)
 
 
 def test_saving_more_later_keeps_the_rows(config, tmp_path):
@@ -543,9 +543,9 @@ def test_a_lane_is_replayed_by_either_engine(results, tmp_path):
     copy = jaxnet.open(tmp_path / "copy")
     _, own = replay(copy, 1, 2)
     assert own.equals(results.lanes.iloc[5])
-    assert lane(copy, own).endswith("the same as the stored row")
+    assert lane_text(copy, own).endswith("the same as the stored row")
     path, other = replay(copy, 1, 2, "nonlinear")
-    assert "DIFFERS" in lane(copy, other)
+    assert "DIFFERS" in lane_text(copy, other)
     assert other["steps"] > own["steps"] == 0
     assert other["tail_mean"] == pytest.approx(own["tail_mean"], abs=1e-6)
     paths = xr.open_zarr(path)["states"].values[0, :, :, :2]

@@ -76,11 +76,11 @@ def test_differences_are_those_counted_lane_by_lane(without, trimmed):
         "attack.magnitude=2, topology=path) of B",
         "attack.magnitude=2, topology=cyclic) of B",
     ]
-    told = comparison.told(found)
+    told = comparison.comparison_text(found)
     assert "defence.kind: none in A, trusted_trim in B" in told
     assert all(len(line) <= 80 for line in told.splitlines() if "not compared" not in line)
     assert f"saved: {found.changed['unrecovered_A'].astype(bool).sum()} lanes" in told
-    assert "defence.kind" in page.html(found)
+    assert "defence.kind" in page.comparison_page(found)
 
 
 def test_a_study_differs_from_itself_by_nothing(without):
@@ -94,7 +94,7 @@ def test_a_study_differs_from_itself_by_nothing(without):
     assert (found.cells["p"] == 1).all()
     assert found.changed.empty
     assert found.settings.empty
-    assert "they are the same study" in comparison.told(found)
+    assert "they are the same study" in comparison.comparison_text(found)
 
 
 def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
@@ -109,7 +109,7 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
     assert row["tail_mean_difference"] == pytest.approx(kept.mean())
     named = pairs.lane_table([pair], [judged[~judged["ok"]]], ["sample", "status_A", "status_B"])
-    said = comparison.told(whole._replace(failed=named))
+    said = comparison.comparison_text(whole._replace(failed=named))
     assert "failed: 1 lanes: cell 0 sample 3 (ok in A, max_steps in B)" in said
 
 

@@ -77,7 +77,7 @@ def test_the_report_makes_what_is_missing(folder):
 
 def test_a_violation_is_named_with_its_command(folder, monkeypatch):
     """A row that says that a lane was farther off than it may be."""
-    monkeypatch.setattr(every, "draw", lambda *_, **__: iter(()))
+    monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
     shard = folder / "lanes" / "00001.parquet"
     whole = shard.read_bytes()
     rows = pd.read_parquet(shard)

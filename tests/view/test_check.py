@@ -11,7 +11,7 @@ def section(text: str, title: str) -> str:
 
 def test_the_papers_topologies():
     """Nobody in star and path is protected, and both break the paper's own Assumption 1."""
-    text = check.text(systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7))
+    text = check.check_text(systems.study(sweep={"topology": ["star", "cyclic", "path"]}, samples=7))
     assert "3 cells × 7 samples = 21 lanes" in text
     star, cyclic, path = (section(text, name) for name in ("star", "cyclic", "path"))
     assert "nobody is protected" in star
@@ -32,7 +32,7 @@ def test_the_papers_topologies():
 def test_some_are_protected_and_some_outnumbered():
     """Fig. 1 with ϑ for some; a ring in which 3 hears two liars."""
     given = systems.study(attack={"vehicles": [2, 4]}, defence={"theta": {3: 1, 7: 1, 9: 2}})
-    text = " ".join(check.text(given).split())
+    text = " ".join(check.check_text(given).split())
     assert "holds for 3, 7 only; 1, 2, 4-6, 8-12 unprotected" in text
     assert "more than ϑ attacked sources, or a trusted one, at 3" in text
 
@@ -46,13 +46,13 @@ def test_what_is_drawn_lane_by_lane_is_said():
     """The certificate is of the weights' medians, 0.1 and 0.1 and 0.2, and says in which cells."""
     weights = [{"uniform": [0.05, 0.15]}, 0.1, {"choice": [0.2, 0.1, 0.3]}]
     gains = [[1, 3, 3], [1, 3, {"uniform": [3, 4]}]]
-    text = check.text(systems.study(sweep={"topology.navigator_weight": weights, "gain": gains}))
+    text = check.check_text(systems.study(sweep={"topology.navigator_weight": weights, "gain": gains}))
     tenth, fifth = (section(text, f"cyclic, cells {cells}") for cells in ("0-3", "4, 5"))
     assert [part.split("‖L⁻¹‖₂")[1].split()[0] for part in (tenth, fifth)] == ["10", "5"]
     assert "weights       drawn in cells 0, 1; what is said is of their medians" in tenth
     assert "gain          drawn in cells 1, 3; stable whatever is drawn" in tenth
     assert "weights       drawn in cells 4, 5" in fifth
-    assert "drawn" not in check.text(systems.study(gain=[2, 3, 3]))
+    assert "drawn" not in check.check_text(systems.study(gain=[2, 3, 3]))
 
 
 def test_hundreds_of_cells_are_told_in_few_lines():
@@ -60,7 +60,7 @@ def test_hundreds_of_cells_are_told_in_few_lines():
     defences = ["none", {"kind": "trusted_trim", "label": "trimming by trusted redundancy"}, "w_msr"]
     seeds = {"topology.seed": list(range(100)), "defence": defences}
     given = systems.study(topology={"kind": "random_regular", "degree": 4}, sweep=seeds)
-    text = check.text(given)
+    text = check.check_text(given)
     lines = text.splitlines()
     assert max(map(len, lines)) <= 80
     assert len(lines) < 110
@@ -74,7 +74,7 @@ def test_hundreds_of_cells_are_told_in_few_lines():
 
 def test_what_differs_is_what_is_told_of_further_networks():
     """Five rings with other ϑ: the second to fifth differ in the line of trimming alone."""
-    text = check.text(systems.study(sweep={"defence.theta": [1, 2, 3, 4, 5]}))
+    text = check.check_text(systems.study(sweep={"defence.theta": [1, 2, 3, 4, 5]}))
     parts = text.split("\n\n")[2:-1]
     assert len(parts) == 5
     for number, part in enumerate(parts[1:], 2):
@@ -87,7 +87,7 @@ def test_what_differs_is_what_is_told_of_further_networks():
 def test_the_law_by_exchanges():
     """Whether it is stable, how many rounds are, and that no guarantee is of it; each tick by itself."""
     sweep = {"tick": [0.05, 0.2], "law": ["exact", "rounds"]}
-    text = " ".join(check.text(systems.study(output_step=0.2, sweep=sweep)).split())
+    text = " ".join(check.check_text(systems.study(output_step=0.2, sweep=sweep)).split())
     first, short, long = (text.index(f"cyclic, cell{named}") for named in ("s 0, 2", " 1", " 3"))
     assert "law" not in text[first:short].replace("law=", "")
     assert (
@@ -98,10 +98,10 @@ def test_the_law_by_exchanges():
     assert "that is while everybody is retained" in text[long:]
     assert text.count("safe nothing is proved; the theorems are of the law solved at every instant") == 2
     assert "law rounds nothing is proved" in text
-    untrimmed = check.text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
+    untrimmed = check.check_text(systems.study(law={"kind": "rounds", "rounds": 2}, defence="none"))
     assert "stable, deviations times 0.9667" in untrimmed
     assert "retained" not in untrimmed
-    large = check.text(systems.study(law="rounds", vehicles=1001, defence="none"))
+    large = check.check_text(systems.study(law="rounds", vehicles=1001, defence="none"))
     assert "stability is told of 1,000 vehicles at most" in large
-    never = check.text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
+    never = check.check_text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
     assert "no number of rounds is stable" in " ".join(never.split())

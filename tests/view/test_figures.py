@@ -45,7 +45,7 @@ def texts(figure):
 
 def test_panels(results):
     """A row per magnitude; planes in metres and on one scale, errors on log axes."""
-    figure = panels.figure(results, results.study.cells, trajectories=True, errors=True)
+    figure = panels.panels_figure(results, results.study.cells, trajectories=True, errors=True)
     planes = [axes for axes in figure.axes if axes.get_xlabel() == "x [m]"]
     errors = [axes for axes in figure.axes if axes.get_yscale() == "log"]
     assert [axes.get_title() for axes in planes] == ["(a) star", "(b) cyclic", "(d) star", "(e) cyclic"]
@@ -70,7 +70,8 @@ def test_panels_of_chosen_lanes(results, tmp_path):
     choice = jaxnet.load(results.path / "study.yaml", {"save.trajectories": {"samples": [0]}})
     chosen = jaxnet.run(choice, tmp_path / "out")
     drawn, wanted = (
-        panels.figure(each, each.study.cells, trajectories=True, errors=False) for each in (chosen, results)
+        panels.panels_figure(each, each.study.cells, trajectories=True, errors=False)
+        for each in (chosen, results)
     )
     for mine, theirs in zip(drawn.axes, wanted.axes, strict=True):
         for line, other in zip(mine.lines, theirs.lines, strict=True):
@@ -79,7 +80,7 @@ def test_panels_of_chosen_lanes(results, tmp_path):
 
 def test_topologies(results):
     """An arrow for every link, in the attack's look where the link is attacked."""
-    figure = topology.figure(results.study.cells)
+    figure = topology.topology_figure(results.study.cells)
     star, cyclic = figure.axes
     assert (star.get_title(), cyclic.get_title()) == ("star", "cyclic")
     assert (len(star.patches), len(cyclic.patches)) == (12, 36)
@@ -91,7 +92,7 @@ def test_topologies(results):
 
 def test_tails(results):
     """A row per cell, a dot per lane."""
-    (axes,) = tails.figure(results, results.study.cells).axes
+    (axes,) = tails.tails_figure(results, results.study.cells).axes
     assert axes.get_xscale() == "log"
     assert axes.get_xlabel().endswith("[m]")
     named = axes.get_yticklabels()
@@ -103,13 +104,13 @@ def test_tails(results):
 def test_few_dots_stand_for_many_lanes():
     """Quantiles stay where they are, and nobody is left out at the ends."""
     values = np.random.default_rng(0).lognormal(size=50_000)
-    dots = tails.some(values)
-    assert len(dots) == tails.DOTS
+    dots = tails.thin_by_rank(values)
+    assert len(dots) == tails.MOST_DOTS
     assert (dots[0], dots[-1]) == (values.min(), values.max())
     np.testing.assert_allclose(
         np.quantile(dots, [0.05, 0.5, 0.95]), np.quantile(values, [0.05, 0.5, 0.95]), 2e-3
     )
-    np.testing.assert_array_equal(tails.some(values[:7]), np.sort(values[:7]))
+    np.testing.assert_array_equal(tails.thin_by_rank(values[:7]), np.sort(values[:7]))
 
 
 @pytest.fixture
@@ -139,7 +140,7 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
     values = np.ones((len(many.cells), 1, 3))
     there = dict.fromkeys(("tracking", "disagreement"), (("cell", "sample", "time"), values))
     monkeypatch.setattr(Results, "errors", xr.Dataset(there, {"time": times}))
-    figure = panels.figure(made_of(many), many.cells, trajectories=False, errors=True)
+    figure = panels.panels_figure(made_of(many), many.cells, trajectories=False, errors=True)
     titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
     assert titles[1] == "(b) rotating attack, ā = 2 m, attack.frequency = 0.1 rad/s"
     assert len(titles) == 4
@@ -148,9 +149,9 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
 
 def test_bands_say_what_they_leave_out(many, results):
     """Groups and sizes ā; nothing where all are drawn."""
-    few = bands.figure(results.study.cells, {})
+    few = bands.bands_figure(results.study.cells, {})
     assert few.get_suptitle() == ""
-    assert bands.figure(many.cells, {}).get_suptitle() == (
+    assert bands.bands_figure(many.cells, {}).get_suptitle() == (
         "24 of 75 groups and 3 of 4 sizes ā are drawn; all are in errors.zarr"
     )
 
@@ -164,11 +165,11 @@ def test_shares_say_what_they_leave_out(many):
     ]
     made = made_of(many, cells=rows)
     assert (
-        unrecovered.figure(made, many.cells, found).get_suptitle()
+        unrecovered.unrecovered_figure(made, many.cells, found).get_suptitle()
         == "24 of 75 groups are drawn; all are in cells.csv"
     )
     assert (
-        unrecovered.rows(made, many.cells).get_suptitle()
+        unrecovered.rows_figure(made, many.cells).get_suptitle()
         == "all with graph 0; 24 of 300 cells are drawn; all are in cells.csv"
     )
 
@@ -195,7 +196,7 @@ def test_swept_values_have_their_units(key, value, words):
 @pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)])
 def test_log_axes_have_numbers_side_by_side(ends):
     """Two at least however short the axis, and none on another."""
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(style.PRINT_STYLE):
         figure = style.Figure(figsize=(1.7, 1.2))
         panel = figure.add_subplot()
     panel.set(xscale="log", xlim=ends, yscale="log", ylim=ends)
@@ -211,11 +212,11 @@ def test_log_axes_have_numbers_side_by_side(ends):
         assert not any(label.get_text() for label in axis.get_minorticklabels())
 
 
-@every.in_style
+@every.with_print_style
 def graphs_of(vehicles, attacked, topologies, **keys):
     """The figure of these graphs."""
     given = {"vehicles": vehicles, "attack": {"vehicles": attacked}, "sweep": {"topology": topologies}}
-    figure = topology.figure(systems.study(**given, **keys).cells)
+    figure = topology.topology_figure(systems.study(**given, **keys).cells)
     figure.draw_without_rendering()
     return figure
 
@@ -262,8 +263,8 @@ def test_figures_are_as_wide_as_columns_and_no_taller_than_a_page(results, name,
     figure = getattr(results.plot, name)(column=column)
     width, height = figure.get_size_inches()
     assert width == {"one": 3.5, "two": 7.16}[column]
-    assert height <= style.TALLEST
-    with mpl.rc_context(style.RC):
+    assert height <= style.GREATEST_HEIGHT
+    with mpl.rc_context(style.PRINT_STYLE):
         figure.draw_without_rendering()
     for text in figure.findobj(mpl.text.Text):
         if text.get_text() and text.get_visible():
@@ -303,7 +304,7 @@ def test_a_large_fleet_is_shown_by_its_matrix():
     """Grey where anybody in a bin hears anybody there, white elsewhere; a strip for 0, marks for attacks."""
     attack = {"kind": "bias", "vehicles": [2, 700]}
     study = systems.study(vehicles=720, attack=attack, sweep={"topology": ["cyclic", "path"]})
-    for panel, cell in zip(topology.figure(study.cells).axes, study.cells, strict=True):
+    for panel, cell in zip(topology.topology_figure(study.cells).axes, study.cells, strict=True):
         (image, strip), m = panel.images, 720
         known, hears = np.zeros((60, 60), bool), set()
         for i, j in situation_of(cell.scenario).graph.pairs():
@@ -315,6 +316,6 @@ def test_a_large_fleet_is_shown_by_its_matrix():
         assert image.get_extent() == [0.5, m + 0.5, m + 0.5, 0.5]
         assert set(np.flatnonzero(strip.get_array()[:, 0, 3])) == hears
         assert panel.lines[0].get_xdata().tolist() == [2, 700]
-    assert "densities of links" in networks.drawing(study.cells)
+    assert "densities of links" in networks.networks_html(study.cells)
     small = systems.study(vehicles=12)
-    assert "densities" not in networks.drawing(small.cells)
+    assert "densities" not in networks.networks_html(small.cells)

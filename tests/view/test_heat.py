@@ -145,7 +145,7 @@ def test_colours_darken_steadily_and_carry_their_ink():
     assert min(map(contrast, colours, inks)) >= 4.5
 
 
-@every.in_style
+@every.with_print_style
 def drawn(results, metric="unrecovered", where=None, column="two"):
     """The figure, laid out."""
     name = {"unrecovered": "heat", "worst": "heat_worst"}[metric]
@@ -205,7 +205,7 @@ def test_a_tile_has_the_colour_of_its_number():
     cells = [cell for cell in results.study.cells if cell.number != 4]
     some = tiling(cells)
     assert some is not None
-    with_gap = heat.figure(results, some, "unrecovered")
+    with_gap = heat.heat_figure(results, some, "unrecovered")
     assert np.ma.getmaskarray(with_gap.axes[0].collections[0].get_array()).sum() == 1
     assert [text.get_text() for text in with_gap.legends[0].get_texts()] == ["not run"]
 
@@ -246,7 +246,7 @@ def test_more_panels_than_a_page_has_room_for():
     shown = [panel for panel in figure.axes if panel.get_title()]
     assert f"{len(shown)} of 30 panels are drawn; all are in cells.csv" in plain(figure.get_suptitle())
     assert len(shown) >= 12
-    assert figure.get_figheight() <= style.TALLEST
+    assert figure.get_figheight() <= style.GREATEST_HEIGHT
 
 
 @pytest.mark.parametrize(
@@ -270,7 +270,7 @@ def test_where_nothing_suits_it_says_why(sweep, where, remedy):
 def test_the_page_has_the_numbers_of_the_cells():
     """All to the last digit, with places on the scale; words as in the figure; what failed by its kind."""
     results = made(study_of(SWEEP), failed={7: ["disconnected"] * 2})
-    given = plots.tiles(results, tiling(results.study.cells))
+    given = plots.tiles_data(results, tiling(results.study.cells))
     share = 100 * results.cells["unrecovered"]
     assert [metric["share"] for metric in given["metrics"]] == [True, False]
     values = np.array(given["metrics"][0]["values"], float)

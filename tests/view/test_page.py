@@ -113,7 +113,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
     if bounds is not None:
         slopes = [[name, "worst", slope] for name, slope in bounds.items()]
         pd.DataFrame(slopes, columns=["bound", "vehicle", "slope"]).to_csv(tmp_path / "bounds.csv")
-    return findings.sentences(results, curves.curves(results), "jaxnet fit x")
+    return findings.finding_sentences(results, curves.curves(results), "jaxnet fit x")
 
 
 def test_the_page_begins_with_what_was_found(html):
@@ -235,7 +235,7 @@ def test_violations_and_failures_have_their_commands(folder, html, monkeypatch):
     assert "None." in section(html, "failed")
     failed = pd.DataFrame({"cell": [3], "sample": [2], "status": ["singular"]})
     monkeypatch.setattr(Results, "failed", lambda self, most: (1, failed))
-    listed = unescape(sections.failed(jaxnet.open(folder)).body)
+    listed = unescape(sections.failed_section(jaxnet.open(folder)).body)
     assert "1 lane:" in listed
     assert f"<td>singular</td><td>jaxnet replay {folder} --cell 3 --sample 2</td>" in listed
 
@@ -274,7 +274,7 @@ def test_figures_for_paper_show_the_same(folder):
     """A panel a group; bounds, maxima and shares where they belong; a label is no formula."""
     results = jaxnet.open(folder)
     found = curves.curves(results)
-    star, ring = ultimate.figure(found).axes
+    star, ring = ultimate.ultimate_figure(found).axes
     assert star.get_title() == "star"
     assert ring.get_title().replace("\n", " ").replace("\\$", "$") == HOSTILE
     assert (star.get_xscale(), star.get_yscale(), star.get_ylabel()) == (
@@ -285,10 +285,10 @@ def test_figures_for_paper_show_the_same(folder):
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    drawn = unrecovered.figure(results, results.study.cells, found)
+    drawn = unrecovered.unrecovered_figure(results, results.study.cells, found)
     shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
-    over_time = bands.figure(results.study.cells, all_bands(results))
+    over_time = bands.bands_figure(results.study.cells, curves.all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
         "no attack",
@@ -299,7 +299,7 @@ def test_figures_for_paper_show_the_same(folder):
 
 def test_shares_of_cells_where_no_size_is_swept(folder):
     """A row a cell that has a share, named by what is swept."""
-    drawn = plots.unrecovered_rows(jaxnet.open(folder))
+    drawn = plots.unrecovered_rows_data(jaxnet.open(folder))
     assert [row["unrecovered"] for row in drawn["panels"]] == [0.25, 0.5, 0.75, 1.0]
     assert [row["cells"] for row in drawn["panels"]] == [[1], [2], [4], [5]]
     assert drawn["panels"][2]["title"] == f"{HOSTILE}, ā\xa0=\xa01\xa0m"
@@ -307,10 +307,10 @@ def test_shares_of_cells_where_no_size_is_swept(folder):
 
 def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(style.PRINT_STYLE):
         results = jaxnet.open(folder)
-        drawn = unrecovered.rows(results, results.study.cells)
-        paths = list(figures.save(results, "shares", drawn))
+        drawn = unrecovered.rows_figure(results, results.study.cells)
+        paths = list(figures.save_figure(results, "shares", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
@@ -496,7 +496,7 @@ def test_what_is_falsified_depends_on_the_attack(tmp_path, topology, threat, of_
     study = systems.study(
         engine="exact", topology=topology, attack=attack, horizon=0.5, tail=0.1, save={"trajectories": "all"}
     )
-    (lane,), stored = trajectories.lanes(jaxnet.run(study, tmp_path / "out"))
+    (lane,), stored = trajectories.lanes_data(jaxnet.run(study, tmp_path / "out"))
     assert stored == 1
     assert (lane["heard_from_navigator"], lane["replaced"]) == (of_navigator, replaced)
 
@@ -562,9 +562,9 @@ def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypa
         assert list(watched.replay_watched(results)) == []
     monkeypatch.setattr(watched, "MOST_VEHICLES", 12)
     assert len(list(watched.replay_watched(results))) == 2
-    assert len(trajectories.lanes(results)[0]) == 2
+    assert len(trajectories.lanes_data(results)[0]) == 2
     monkeypatch.setattr(trajectories, "MOST_VEHICLES", 11)
-    assert trajectories.lanes(results) == ([], 2)
+    assert trajectories.lanes_data(results) == ([], 2)
     assert "jaxnet animate" in sections.lanes_section(results).body
 
 

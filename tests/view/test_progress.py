@@ -33,7 +33,7 @@ def test_a_line_now_and_then_whether_or_not_anything_has_ended(capsys, monkeypat
             said = (capsys.readouterr().err.splitlines() or [""])[-1]
         return said
 
-    with progress.reporting(True) as report:
+    with progress.report_progress(True) as report:
         report(tally := tally_of(0, 100))
         assert line_of("0/100") == "0/100 lanes  first lanes under way  0 failed  unknown time left"
         batch.COMPILING.add(0)
@@ -58,7 +58,7 @@ class Terminal(io.StringIO):
 def said_of(monkeypatch, stream: io.StringIO, given) -> str:
     """What is written of ten lanes with this `progress` and this standard error."""
     monkeypatch.setattr(sys, "stderr", stream)
-    with progress.reporting(given) as report:
+    with progress.report_progress(given) as report:
         tally = tally_of(0, 10)
         tally.record([Done(0, 0, Sums(10, 9, 0, 0.0))])
         report(tally)
@@ -111,21 +111,21 @@ def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
     label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
     sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
     tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)
-    tally.record(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
-    lines = [str(line) for line in standing.lines(tally, 80, 24)]
+    tally.there(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
+    lines = [str(line) for line in standing.standing_lines(tally, 80, 24)]
     assert max(map(len, lines)) <= 80
     told = [int(line.split(":")[0].removeprefix("cell ")) for line in lines[1:-1]]
     assert told == sorted(sorted(range(30), key=lambda n: (n % 10, n))[-8:])
     assert lines[-1] == "of 30 cells those with the greatest shares unrecovered"
-    assert len(list(standing.lines(tally, 80, 7))) == 4
-    assert not list(standing.lines(tally, 80, 4))
+    assert len(list(standing.standing_lines(tally, 80, 7))) == 4
+    assert not list(standing.standing_lines(tally, 80, 4))
 
 
 def test_a_bar_shows_cells_while_it_goes_and_not_after(monkeypatch):
     """What stays on the terminal is the bar alone."""
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
     monkeypatch.setenv("TERM", "xterm")
-    with progress.reporting(None) as report:
+    with progress.report_progress(None) as report:
         tally = tally_of(0, 10)
         tally.record([Done(0, 0, Sums(10, 10, 0, 20.0))])
         report(tally)

@@ -28,11 +28,11 @@ def made(cells):
 
 @pytest.mark.parametrize("cells", [1, 6, 30])
 @pytest.mark.parametrize("width", [3.5, 7.16])
-@every.in_style
+@every.with_print_style
 def test_the_figure_has_what_the_table_says(cells, width):
     """Each panel the cell's numbers, beside the names of the quantities; what has no room is told."""
     study, table = made(cells)
-    drawn = sensitivity.figure(table, study.cells, width)
+    drawn = sensitivity.sensitivity_figure(table, study.cells, width)
     drawn.canvas.draw()
     panels = [panel for panel in drawn.axes if panel.containers]
     assert [tick.get_text() for tick in panels[0].get_yticklabels()] == NAMES
@@ -46,7 +46,7 @@ def test_the_figure_has_what_the_table_says(cells, width):
 def test_the_printed_table_names_cells_and_quantities():
     """In 80 columns, with the samples that were left out."""
     study, table = made(3)
-    said = words.printed(table, study, "tail_mean").splitlines()
+    said = words.indices_text(table, study, "tail_mean").splitlines()
     assert max(map(len, said)) <= 80
     line = next(line for line in said if line.split()[0] == "2" and "gain" in line)
     assert "0.40 (0.30 to 0.60)" in line

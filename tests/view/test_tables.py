@@ -9,7 +9,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.store.results import Results
 from jaxnet.view.text import tables
-from jaxnet.view.text.tables import RECOVERY, SUMMARY
+from jaxnet.view.text.tables import RECOVERY_COLUMNS, SUMMARY_COLUMNS
 from tests import systems
 
 
@@ -23,12 +23,12 @@ def results_of(labels: dict[str, object], columns: dict[str, str]) -> Results:
     return results
 
 
-@pytest.mark.parametrize("columns", [SUMMARY, RECOVERY | SUMMARY])
+@pytest.mark.parametrize("columns", [SUMMARY_COLUMNS, RECOVERY_COLUMNS | SUMMARY_COLUMNS])
 @pytest.mark.parametrize("swept", [0, 1, 2, 3])
 def test_the_summary_fits_a_terminal_or_says_what_it_left_out(swept, columns):
     """What is shown and what is named as left out are all there is; the mean stays."""
     labels = {f"attack.of.{key}": 1.5 for key in range(swept)}
-    lines = tables.summary(results_of(labels, columns)).splitlines()
+    lines = tables.summary_text(results_of(labels, columns)).splitlines()
     assert max(map(len, lines)) <= 80
     _, _, left_out = " ".join(lines).partition("left out: ")
     shown = [name for name in columns.values() if f" {name} " in f"{lines[0]} "]
@@ -44,7 +44,7 @@ def test_long_labels_are_cut_and_many_left_out_and_that_is_said():
     labels = {f"topology.key{number}": "a" * 90 for number in range(11)}
     for swept in (1, 2, 11):
         given = dict(list(labels.items())[:swept])
-        text = tables.summary(results_of(given, SUMMARY | RECOVERY))
+        text = tables.summary_text(results_of(given, SUMMARY_COLUMNS | RECOVERY_COLUMNS))
         lines = text.splitlines()
         assert max(map(len, lines)) <= 80
         assert "aaaaaaaaa…" in lines[1]
@@ -60,7 +60,7 @@ def test_what_attacks_leave_of_the_papers_is_said_with_the_cells():
     """Of those that ā does not bound and those whose derivatives are none; of the paper's own nothing."""
     attacks = ["rotating", "freeze", "spoof", {"kind": "bias", "orders": [0]}, "replay"]
     study = systems.study(sweep={"attack": attacks})
-    assert tables.caveats(study.cells) == [
+    assert tables.caveat_lines(study.cells) == [
         "attack not bounded by ā: cells 1, 4",
         "attack derivatives falsified each on its own: cells 2, 3",
     ]

@@ -1,4 +1,4 @@
-"""The figures that a results folder gives, by name, and drawing them as PNG and PDF."""
+"""All figures of a results folder, by name, written as PNG and PDF."""
 
 import hashlib
 import re
@@ -21,8 +21,8 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.figures import (
-    COLUMNS,
-    NAMES,
+    COLUMN_WIDTHS,
+    FIGURE_NAMES,
     bands,
     heat,
     multiples,
@@ -40,144 +40,156 @@ from jaxnet.view.text import worst
 
 NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
 NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
-LONGEST = 100  # letters of a file's name
+LONGEST_FILE_NAME = 100  # letters of a file's name
 
-in_style = mpl.rc_context(style.RC)
+with_print_style = mpl.rc_context(style.PRINT_STYLE)
 
 
 class LackingError(FolderError):
-    """A folder that has no data for a figure; says what would give them."""
+    """A results folder lacks the data of a figure; the message says how to produce the data."""
 
 
 class Plots:
-    """The figures of a results folder; one that it has no data for raises FolderError.
+    """Figures of a results folder.
 
-    Each takes `where`, swept keys with the value or the values that are wanted, and `column`, "one" or "two":
-    those of a journal that it is as wide as.
+    Parameters
+    ----------
+    results
+        Results of a finished run.
+
+    Notes
+    -----
+    Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or "two", the
+    figure's width in columns of a journal. Each method returns a matplotlib figure.
+
+    Raises
+    ------
+    FolderError
+        The folder lacks the figure's data, or an argument is unknown.
     """
 
     def __init__(self, results: Results):
         self.results = results
 
-    @in_style
+    @with_print_style
     def topologies(self, where: Where | None = None, column: str = "two") -> Figure:
-        """Each graph, with its weights and its attacked links."""
-        return topology.figure(*selection(self.results, where, column))
+        """Draw each graph with its weights and attacked links."""
+        return topology.topology_figure(*cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def tails(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The mean error over the tail, a dot per lane and a row per cell."""
-        return tails.figure(self.results, *selection(self.results, where, column))
+        """Draw the mean error over the tail: a dot per lane, a row per cell."""
+        return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def panels(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The paper's figure: trajectories of each topology, and the errors over time."""
-        there = {name: has(self.results, name) for name in ("trajectories", "errors")}
+        """Draw the paper's figure: trajectories of each topology, and the errors over time."""
+        there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
         if not any(there.values()):
-            raise lacking(
+            raise lacking_error(
                 self.results, "errors.zarr or trajectories.zarr", "save.errors=true or save.trajectories=all"
             )
-        return panels.figure(self.results, *selection(self.results, where, column), **there)
+        return panels.panels_figure(self.results, *cells_and_width(self.results, where, column), **there)
 
-    @in_style
+    @with_print_style
     def bands(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The tracking error over time: median, 5 to 95 % and maximum over the lanes."""
-        if not has(self.results, "errors"):
-            raise lacking(self.results, "errors.zarr", "save.errors=true")
-        cells, width = selection(self.results, where, column)
-        return bands.figure(cells, all_bands(self.results, cells), width)
+        """Draw the tracking error over time: median, 5 to 95 % and maximum over the lanes."""
+        if not has_store(self.results, "errors"):
+            raise lacking_error(self.results, "errors.zarr", "save.errors=true")
+        cells, width = cells_and_width(self.results, where, column)
+        return bands.bands_figure(cells, all_bands(self.results, cells), width)
 
-    @in_style
+    @with_print_style
     def unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The share of lanes that do not recover, with its interval."""
-        cells, width = selection(self.results, where, column)
+        """Draw the share of lanes that do not recover, with its interval."""
+        cells, width = cells_and_width(self.results, where, column)
         if not len(unrecovered_shares(self.results, cells)):
-            raise lacking(self.results, *NO_SHARE)
-        return unrecovered.figure(self.results, cells, curves(self.results, cells), width)
+            raise lacking_error(self.results, *NO_SHARE)
+        return unrecovered.unrecovered_figure(self.results, cells, curves(self.results, cells), width)
 
-    @in_style
+    @with_print_style
     def heat(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The share of lanes that do not recover over two swept keys, in colours, with its interval."""
-        return over_two_keys(self.results, "unrecovered", *selection(self.results, where, column))
+        """Draw a heat map of the share of lanes that do not recover, over two swept keys."""
+        return over_two_keys(self.results, "unrecovered", *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def heat_worst(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The greatest tail error of any vehicle in any lane, per ā, over two swept keys, in colours."""
-        return over_two_keys(self.results, "worst", *selection(self.results, where, column))
+        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā."""
+        return over_two_keys(self.results, "worst", *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The greatest tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_max", *selection(self.results, where, column))
+        """Draw the greatest tail error against ā, with stored bounds and fits."""
+        return against_magnitude(self.results, "tail_max", *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The mean tail error against ā, under its bounds and fits once there are some."""
-        return against_magnitude(self.results, "tail_mean", *selection(self.results, where, column))
+        """Draw the mean tail error against ā, with stored bounds and fits."""
+        return against_magnitude(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def search(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The best choice until then, by lanes, of a search and of as many random lanes."""
-        cells, width = selection(self.results, where, column)
+        """Draw the best value against the number of lanes, for a search and for random lanes."""
+        cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results)
-        words = worst.with_unit(self.results)
-        shown = cells[: multiples.room([cell.labels for cell in cells], width)]
-        return search.course(list(search_courses(self.results, shown)), len(cells), words, width)
+        words = worst.metric_with_unit(self.results)
+        shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
+        return search.course_figure(list(search_courses(self.results, shown)), len(cells), words, width)
 
-    @in_style
+    @with_print_style
     def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The worst that a search found, the best of as many random lanes, and the bound: a row a cell."""
-        cells, width = selection(self.results, where, column)
+        """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
+        cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results)
-        words = f"worst {worst.maximised(self.results)}"
-        return search.beside_bounds(worst.rows_of(self.results), cells, words, width)
+        words = f"worst {worst.maximised_text(self.results)}"
+        return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
 
-    @in_style
+    @with_print_style
     def sensitivity(self, where: Where | None = None, column: str = "two") -> Figure:
-        """Which part of the mean tail error's variance comes from which quantity drawn, a panel per cell."""
-        return parts_of_variance(self.results, "tail_mean", *selection(self.results, where, column))
+        """Draw Sobol's indices of the mean tail error, a panel per cell."""
+        return parts_of_variance(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
-    @in_style
+    @with_print_style
     def sensitivity_unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
-        """The same of whether a lane recovers."""
-        return parts_of_variance(self.results, "unrecovered", *selection(self.results, where, column))
+        """Draw Sobol's indices of the event that a lane does not recover."""
+        return parts_of_variance(self.results, "unrecovered", *cells_and_width(self.results, where, column))
 
 
 def refuse_unsearched(results: Results) -> None:
-    """Raise FolderError if a folder has had no search."""
+    """Raise LackingError if the folder holds no results of a search."""
     if results.study.config.search is None or not (results.path / "worst.csv").exists():
         raise LackingError(f"{results.path} has no worst.csv: jaxnet search CONFIG makes it")
 
 
-def selection(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
-    """The cells that a figure is to show, and its width [in]; raises FolderError."""
-    if column not in COLUMNS:
-        raise FolderError(f"column: {' or '.join(COLUMNS)} (got {column})")
-    return select_cells(results.study.cells, where or {}), COLUMNS[column]
+def cells_and_width(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
+    """Return the selected cells and the figure's width [in]; raise FolderError for an unknown column."""
+    if column not in COLUMN_WIDTHS:
+        raise FolderError(f"column: {' or '.join(COLUMN_WIDTHS)} (got {column})")
+    return select_cells(results.study.cells, where or {}), COLUMN_WIDTHS[column]
 
 
 def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-    """A metric of the tail against ā."""
+    """Draw a tail metric against the attack magnitude ā."""
     found = curves(results, cells)
     if reason := no_magnitudes(found):
         remedy = "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
         raise LackingError(f"{results.path}: {reason.removesuffix('.')}: {remedy}")
-    return ultimate.figure(found, metric, width)
+    return ultimate.ultimate_figure(found, metric, width)
 
 
 def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-    """A metric in colours."""
+    """Draw a heat map of a metric over two swept keys."""
     tiles = tiling(cells)
     if tiles is None:
         remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
-        raise lacking(results, "two swept keys with two values each among these cells", remedy)
+        raise lacking_error(results, "two swept keys with two values each among these cells", remedy)
     if tile_table(results).loc[[cell.number for cell in cells], metric].isna().all():
-        raise lacking(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
-    return heat.figure(results, tiles, metric, width)
+        raise lacking_error(results, *(NO_SHARE if metric == "unrecovered" else NO_ERROR))
+    return heat.heat_figure(results, tiles, metric, width)
 
 
 def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
-    """Sobol's indices of a metric."""
+    """Draw Sobol's indices of a metric."""
     file = results.path / SENSITIVITY_FILE
     table: Any = read_table(file) if file.exists() else pd.DataFrame({"metric": [], "cell": []})
     wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
@@ -186,45 +198,48 @@ def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], widt
             f"{results.path} has no {SENSITIVITY_FILE} of {metric} in these cells:"
             " jaxnet sensitivity makes it"
         )
-    return sensitivity.figure(table[wanted], cells, width)
+    return sensitivity.sensitivity_figure(table[wanted], cells, width)
 
 
-def has(results: Results, name: str) -> bool:
-    """Whether the folder has this store."""
+def has_store(results: Results, name: str) -> bool:
+    """Return whether the folder holds a Zarr store of this name."""
     return (results.path / f"{name}.zarr").exists()
 
 
-def lacking(results: Results, what: str, remedy: str) -> LackingError:
-    """The error that says what is not there, and how to get it."""
+def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
+    """Return the error that names the lacking data and the remedy."""
     return LackingError(f"{results.path} has no {what}: run the study with {remedy}")
 
 
-def draw(results: Results, names: Sequence[str] = NAMES, told: Steps = no_progress) -> Iterator[UPath]:
-    """Draw those of these figures that the folder has data for; the files written, one after the other."""
+def draw_figures(
+    results: Results, names: Sequence[str] = FIGURE_NAMES, told: Steps = no_progress
+) -> Iterator[UPath]:
+    """Draw the named figures for which the folder has data; yield the files as they are written."""
     for done, name in enumerate(names):
         told("figures drawn", done, len(names))
         try:
             drawn = getattr(Plots(results), name)()
         except (LackingError, MissingKindError):
             continue
-        yield from save(results, name, drawn)
+        yield from save_figure(results, name, drawn)
 
 
 def file_name(name: str, where: Where, column: str) -> str:
-    """What a figure's files are called: the plain one by its name, others by what they show too."""
+    """Return the file name of a figure, without extension; a selection of cells is part of the name."""
     words = [f"{key}={value}" for key, values in where.items() for value in as_list(values)]
     told = "-".join([name, *words, *(["one-column"] if column == "one" else [])])
     plain = re.sub(r"[^\w.=-]+", "_", told)
-    if plain == told and len(told) <= LONGEST:
+    if plain == told and len(told) <= LONGEST_FILE_NAME:
         return told
-    return f"{plain[:LONGEST]}-{hashlib.sha256(told.encode()).hexdigest()[:6]}"  # as others may be cut to it
+    digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same letters
+    return f"{plain[:LONGEST_FILE_NAME]}-{digest}"
 
 
-def save(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
-    """Write one figure in both formats."""
+def save_figure(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
+    """Write one figure as PNG and as PDF; yield both paths."""
     layout = figure.get_layout_engine()
     if layout is not None:  # once for both, for it takes longer than drawing
-        with mpl.rc_context(style.RC):
+        with mpl.rc_context(style.PRINT_STYLE):
             layout.execute(figure)
         figure.set_layout_engine("none")
     for kind in ("png", "pdf"):

@@ -1,4 +1,4 @@
-"""Cells over two swept keys as tiles: a panel for each value of the others, all on one scale of colours."""
+"""Heat maps over two swept keys: a panel for each choice of the other keys, one scale of colours."""
 
 import textwrap
 from typing import Any, NamedTuple
@@ -19,17 +19,20 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
-COLOURS = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
-METRICS = {"unrecovered": "lanes unrecovered [%]", "worst": "greatest tail error / ā"}
-ROOMY, TIGHT = (0.36, 0.26), (0.24, 0.17)  # [in] of a tile with its interval, and without it
-LEGIBLE = 0.2, 0.1  # [in] of a tile whose number can be read
-LETTER = 0.055  # [in] of a row's name
-TITLE, SPARE = 0.3, 0.35  # [in] for a panel's title, and for the scale of colours
-HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0}
+COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
+METRIC_LABELS = {"unrecovered": "lanes unrecovered [%]", "worst": "greatest tail error / ā"}
+TILE_WITH_INTERVAL, TILE_ALONE = (
+    (0.36, 0.26),
+    (0.24, 0.17),
+)  # [in] of a tile with its interval, and without it
+LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
+LETTER_WIDTH = 0.055  # [in] of a row's name
+TITLE_ROOM, COLOUR_BAR_ROOM = 0.3, 0.35  # [in] for a panel's title, and for the scale of colours
+HATCHED_STYLE: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0}
 
 
-class Look(NamedTuple):
-    """What all panels share."""
+class TileStyle(NamedTuple):
+    """Data and scale that all panels of a heat map share."""
 
     found: pd.DataFrame  # outcomes by cell
     metric: str
@@ -38,94 +41,106 @@ class Look(NamedTuple):
     intervals: bool
 
 
-def ink(colour: Any) -> str:
-    """Black or white, whichever is read better on a colour: with a contrast of 4.58 at least (WCAG 2.2)."""
+def text_colour(colour: Any) -> str:
+    """Return black or white, whichever contrasts more; the contrast is at least 4.58 (WCAG 2.2)."""
     levels = np.array(to_rgb(colour))
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
     return "black" if linear @ (0.2126, 0.7152, 0.0722) > 0.179 else "white"
 
 
 def palette() -> list[tuple[str, str]]:
-    """The scale from its low end, with the ink on each colour."""
-    return [(to_hex(colour), ink(colour)) for colour in COLOURS(np.linspace(0, 1, 64))]
+    """Return 64 colours of the scale from its low end, each with its text colour."""
+    return [(to_hex(colour), text_colour(colour)) for colour in COLOUR_MAP(np.linspace(0, 1, 64))]
 
 
-def scale(metric: str, values: pd.Series) -> Normalize:
-    """All shares that there can be, or the powers of ten around the errors."""
+def colour_scale(metric: str, values: pd.Series) -> Normalize:
+    """Return a scale from 0 to 100 % for shares, or over whole decades for errors."""
     if metric == "unrecovered":
         return Normalize(0, 100)
     known = values.dropna().clip(lower=NEGLIGIBLE_ERROR)
     return LogNorm(*decades(known.min(), known.max()), clip=True)
 
 
-def figure(results: Results, tiles: Tiling, metric: str, width: float = style.WIDTH) -> Figure:
-    """Tiles with their numbers, with intervals if these leave room for all panels; else the first of them."""
-    names = [in_lines(tiles.row, value, int(multiples.LETTERS * width / 3)) for value in tiles.rows]
+def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = style.FIGURE_WIDTH) -> Figure:
+    """Draw tiles at the largest size that fits all panels; omit intervals, then panels, for space."""
+    names = [
+        wrap_value(tiles.row, value, int(multiples.LETTERS_PER_INCH * width / 3)) for value in tiles.rows
+    ]
     lines = [name.split("\n") for name in names]
-    margin = 0.35 + LETTER * max(len(line) for each in lines for line in each)
-    tallest = multiples.LINE * max(map(len, lines))
+    margin = 0.35 + LETTER_WIDTH * max(len(line) for each in lines for line in each)
+    tallest = multiples.LINE_HEIGHT * max(map(len, lines))
     _, down, along = tiles.cells.shape
-    for size in (ROOMY, TIGHT):
+    for size in (TILE_WITH_INTERVAL, TILE_ALONE):
         most = max(1, int((width - margin) / (size[0] * along + 0.1)))
-        height = min(max(size[1], tallest) * down + TITLE, style.TALLEST - SPARE - multiples.HEADING)
-        shown = multiples.room(tiles.panels, width, height, most)
+        height = min(
+            max(size[1], tallest) * down + TITLE_ROOM,
+            style.GREATEST_HEIGHT - COLOUR_BAR_ROOM - multiples.AXIS_ROOM,
+        )
+        shown = multiples.panels_fitting(tiles.panels, width, height, most)
         if shown == len(tiles.panels):
             break
-    tile = (width - margin) / multiples.columns(tiles.panels[:shown], most) / along, (height - TITLE) / down
-    legible, wide = (all(np.greater_equal(tile, least)) for least in (LEGIBLE, ROOMY))
+    tile = (
+        (width - margin) / multiples.panel_columns(tiles.panels[:shown], most) / along,
+        (height - TITLE_ROOM) / down,
+    )
+    legible, wide = (all(np.greater_equal(tile, least)) for least in (LEAST_TILE, TILE_WITH_INTERVAL))
     found: Any = tile_table(results)
-    look = Look(found, metric, scale(metric, found[metric]), legible, wide and metric == "unrecovered")
+    look = TileStyle(
+        found, metric, colour_scale(metric, found[metric]), legible, wide and metric == "unrecovered"
+    )
     axes = quantity(tiles.column), quantity(tiles.row)
-    drawn, panels = multiples.panels(tiles.panels[:shown], *axes, width, height, most, margin)
-    drawn.set_figheight(min(style.TALLEST, drawn.get_figheight() + SPARE))
+    drawn, panels = multiples.panel_grid(tiles.panels[:shown], *axes, width, height, most, margin)
+    drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + COLOUR_BAR_ROOM))
     for panel, numbers in zip(panels, tiles.cells, strict=False):
         draw_tiles(panel, numbers, look)
-    panels[0].set_xticks(0.5 + np.arange(along), [in_lines(tiles.column, each, 12) for each in tiles.columns])
+    panels[0].set_xticks(
+        0.5 + np.arange(along), [wrap_value(tiles.column, each, 12) for each in tiles.columns]
+    )
     panels[0].set_yticks(0.5 + np.arange(down), names)
-    bar = ScalarMappable(look.norm, COLOURS)
-    drawn.colorbar(bar, ax=drawn.axes, location="bottom", aspect=50, shrink=0.7, label=METRICS[metric])
+    bar = ScalarMappable(look.norm, COLOUR_MAP)
+    drawn.colorbar(bar, ax=drawn.axes, location="bottom", aspect=50, shrink=0.7, label=METRIC_LABELS[metric])
     annotate(drawn, results, tiles.cells[:shown], look)
-    multiples.note_left_out(drawn, (shown, len(tiles.panels), "panels"), where="cells.csv")
+    multiples.write_left_out(drawn, (shown, len(tiles.panels), "panels"), where="cells.csv")
     return drawn
 
 
-def in_lines(key: str, value: Any, letters: int) -> str:
-    """A swept value beside its axis, in lines of so many letters."""
-    return textwrap.fill(multiples.as_text(bare(key, value)), letters)
+def wrap_value(key: str, value: Any, letters: int) -> str:
+    """Return a swept value as an axis label, wrapped to so many letters a line."""
+    return textwrap.fill(multiples.escape_dollars(bare(key, value)), letters)
 
 
-def draw_tiles(panel: Axes, numbers: Int[np.ndarray, "rows columns"], look: Look) -> None:
-    """One panel; hatched where there is nothing to tell."""
+def draw_tiles(panel: Axes, numbers: Int[np.ndarray, "rows columns"], look: TileStyle) -> None:
+    """Draw one panel; tiles without a value are hatched."""
     down, along = numbers.shape
-    panel.add_patch(Rectangle((0, 0), along, down, **HATCHED))
+    panel.add_patch(Rectangle((0, 0), along, down, **HATCHED_STYLE))
     rows = look.found.reindex(numbers.ravel())
     values = np.ma.masked_invalid(rows[look.metric].to_numpy().reshape(numbers.shape))
-    panel.pcolormesh(values, cmap=COLOURS, norm=look.norm, edgecolors="white", linewidth=0.5)
+    panel.pcolormesh(values, cmap=COLOUR_MAP, norm=look.norm, edgecolors="white", linewidth=0.5)
     panel.set(xlim=(0, along), ylim=(down, 0))
     panel.grid(False)
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     if look.numbers:
         for place, (_, row) in enumerate(rows.iterrows()):
-            write(panel, (0.5 + place % along, 0.5 + place // along), row, look)
+            write_tile(panel, (0.5 + place % along, 0.5 + place // along), row, look)
 
 
-def write(panel: Axes, place: tuple[float, float], row: Any, look: Look) -> None:
-    """A tile's number, a star if lanes of it failed, and its interval beneath."""
+def write_tile(panel: Axes, place: tuple[float, float], row: Any, look: TileStyle) -> None:
+    """Write a tile's number, a star if some of its lanes failed, and its interval."""
     value, star = row[look.metric], "*" if row["failed"] > 0 else ""
     if np.isnan(value):
         panel.text(*place, star, fontsize=6, ha="center", va="center")
         return
-    drawn: Any = {"ha": "center", "color": ink(COLOURS(look.norm(value)))}
+    drawn: Any = {"ha": "center", "color": text_colour(COLOUR_MAP(look.norm(value)))}
     if look.intervals:
         panel.text(*place, row["interval"], fontsize=5, va="top", **drawn)
     words = f"{tile_text(look.metric, value)}{star}"
     panel.text(*place, words, fontsize=6, va="bottom" if look.intervals else "center", **drawn)
 
 
-def annotate(drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: Look) -> None:
-    """Have a figure say how sure its numbers are, and what is hatched."""
+def annotate(drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: TileStyle) -> None:
+    """Add notes on the intervals and a legend of the hatched tiles."""
     for words in tile_notes(results, numbers, look.metric):
-        multiples.note(drawn, words)
+        multiples.write_note(drawn, words)
     if reasons := blank_reasons(look.found, numbers):
-        drawn.legend(handles=[Patch(label=", ".join(reasons), **HATCHED)], loc="outside lower right")
+        drawn.legend(handles=[Patch(label=", ".join(reasons), **HATCHED_STYLE)], loc="outside lower right")

@@ -1,4 +1,4 @@
-"""The paper's figure: a row per attack, trajectories of each topology, and the errors of all of them."""
+"""The paper's figure: a row per attack, with trajectories of each topology and all errors over time."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,45 +22,50 @@ from jaxnet.view.figures.style import Figure
 MOST_APART = 100  # vehicles whose paths can be told from each other; those of more are a density
 MOST_A_SIDE = 4  # rows, and columns of trajectories, that a page takes
 ROW_HEIGHT = 1.95  # [in]
-KEY_HEIGHT = 0.35  # [in]
+PANELS_LEGEND_HEIGHT = 0.35  # [in]
 ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 110  # that a line across the page takes
 SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
 
 
-def figure(
-    results: Results, cells: Sequence[Cell], width: float = style.WIDTH, *, trajectories: bool, errors: bool
+def panels_figure(
+    results: Results,
+    cells: Sequence[Cell],
+    width: float = style.FIGURE_WIDTH,
+    *,
+    trajectories: bool,
+    errors: bool,
 ) -> Figure:
-    """Rows are what is swept besides topology, the first MOST of each; the errors stand last in each.
+    """Draw a row for each combination of swept keys other than topology; errors stand last in a row.
 
-    A row of a narrow figure takes several lines, the last for its errors.
+    Only the first MOST_A_SIDE rows and topologies are drawn. In a narrow figure a row takes several lines.
     """
-    whole, narrow = layout(cells), width < style.WIDTH
+    whole, narrow = rows_of_cells(cells), width < style.FIGURE_WIDTH
     most = min(MOST_A_SIDE, max(map(len, whole))) if trajectories else 0
     places, widths = places_of_row(most, errors, narrow)
     lines = 1 + places[-1][0]
-    fitting = int((style.TALLEST - KEY_HEIGHT) / (ROW_HEIGHT * lines))
+    fitting = int((style.GREATEST_HEIGHT - PANELS_LEGEND_HEIGHT) / (ROW_HEIGHT * lines))
     rows = [row[:MOST_A_SIDE] for row in whole[: min(MOST_A_SIDE, max(1, fitting))]]
-    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + KEY_HEIGHT))
+    drawn = Figure(figsize=(width, ROW_HEIGHT * lines * len(rows) + PANELS_LEGEND_HEIGHT))
     grid = GridSpec(lines * len(rows), len(widths), figure=drawn, width_ratios=widths)
     spots = [[grid[lines * row + line, column] for line, column in places] for row in range(len(rows))]
     if trajectories:
         data = results.trajectories
         lanes = {cell.number: first_lane(data, cell) for row in rows for cell in row}
-        reach = farthest(lane for lane in lanes.values() if lane is not None)
+        reach = farthest_coordinate(lane for lane in lanes.values() if lane is not None)
         for number, row in enumerate(rows):
             draw_trajectories(drawn, spots[number], number * len(places), row, lanes, reach)
     if errors:
         for number, row in enumerate(rows):
-            words = "errors" if trajectories else textwrap.fill(setting(row[0]), TITLE_LETTERS)
+            words = "errors" if trajectories else textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
             title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
             draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow)
     if trajectories:
         ncols = multiples.legend_columns(width, 6)
-        handles = legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
+        handles = panels_legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
         drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.2)
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
-    multiples.note_left_out(
+    multiples.write_left_out(
         drawn,
         (len(rows), len(whole), "rows"),
         (max(map(len, rows)), max(map(len, whole)), "topologies"),
@@ -72,7 +77,7 @@ def figure(
 def places_of_row(
     planes: int, errors: bool, narrow: bool
 ) -> tuple[list[tuple[int, int | slice]], list[float]]:
-    """Line and column of each plane of a row and, last, of its errors; and how wide the columns are."""
+    """Return line and column of each panel of a row, the errors last, and the column widths."""
     places: list[tuple[int, int | slice]]
     if not narrow:
         places = [(0, column) for column in range(planes + errors)]
@@ -84,7 +89,7 @@ def places_of_row(
 
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
-    """The first lane of a cell that was stored and did not fail at once."""
+    """Return the first stored lane of a cell that has a valid start, or None."""
     paths = data[["states", "navigator"]]
     if "lane" in data.dims:
         mine, along = paths.isel(lane=data["cell"] == cell.number), "lane"
@@ -94,39 +99,39 @@ def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
     return next((lane for lane in lanes if not lane["states"].isel(time=0).isnull().any()), None)
 
 
-def farthest(lanes: Iterable[xr.Dataset]) -> float:
-    """Greatest coordinate of any vehicle or navigator, rounded up for a frame [m]."""
+def farthest_coordinate(lanes: Iterable[xr.Dataset]) -> float:
+    """Return the greatest coordinate of any vehicle or navigator, rounded up [m]."""
     paths = (lane[name].values[..., :2] for lane in lanes for name in ("states", "navigator"))
     return float(np.ceil(1.04 * max((np.nanmax(np.abs(path)) for path in paths), default=1.0)))
 
 
-def layout(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Cells by row and column."""
+def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """Group cells into rows; cells of a row differ only in their topology."""
     rows: dict[Any, list[Cell]] = {}
     for cell in cells:
-        rows.setdefault(others(cell), []).append(cell)
+        rows.setdefault(row_key(cell), []).append(cell)
     return list(rows.values())
 
 
-def others(cell: Cell) -> tuple[Any, ...]:
-    """What is swept besides topology."""
+def row_key(cell: Cell) -> tuple[Any, ...]:
+    """Return the swept values of a cell other than its topology."""
     return tuple(value for key, value in cell.labels.items() if key != "topology")
 
 
-def name(cell: Cell) -> str:
-    """Name of a cell's topology."""
+def topology_name(cell: Cell) -> str:
+    """Return the name of a cell's topology."""
     return str(cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind))
 
 
-def setting(cell: Cell) -> str:
-    """What a row is about, in a few words."""
+def row_caption(cell: Cell) -> str:
+    """Return a short description of a row: attack, magnitude and other swept values."""
     attack = cell.scenario.attack
     words = [magnitude_words(cell).replace(" ", NO_BREAK)]
     if attack.amplitude() != 0:
         words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
     told = ("topology", "attack", "attack.magnitude")
     words += [called(key, value) for key, value in cell.labels.items() if key not in told]
-    return multiples.as_text(", ".join(words))
+    return multiples.escape_dollars(", ".join(words))
 
 
 def draw_trajectories(
@@ -137,14 +142,14 @@ def draw_trajectories(
     lanes: Mapping[int, xr.Dataset | None],
     reach: float,
 ) -> None:
-    """Paths in the plane, a panel per topology, all from -reach to reach [m]."""
+    """Draw paths in the plane, a panel per topology, from -reach to reach [m]."""
     for number, (cell, spot) in enumerate(zip(cells, spots, strict=False)):
         panel = drawn.add_subplot(spot)
         draw_plane(panel, cell, lanes[cell.number])
-        panel.set_title(f"({chr(ord('a') + letters + number)}) {name(cell)}", pad=3)
+        panel.set_title(f"({chr(ord('a') + letters + number)}) {topology_name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
         if number == 0:
-            panel.set_ylabel(f"{textwrap.fill(setting(cell), ROW_LETTERS)}\ny [m]")
+            panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
         elif spot.colspan.start == 0:
             panel.set_ylabel("y [m]")
         else:
@@ -156,7 +161,7 @@ def draw_trajectories(
 
 
 def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
-    """One lane in the plane."""
+    """Draw the paths of one lane; many vehicles are drawn as a density."""
     if lane is None:
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
         return
@@ -168,25 +173,28 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     if len(apart) > MOST_APART:
         apart = [vehicle - 1 for vehicle in attacked]
         crowd = np.delete(positions, apart, axis=1).swapaxes(0, 1)
-        alpha = np.clip(INK / len(crowd), *OPACITY)
-        panel.add_collection(LineCollection(list(crowd), alpha=alpha, **CROWDED), autolim=False)
+        alpha = np.clip(CROWD_INK / len(crowd), *CROWD_OPACITY)
+        panel.add_collection(LineCollection(list(crowd), alpha=alpha, **CROWDED_PATHS), autolim=False)
     for vehicle in apart:
         lies = vehicle + 1 in attacked
-        look = ATTACKED if lies else HONEST
+        look = ATTACKED_PATH if lies else HONEST_PATH
         x, y = positions[:, vehicle].T
         panel.plot(x, y, **look, zorder=2 if lies else 1)
         panel.plot(x[0], y[0], "o", color=look["color"], markersize=3, markerfacecolor="white", zorder=4)
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
-HONEST: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
-CROWDED: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
-INK, OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
-ATTACKED: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
+HONEST_PATH: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
+CROWDED_PATHS: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
+CROWD_INK, CROWD_OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
+ATTACKED_PATH: dict[str, Any] = {"color": style.RED, "linewidth": 0.9, "linestyle": (0, (4, 1))}
 
 
 def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
-    """Vehicles that the attack of a cell names, if it has any size; of drawn ones those of a lane."""
+    """Return the attacked vehicles, from 1, or none if the magnitude is 0.
+
+    A vehicle drawn at random counts as attacked if `lane` holds a nonzero attack signal for it.
+    """
     attack = cell.scenario.attack
     if lane is None or attack.targets() or attack.amplitude() == 0:
         return [] if attack.amplitude() == 0 else attack.targets()
@@ -194,22 +202,22 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
 
 
 def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Links:
-    """Links of a graph on which these vehicles are attacked: their own, or what they hear of 0."""
+    """Return the links on which these vehicles are attacked: own transmissions or the navigator's."""
     sources, listeners = graph.sources, np.arange(1, graph.vehicles + 1)[:, None]
     return cell.scenario.attack.links(graph) & np.isin(np.where(sources, sources, listeners), attacked)
 
 
-def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
-    """What is what in the plane."""
+def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
+    """Return legend entries for the paths."""
     fleets = [cell.scenario.vehicles for row in rows for cell in row]
     handles = [
         Line2D([], [], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), label="navigator"),
-        *[Line2D([], [], **HONEST, label="vehicle")] * (min(fleets) <= MOST_APART),
+        *[Line2D([], [], **HONEST_PATH, label="vehicle")] * (min(fleets) <= MOST_APART),
         *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")] * (max(fleets) > MOST_APART),
     ]
     attacks = [cell.scenario.attack for row in rows for cell in row]
     if any(attack.number() and attack.amplitude() != 0 for attack in attacks):
-        handles.append(Line2D([], [], **ATTACKED, label="attacked vehicle"))
+        handles.append(Line2D([], [], **ATTACKED_PATH, label="attacked vehicle"))
     look = {"color": "0.3", "linestyle": "", "markersize": 3}
     handles.append(Line2D([], [], marker="o", markerfacecolor="white", label="start", **look))
     handles.append(Line2D([], [], marker="s", label="end", **look))
@@ -217,22 +225,22 @@ def legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
 
 
 def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
-    """Whose errors are whose, where the panels have no room to say so."""
-    pairs = zip(cells, style.SERIES, strict=False)
-    return [Line2D([], [], **look, label=f"error, {name(cell)}") for cell, look in pairs]
+    """Return legend entries for the errors, for panels too small for a legend."""
+    pairs = zip(cells, style.SERIES_STYLES, strict=False)
+    return [Line2D([], [], **look, label=f"error, {topology_name(cell)}") for cell, look in pairs]
 
 
 def draw_errors(
     drawn: Figure, place: Any, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
 ) -> None:
-    """`ẽ` above `ε̃` on log axes: the lane, or the median over lanes with a band from 5 to 95 %."""
+    """Draw ẽ above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper: Axes | None = None
     for number, (variable, symbol) in enumerate(SYMBOLS.items()):
         panel = drawn.add_subplot(inner[number], sharex=upper)
-        for cell, look in zip(cells, style.SERIES, strict=False):
+        for cell, look in zip(cells, style.SERIES_STYLES, strict=False):
             values = data[variable].isel(cell=cell.number).values
-            draw_band(panel, data["time"].values, values, look, name(cell))
+            draw_quantiles(panel, data["time"].values, values, look, topology_name(cell))
         panel.set_yscale("log")
         panel.autoscale_view()
         multiples.log_ticks(panel.yaxis)
@@ -249,8 +257,8 @@ def draw_errors(
             panel.locator_params(axis="x", nbins=4)
 
 
-def draw_band(panel: Axes, time: np.ndarray, values: np.ndarray, look: Any, label: str) -> None:
-    """Median over samples (rows), and where most of them lie; failed lanes are left out."""
+def draw_quantiles(panel: Axes, time: np.ndarray, values: np.ndarray, look: Any, label: str) -> None:
+    """Draw the median over samples (rows) and the band from 5 to 95 %; omit failed lanes."""
     values = values[~np.isnan(values).any(axis=1)]
     if not len(values):
         return

@@ -1,4 +1,4 @@
-"""What searches found: how they went, and the worst of each cell beside random lanes and bounds."""
+"""Results of a search: its progress, and the worst found beside random lanes and bounds."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
-DECADES = 1e3  # of an axis, at most: what is below is next to nothing
-LINES = {"search": style.SERIES[0], "random lanes": style.SERIES[1]}
-MARKS = {
+AXIS_RANGE = 1e3  # of an axis, at most: what is below is next to nothing
+SEARCH_LINES = {"search": style.SERIES_STYLES[0], "random lanes": style.SERIES_STYLES[1]}
+SEARCH_MARKS = {
     "random lanes": {"marker": "o", "markersize": 4, "markerfacecolor": "none", "color": style.RED},
     "found": {"marker": "o", "markersize": 4, "color": style.BLUE},
     "late": {"marker": "x", "markersize": 5, "color": style.BLUE},
@@ -21,41 +21,45 @@ MARKS = {
 }
 
 
-def course(found: Sequence[Course], there: int, words: str, width: float) -> Figure:
-    """The best until then, by lanes: a panel a cell."""
+def course_figure(found: Sequence[Course], there: int, words: str, width: float) -> Figure:
+    """Draw the best value against the number of lanes, a panel per cell."""
     labels = [each.cell.labels for each in found]
-    drawn, panels = multiples.panels(labels, "lanes", words, width)
+    drawn, panels = multiples.panel_grid(labels, "lanes", words, width)
     for panel, each in zip(panels, found, strict=True):
-        panel.step(each.lanes, each.best, where="post", label="search", **LINES["search"])
+        panel.step(each.lanes, each.best, where="post", label="search", **SEARCH_LINES["search"])
         panel.step(
-            each.random_lanes, each.random_best, where="post", label="random lanes", **LINES["random lanes"]
+            each.random_lanes,
+            each.random_best,
+            where="post",
+            label="random lanes",
+            **SEARCH_LINES["random lanes"],
         )
         if np.isfinite(each.bound):
             panel.axhline(each.bound, label="bound", color=style.BLACK, linestyle=":")
         panel.set_xscale("log")
         panel.set_yscale("log")
     top = max(panel.get_ylim()[1] for panel in panels)
-    panels[0].set_ylim(top / DECADES, top)
+    panels[0].set_ylim(top / AXIS_RANGE, top)
     multiples.log_ticks(panels[0].yaxis)
     known = [entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)]
     entries = {name: line for line, name in known}
     drawn.legend([*entries.values()], [*entries], loc="outside lower center", ncols=3)
-    multiples.note_left_out(drawn, (len(found), there, "cells"), where="search.csv")
+    multiples.write_left_out(drawn, (len(found), there, "cells"), where="search.csv")
     return drawn
 
 
-def beside_bounds(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
-    """A row a cell, per ā: the best of random lanes, the choice found, the choice late, and the bound."""
+def bounds_figure(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
+    """Draw a row per cell: random lanes, the choice found, its late value, and the bound."""
     labels = [cell.labels for cell in cells]
-    shown = multiples.rows_room(labels, width, MOST_PANELS)
+    shown = multiples.rows_fitting(labels, width, MOST_PANELS)
     rows = table.set_index("cell").loc[[cell.number for cell in cells[:shown]]]
     drawn, panel = multiples.named_rows(labels[:shown], width)
-    for name, look in MARKS.items():
+    for name, look in SEARCH_MARKS.items():
         panel.plot(rows[name], range(shown), linestyle="none", label=name, **look)
     panel.set_xscale("log")
-    panel.set_xlim(panel.get_xlim()[1] / DECADES, None)
+    panel.set_xlim(panel.get_xlim()[1] / AXIS_RANGE, None)
     multiples.log_ticks(panel.xaxis)
     panel.set_xlabel(words)
     drawn.legend(loc="outside lower center", ncols=4)
-    multiples.note_left_out(drawn, (shown, len(cells), "cells"), where="worst.csv")
+    multiples.write_left_out(drawn, (shown, len(cells), "cells"), where="worst.csv")
     return drawn

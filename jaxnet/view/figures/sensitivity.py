@@ -1,4 +1,4 @@
-"""What matters: first-order and total Sobol indices of each quantity drawn, with their intervals."""
+"""First-order and total Sobol indices of each drawn quantity, with intervals."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,10 +10,10 @@ from jaxnet.config.cells import Cell
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
-ROW = 0.24  # [in] of a quantity
-TITLE = 0.35  # [in] of a panel, and its gap
-ACROSS = 3  # panels in a row across two columns, beside the quantities' names
-LOOKS: dict[str, dict[str, Any]] = {
+QUANTITY_HEIGHT = 0.24  # [in] of a quantity
+CELL_TITLE_HEIGHT = 0.35  # [in] of a panel, and its gap
+CELLS_PER_ROW = 3  # panels in a row across two columns, beside the quantities' names
+INDEX_STYLES: dict[str, dict[str, Any]] = {
     "first": {"color": style.BLUE, "fmt": "o", "markersize": 3.5, "label": "first-order: alone"},
     "total": {
         "color": style.RED,
@@ -23,37 +23,37 @@ LOOKS: dict[str, dict[str, Any]] = {
         "label": "total: with interactions",
     },
 }
-MARGIN = 0.08
-BESIDE = {"first": -0.16, "total": 0.16}  # of a row's middle
+AXIS_MARGIN = 0.08
+INDEX_OFFSETS = {"first": -0.16, "total": 0.16}  # of a row's middle
 
 
-def figure(table: Any, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
-    """A panel per cell and a row per quantity, of the first cells that there is room for."""
+def sensitivity_figure(table: Any, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
+    """Draw a panel per cell and a row per quantity, for as many cells as the page holds."""
     there = [cell for cell in cells if cell.number in set(table["cell"])]
     names = list(dict.fromkeys(table["quantity"]))
-    labels, height = [cell.labels for cell in there], ROW * len(names) + TITLE
-    most = max(1, round(ACROSS * width / style.WIDTH))
-    shown = there[: max(1, multiples.room(labels, width, height, most))]
+    labels, height = [cell.labels for cell in there], QUANTITY_HEIGHT * len(names) + CELL_TITLE_HEIGHT
+    most = max(1, round(CELLS_PER_ROW * width / style.FIGURE_WIDTH))
+    shown = there[: max(1, multiples.panels_fitting(labels, width, height, most))]
     words = f"part of the variance of {table['metric'].iloc[0]}"
-    drawn, panels = multiples.panels(labels[: len(shown)], words, "", width, height, most, margin=1.2)
+    drawn, panels = multiples.panel_grid(labels[: len(shown)], words, "", width, height, most, margin=1.2)
     for panel, cell in zip(panels, shown, strict=True):
-        draw_cell(panel, table[table["cell"] == cell.number], names)
+        draw_indices(panel, table[table["cell"] == cell.number], names)
     panels[0].set_yticks(range(len(names)), names)
     panels[0].set_ylim(len(names) - 0.5, -0.5)
-    estimates = table[[*LOOKS]].to_numpy(float)
+    estimates = table[[*INDEX_STYLES]].to_numpy(float)
     ends = np.nanmin(estimates, initial=0.0), np.nanmax(estimates, initial=1.0)
-    panels[0].set_xlim(ends[0] - MARGIN, ends[1] + MARGIN)  # an interval may end beyond
+    panels[0].set_xlim(ends[0] - AXIS_MARGIN, ends[1] + AXIS_MARGIN)  # an interval may end beyond
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    multiples.note_left_out(drawn, (len(shown), len(there), "cells"), where="sensitivity.csv")
+    multiples.write_left_out(drawn, (len(shown), len(there), "cells"), where="sensitivity.csv")
     return drawn
 
 
-def draw_cell(panel: Axes, rows: Any, names: Sequence[str]) -> None:
-    """One cell's indices."""
+def draw_indices(panel: Axes, rows: Any, names: Sequence[str]) -> None:
+    """Draw the indices of one cell with their intervals."""
     places = np.array([names.index(name) for name in rows["quantity"]])
-    for order, look in LOOKS.items():
+    for order, look in INDEX_STYLES.items():
         value, low, high = (rows[f"{order}{end}"].to_numpy(float) for end in ("", "_low", "_high"))
         ends = np.stack([value - low, high - value])
-        panel.errorbar(value, places + BESIDE[order], xerr=ends, elinewidth=0.9, capsize=1.5, **look)
+        panel.errorbar(value, places + INDEX_OFFSETS[order], xerr=ends, elinewidth=0.9, capsize=1.5, **look)
     if rows["first"].isna().all():
         panel.text(0.5, 0.5, "nothing varies", transform=panel.transAxes, ha="center", color="0.4")

@@ -1,4 +1,4 @@
-"""How figures look: type for a two-column journal, colours that survive grey and colour blindness."""
+"""Style of all figures: type for a two-column journal, colours that survive grey and colour blindness."""
 
 import io
 from typing import Any
@@ -6,10 +6,10 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib import figure
 
-from jaxnet.view.figures import COLUMNS
+from jaxnet.view.figures import COLUMN_WIDTHS
 
-WIDTH = COLUMNS["two"]  # [in]
-TALLEST = 9.4  # [in] of a figure: what a page has beside a caption
+FIGURE_WIDTH = COLUMN_WIDTHS["two"]  # [in]
+GREATEST_HEIGHT = 9.4  # [in] of a figure: what a page has beside a caption
 
 # Okabe and Ito's palette; what must be told apart also differs in line style or marker.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
@@ -21,7 +21,7 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
     "#56B4E9",
     "#000000",
 )
-SERIES = [
+SERIES_STYLES = [
     {"color": BLUE, "linestyle": "-"},
     {"color": RED, "linestyle": (0, (5, 1.5))},
     {"color": GREEN, "linestyle": (0, (1, 1))},
@@ -30,7 +30,7 @@ SERIES = [
     {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 ]
 
-RC: Any = {
+PRINT_STYLE: Any = {
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
@@ -51,15 +51,15 @@ RC: Any = {
 
 
 class Figure(figure.Figure):
-    """A figure that is written as for print whoever does it, and that a notebook shows by itself."""
+    """A figure with the print style in every output, displayed by a notebook."""
 
     def savefig(self, *words: Any, **options: Any) -> None:
-        """Write it to a file, in the resolution and with the type for print."""
-        with mpl.rc_context(RC):
+        """Write the figure in the resolution and style for print."""
+        with mpl.rc_context(PRINT_STYLE):
             super().savefig(*words, **options)
 
     def _repr_png_(self) -> bytes:
-        """What a notebook shows."""
+        """Return the PNG that a notebook displays."""
         content = io.BytesIO()
         self.savefig(content, format="png", dpi=self.dpi)
         return content.getvalue()

@@ -1,4 +1,4 @@
-"""Where the lanes of each cell end: their tail errors, with median and 5 to 95 %."""
+"""Tail errors of the lanes of each cell, with median and 5 to 95 %."""
 
 from collections.abc import Sequence
 
@@ -12,20 +12,20 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
-MOST_SHOWN = 24  # cells that one figure takes
-DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
+MOST_TAIL_ROWS = 24  # cells that one figure takes
+MOST_DOTS = 1000  # lanes of a cell that it takes: more lie on top of each other, and each is drawn
 
 
-def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
-    """`tail_mean` of the ok lanes of the first MOST of these cells."""
+def tails_figure(results: Results, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
+    """Draw `tail_mean` of the lanes that ended, a row per cell, for as many cells as the page holds."""
     labels = [cell.labels for cell in cells]
-    most = multiples.rows_room(labels, width, MOST_SHOWN)
+    most = multiples.rows_fitting(labels, width, MOST_TAIL_ROWS)
     shown = {cell.number: place for place, cell in enumerate(cells[:most])}
     drawn, panel = multiples.named_rows(labels[:most], width)
     for cell, lanes in results.by_cell("tail_mean", where=rows.OK, cells=shown):
         number = shown[cell]
         values = lanes["tail_mean"].to_numpy().clip(LOG_FLOOR, GREATEST_SHOWN)
-        dots = some(values)
+        dots = thin_by_rank(values)
         jitter = np.random.default_rng(0).uniform(-0.22, 0.22, len(dots))
         panel.plot(dots, number + jitter, ".", color=style.SKY, markersize=3, zorder=1)
         low, median, high = np.quantile(values, [0.05, 0.5, 0.95])
@@ -34,14 +34,18 @@ def figure(results: Results, cells: Sequence[Cell], width: float = style.WIDTH) 
     panel.set_xscale("log")
     panel.autoscale_view()
     multiples.log_ticks(panel.xaxis)
-    dot = "one dot per lane" if results.manifest["samples"] <= DOTS else f"{DOTS:,} dots evenly by rank"
+    dot = (
+        "one dot per lane"
+        if results.manifest["samples"] <= MOST_DOTS
+        else f"{MOST_DOTS:,} dots evenly by rank"
+    )
     panel.set_xlabel(multiples.axis_name("mean error over the tail and the vehicles [m]", width))
-    multiples.note(drawn, f"{dot}; median and 5 to 95 %")
-    multiples.note_left_out(drawn, (len(shown), len(cells), "cells"), where="lanes/")
+    multiples.write_note(drawn, f"{dot}; median and 5 to 95 %")
+    multiples.write_left_out(drawn, (len(shown), len(cells), "cells"), where="lanes/")
     return drawn
 
 
-def some(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:
-    """DOTS of them at most, evenly by rank, with the least and the greatest."""
-    ranks = np.linspace(0, len(values) - 1, min(len(values), DOTS)).round().astype(int)
+def thin_by_rank(values: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " dots"]:
+    """Return at most MOST_DOTS sorted values, evenly spaced in rank, with minimum and maximum."""
+    ranks = np.linspace(0, len(values) - 1, min(len(values), MOST_DOTS)).round().astype(int)
     return np.sort(values)[ranks]

@@ -1,4 +1,4 @@
-"""Who hears whom: the graphs of a study with their weights, attacked and trusted links."""
+"""Graphs of a study with weights, attacked links and trusted links."""
 
 import math
 from collections.abc import Sequence
@@ -12,85 +12,85 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.graph import Digraph
 from jaxnet.view.figures import adjacency, multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles, name
+from jaxnet.view.figures.panels import attacked_vehicles, topology_name
 from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
 MATRICES_IN_ROW = 2  # of them, where any is shown by its matrix
-SNAKE = 4  # vehicles, at least, in a row of a graph that is more of a chain
-CROWD = 16  # more vehicles than this are too many for one circle
-INNER = 0.8  # radius of a crowd's second circle
-EDGE = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
-SMALLEST = 6.0  # [pt] type that can be read in print
-NODE = 11.0  # [pt] diameter of a node where there is room for it
-KEY_HEIGHT = 0.55  # [in]
-LEGIBLE = 9.5  # [pt] diameter of a node whose number can be read
-APART = 18.0  # [pt] from one node to the next that panels grow for
+LEAST_SNAKE_ROW = 4  # vehicles, at least, in a row of a graph that is more of a chain
+MOST_ON_CIRCLE = 16  # more vehicles than this are too many for one circle
+INNER_RADIUS = 0.8  # radius of a crowd's second circle
+GRAPH_MARGIN = 0.3  # around the outermost nodes, where the vehicles stand on a unit circle
+LEAST_TEXT_SIZE = 6.0  # [pt] type that can be read in print
+NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
+TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
+LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
+WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
 
-PLAIN = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
-TRUSTED = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
-ATTACKED = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
-LINKS = {"trusted link": TRUSTED, "attacked link": ATTACKED, "other link": PLAIN}
+OTHER_LINK = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
+TRUSTED_LINK = {"color": style.BLUE, "linewidth": 1.6, "linestyle": "-"}
+ATTACKED_LINK = {"color": style.RED, "linewidth": 1.0, "linestyle": (0, (3, 1.2))}
+LINK_STYLES = {"trusted link": TRUSTED_LINK, "attacked link": ATTACKED_LINK, "other link": OTHER_LINK}
 
 
-def figure(cells: Sequence[Cell], width: float = style.WIDTH) -> Figure:
-    """One panel per graph, as a page has room for, each with the most attacked links that the study has.
+def topology_figure(cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
+    """Draw a panel per graph, each with the most attacked links of the study.
 
-    Weights that are drawn lane by lane are those of the graph of their medians.
+    A graph with random weights is drawn with their medians.
     """
     there = [(cell, situation_of(cell.scenario)) for cell in most_attacked(cells)]
-    across = side_by_side([network.graph for _, network in there], width)
+    across = graphs_per_row([network.graph for _, network in there], width)
     columns = min(across, len(there))
     size = width / max(columns, min(3, across))
-    shown = there[: columns * max(1, int((style.TALLEST - KEY_HEIGHT) / size))]
+    shown = there[: columns * max(1, int((style.GREATEST_HEIGHT - TOPOLOGY_LEGEND_HEIGHT) / size))]
     graphs = [network.graph for _, network in shown]
     rows = -(-len(shown) // columns)
-    drawn = Figure(figsize=(width, size * rows + KEY_HEIGHT))
+    drawn = Figure(figsize=(width, size * rows + TOPOLOGY_LEGEND_HEIGHT))
     for number, (cell, network) in enumerate(shown):
         draw_graph(drawn.add_subplot(rows, columns, number + 1), cell, network, 72 * size)
-    handles, ncols = legend(shown), multiples.legend_columns(width, 5)
+    handles, ncols = topology_legend(shown), multiples.legend_columns(width, 5)
     drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.4)
-    words = left_out(graphs, 72 * size)
+    words = omitted_labels(graphs, 72 * size)
     if words:
-        multiples.note(drawn, f"There is no room for {' and '.join(words)}")
-    multiples.note_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
+        multiples.write_note(drawn, f"There is no room for {' and '.join(words)}")
+    multiples.write_left_out(drawn, (len(shown), len(there), "graphs"), where="study.yaml")
     return drawn
 
 
 def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
-    """Of each graph the cell with the most attacked links."""
+    """Return, for each graph, the cell with the most attacked links."""
     graphs: dict[str, Cell] = {}
     for cell in cells:
-        known = graphs.get(name(cell))
+        known = graphs.get(topology_name(cell))
         if known is None or attacked_links(cell) > attacked_links(known):
-            graphs[name(cell)] = cell
+            graphs[topology_name(cell)] = cell
     return list(graphs.values())
 
 
-def side_by_side(graphs: Sequence[Digraph], width: float) -> int:
-    """How many graphs stand in a row: as many as leave APART between the nodes of each."""
-    wanted = [APART / spacing(graph, 1.0) for graph in graphs if not adjacency.too_large(graph)]
+def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:
+    """Return the number of graphs in a row that keeps WANTED_SPACING between nodes."""
+    wanted = [WANTED_SPACING / node_spacing(graph, 1.0) for graph in graphs if not adjacency.too_large(graph)]
     most = MOST_IN_ROW if len(wanted) == len(graphs) else MATRICES_IN_ROW
     return max(1, min(most, int(72 * width / max(wanted, default=1.0))))
 
 
-def spacing(graph: Digraph, size: float) -> float:
-    """From the last node to the nearest in a panel of this size [pt]."""
-    places = positions(graph)
-    extent = np.ptp(places, axis=0).max() + 2 * EDGE
+def node_spacing(graph: Digraph, size: float) -> float:
+    """Return the distance from the last node to its nearest neighbour [pt] in a panel of this size [pt]."""
+    places = source_positions(graph)
+    extent = np.ptp(places, axis=0).max() + 2 * GRAPH_MARGIN
     return float(np.hypot(*(places[:-1] - places[-1]).T).min() / extent * size)
 
 
-def diameter(graph: Digraph, size: float) -> float:
-    """Of a node in a panel of this size [pt]."""
-    return min(NODE, 0.8 * spacing(graph, size))
+def node_diameter(graph: Digraph, size: float) -> float:
+    """Return the diameter of a node [pt] in a panel of this size [pt]."""
+    return min(NODE_DIAMETER, 0.8 * node_spacing(graph, size))
 
 
-def left_out(graphs: Sequence[Digraph], size: float) -> list[str]:
-    """What panels of this size [pt] have no room for."""
+def omitted_labels(graphs: Sequence[Digraph], size: float) -> list[str]:
+    """Return descriptions of the labels that do not fit panels of this size [pt]."""
     words, graphs = [], [graph for graph in graphs if not adjacency.too_large(graph)]
-    if any(diameter(graph, size) < LEGIBLE for graph in graphs):
+    if any(node_diameter(graph, size) < LEAST_NUMBERED_NODE for graph in graphs):
         words.append("the numbers of vehicles that are not attacked")
     if any(graph.heard.any() and not labelled_links(graph) for graph in graphs):
         words.append("the weights of all links")
@@ -98,12 +98,12 @@ def left_out(graphs: Sequence[Digraph], size: float) -> list[str]:
 
 
 def attacked_links(cell: Cell) -> int:
-    """Number of attacked links, none if the attack has no size."""
+    """Return the number of attacked links; 0 if the attack has magnitude 0."""
     return int(situation_of(cell.scenario).attacked.sum()) if attacked_vehicles(cell) else 0
 
 
 def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
-    """What the legend calls the link of each vehicle, from 0, with each source that it hears."""
+    """Return the legend's name of each link (vehicle from 0, source)."""
     attacked, decides = attacked_vehicles(cell), cell.scenario.defence.decides
     links = network.graph.edges()
     either = zip(network.attacked[links].tolist(), network.trusted[links].tolist(), strict=True)
@@ -114,45 +114,46 @@ def link_names(cell: Cell, network: Situation) -> dict[tuple[int, int], str]:
 
 
 def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None:
-    """Arrows run as the signals do, from the source to the vehicle that hears it, on size [pt].
+    """Draw a graph of this size [pt]; arrows point from the source to the vehicle that hears it.
 
-    A large fleet's links are a density.
+    A large graph is drawn as a density of links.
     """
-    panel.set_title(heading(cell, network.graph), pad=2)
+    panel.set_title(graph_title(cell, network.graph), pad=2)
     if adjacency.too_large(network.graph):
-        adjacency.draw(panel, network, attacked_vehicles(cell))
+        adjacency.draw_adjacency(panel, network, attacked_vehicles(cell))
         return
-    places = positions(network.graph)
+    places = source_positions(network.graph)
     attacked = attacked_vehicles(cell)
-    across = diameter(network.graph, size)
+    across = node_diameter(network.graph, size)
     names = link_names(cell, network)
     for (i, j), called in names.items():
         mutual = (j - 1, i + 1) in names
         bend = 0.16 if mutual else 0.0
-        draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINKS[called])
-    if network.graph.vehicles <= CROWD or not weight_classes(network.graph):
+        draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINK_STYLES[called])
+    if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
         label_weights(panel, network.graph, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
     panel.set_aspect("equal")
     panel.axis("off")
-    panel.set_xlim(places[:, 0].min() - EDGE, places[:, 0].max() + EDGE)
-    panel.set_ylim(places[:, 1].min() - EDGE, places[:, 1].max() + EDGE)
+    panel.set_xlim(places[:, 0].min() - GRAPH_MARGIN, places[:, 0].max() + GRAPH_MARGIN)
+    panel.set_ylim(places[:, 1].min() - GRAPH_MARGIN, places[:, 1].max() + GRAPH_MARGIN)
 
 
-def positions(graph: Digraph) -> np.ndarray:
-    """Where the sources stand: around the navigator, or in a snake if few vehicles hear it.
+def source_positions(graph: Digraph) -> np.ndarray:
+    """Return positions of navigator and vehicles in the drawing, on a circle or a serpentine.
 
-    A crowd stands on two circles by turns, which leaves room for the links between neighbours.
+    The navigator stands in the centre where a third of the vehicles hear it. Many vehicles alternate between
+    two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
     if (graph.heard & (graph.sources == 0)).sum() * 3 >= m:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        if m > CROWD:
-            circle[1::2] *= INNER
+        if m > MOST_ON_CIRCLE:
+            circle[1::2] *= INNER_RADIUS
         return np.concatenate([np.zeros((1, 2)), circle])
-    order, across = np.arange(m + 1), max(SNAKE, math.isqrt(m) + 1)
+    order, across = np.arange(m + 1), max(LEAST_SNAKE_ROW, math.isqrt(m) + 1)
     row, column = order // across, order % across
     column = np.where(row % 2, across - 1 - column, column)
     return np.stack([column, -row], axis=1) * 0.62
@@ -161,7 +162,7 @@ def positions(graph: Digraph) -> np.ndarray:
 def draw_link(
     panel: Axes, source: np.ndarray, listener: np.ndarray, bend: float, rim: float, look: dict[str, object]
 ) -> None:
-    """An arrow that ends at the rim of the listener's node, so far from its middle [pt]."""
+    """Draw an arrow that ends at the rim of the listener's node; `rim` is the node's radius [pt]."""
     arrow = FancyArrowPatch(
         tuple(source),
         tuple(listener),
@@ -177,7 +178,7 @@ def draw_link(
 
 
 def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
-    """Weights of navigator and vehicles where there are few of them, with one link of each; else nothing."""
+    """Return the distinct weights with an example link each, if they are few; else nothing."""
     classes: dict[tuple[bool, float], tuple[int, int]] = {}
     weights = graph.pairs()
     for (i, j), weight in weights.items():
@@ -186,25 +187,25 @@ def weight_classes(graph: Digraph) -> dict[tuple[bool, float], tuple[int, int]]:
 
 
 def labelled_links(graph: Digraph) -> list[tuple[int, int]]:
-    """All links, or where few values recur, one of each from navigator and vehicles; none of too many."""
+    """Return the links that get a weight label: all, or one per weight, or none of too many."""
     links = list(graph.pairs())
     return list(weight_classes(graph).values()) or (links if len(links) <= MOST_WEIGHTS else [])
 
 
-def heading(cell: Cell, graph: Digraph) -> str:
-    """A graph's name; in a crowd, where no label is clear of the nodes, with the weights that recur."""
+def graph_title(cell: Cell, graph: Digraph) -> str:
+    """Return the title of a graph; the title of a large graph includes the weights that recur."""
     words = [
         f"{weight:.3g} from {'0' if navigator else 'vehicles'}" for navigator, weight in weight_classes(graph)
     ]
-    crowded = graph.vehicles > CROWD and words
-    return f"{caption(cell)}\nweights: {', '.join(words)}" if crowded else caption(cell)
+    crowded = graph.vehicles > MOST_ON_CIRCLE and words
+    return f"{graph_caption(cell)}\nweights: {', '.join(words)}" if crowded else graph_caption(cell)
 
 
-def caption(cell: Cell) -> str:
-    """A graph's name, and how many are attacked where who they are is drawn."""
+def graph_caption(cell: Cell) -> str:
+    """Return the name of a graph, and the number of attacked vehicles where they are random."""
     attack = cell.scenario.attack
     unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
-    return name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
+    return topology_name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
 
 
 def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
@@ -221,12 +222,13 @@ def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
 
 
 def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: float) -> None:
-    """A node so many points across: the navigator square and dark, attacked vehicles in the attack's colour.
+    """Draw a node of a diameter [pt]; its number is written where the diameter permits.
 
-    It has its number if that can be read; navigator and attacked vehicles are as large as that takes.
+    The navigator is a dark square. Attacked vehicles have the attack's colour. Both are large enough for
+    a number.
     """
     if source == 0 or lies:
-        across = max(across, LEGIBLE)
+        across = max(across, LEAST_NUMBERED_NODE)
     marker, face, text = ("s", "0.15", "white") if source == 0 else ("o", "white", "black")
     edge = style.RED if lies else "0.15"
     width = 1.6 if lies else 0.8
@@ -240,12 +242,12 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
         markeredgewidth=width,
         zorder=2.5 if lies else 2,
     )
-    if across >= LEGIBLE:
+    if across >= LEAST_NUMBERED_NODE:
         panel.text(
             x,
             y,
             str(source),
-            fontsize=max(SMALLEST, 0.6 * across),
+            fontsize=max(LEAST_TEXT_SIZE, 0.6 * across),
             ha="center",
             va="center",
             color=text,
@@ -253,15 +255,15 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
         )
 
 
-def legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    """What is what, of what is there."""
+def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
+    """Return legend entries for the nodes, links and densities in the figure."""
     large = [each for each in shown if adjacency.too_large(each[1].graph)]
-    keys = adjacency.legend(any(attacked_vehicles(cell) for cell, _ in large)) if large else []
-    return of_nodes([each for each in shown if not adjacency.too_large(each[1].graph)]) + keys
+    keys = adjacency.adjacency_legend(any(attacked_vehicles(cell) for cell, _ in large)) if large else []
+    return node_legend([each for each in shown if not adjacency.too_large(each[1].graph)]) + keys
 
 
-def of_nodes(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
-    """What is what, where vehicles are drawn one by one."""
+def node_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
+    """Return legend entries for graphs that are drawn node by node."""
     if not shown:
         return []
     node = {"linestyle": "", "markersize": 7}
@@ -270,5 +272,5 @@ def of_nodes(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:
         rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
         handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))
     present = {called for cell, network in shown for called in link_names(cell, network).values()}
-    looks = [(called, look) for called, look in LINKS.items() if called in present]
+    looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
     return handles + [Line2D([], [], **look, label=called) for called, look in looks]

@@ -1,4 +1,4 @@
-"""The ultimate error δ̂(ā): what simulation finds, under what theory allows."""
+"""The ultimate error δ̂(ā): quantiles of simulated lanes, bounds, and fitted lines."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,18 +19,20 @@ BOUND_STYLE: dict[str, Any] = {
     "lyapunov_corrected": {"color": style.RED, "linestyle": (0, (6, 1.5, 1, 1.5))},
     "lyapunov_printed": {"color": style.SKY, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
 }
-FITTED: dict[str, Any] = {"color": "0.45", "linewidth": 0.7, "linestyle": "-"}
-POINT: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}
-LONG: dict[str, Any] = POINT | {"markersize": 6}
+FIT_STYLE: dict[str, Any] = {"color": "0.45", "linewidth": 0.7, "linestyle": "-"}
+MEDIAN_STYLE: dict[str, Any] = {"color": style.BLACK, "markersize": 3, "linestyle": ""}
+MARK_STYLE: dict[str, Any] = MEDIAN_STYLE | {"markersize": 6}
 
 
-def figure(found: Sequence[Curve], metric: str = "tail_max", width: float = style.WIDTH) -> Figure:
-    """A panel per group, as there is room for: quantiles over lanes, bounds, and the fitted proportion."""
-    shown = found[: multiples.room([curve.group.labels for curve in found], width)]
+def ultimate_figure(
+    found: Sequence[Curve], metric: str = "tail_max", width: float = style.FIGURE_WIDTH
+) -> Figure:
+    """Draw a panel per group with quantiles over lanes, bounds and the fitted line."""
+    shown = found[: multiples.panels_fitting([curve.group.labels for curve in found], width)]
     low, high = axis_ends(found, metric)
     word = "greatest" if metric == "tail_max" else "mean"
     labels = [curve.group.labels for curve in shown]
-    drawn, panels = multiples.panels(labels, "attack magnitude ā [m]", f"{word} tail error [m]", width)
+    drawn, panels = multiples.panel_grid(labels, "attack magnitude ā [m]", f"{word} tail error [m]", width)
     for panel, curve in zip(panels, shown, strict=True):
         draw_bounds(panel, curve, metric)
         draw_lanes(panel, curve, metric, low)
@@ -39,27 +41,27 @@ def figure(found: Sequence[Curve], metric: str = "tail_max", width: float = styl
     multiples.log_ticks(panels[0].xaxis)
     multiples.log_ticks(panels[0].yaxis)
     drawn.legend(
-        handles=legend(shown, metric, low),
+        handles=ultimate_legend(shown, metric, low),
         loc="outside lower center",
         ncols=multiples.legend_columns(width, 4),
         handlelength=2.6,
     )
-    multiples.note_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
+    multiples.write_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 
 
 def draw_bounds(panel: Axes, curve: Curve, metric: str) -> None:
-    """Bounds and the least-squares proportion as lines through the origin."""
+    """Draw bounds and the least-squares fit as lines through the origin."""
     sizes = curve.sizes
     for bound, slope in curve.limits(metric).items():
         panel.plot(sizes, slope * sizes, **BOUND_STYLE[bound])
     fitted = curve.fit(metric)
     if fitted is not None:
-        panel.plot(sizes, fitted[0] * sizes, **FITTED, zorder=1)
+        panel.plot(sizes, fitted[0] * sizes, **FIT_STYLE, zorder=1)
 
 
 def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
-    """Median, 5 to 95 % and maximum; what lies below the axis stands on it as a triangle."""
+    """Draw median, 5 to 95 % and maximum; a triangle marks a median below the axis."""
     sizes = curve.sizes
     low, median, high, greatest = (
         np.maximum(floor, values) for values in curve.spread(metric, "q05", "median", "q95", "max")
@@ -67,22 +69,22 @@ def draw_lanes(panel: Axes, curve: Curve, metric: str, floor: float) -> None:
     panel.vlines(sizes, low, high, color=style.BLACK, linewidth=0.9)
     for marker, chosen in (("o", median > floor), ("v", median <= floor)):
         if chosen.any():
-            panel.plot(sizes[chosen], median[chosen], marker, **POINT, clip_on=False)
-    panel.plot(sizes, greatest, "_", **LONG)
+            panel.plot(sizes[chosen], median[chosen], marker, **MEDIAN_STYLE, clip_on=False)
+    panel.plot(sizes, greatest, "_", **MARK_STYLE)
 
 
-def legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
-    """What is what, of what is there."""
+def ultimate_legend(shown: Sequence[Curve], metric: str, floor: float) -> list[Line2D]:
+    """Return legend entries for the bounds and marks in the figure."""
     present = {bound for curve in shown for bound in curve.limits(metric)}
     handles = [
-        Line2D([], [], marker="o", label="median of lanes", **POINT),
-        Line2D([], [], marker="|", label="5 to 95 %", **LONG),
-        Line2D([], [], marker="_", label="maximum", **LONG),
+        Line2D([], [], marker="o", label="median of lanes", **MEDIAN_STYLE),
+        Line2D([], [], marker="|", label="5 to 95 %", **MARK_STYLE),
+        Line2D([], [], marker="_", label="maximum", **MARK_STYLE),
     ]
     if any((curve.spread(metric, "median")[0] <= floor).any() for curve in shown):
-        handles.append(Line2D([], [], marker="v", label="median below the axis", **POINT))
+        handles.append(Line2D([], [], marker="v", label="median below the axis", **MEDIAN_STYLE))
     if any(curve.fit(metric) for curve in shown):
-        handles.append(Line2D([], [], label="least squares s·ā", **FITTED))
+        handles.append(Line2D([], [], label="least squares s·ā", **FIT_STYLE))
     return handles + [
         Line2D([], [], label=f"{BOUND_NAMES[bound]}", **look)
         for bound, look in BOUND_STYLE.items()

@@ -1,8 +1,8 @@
-"""`report.html`: one file with all about a results folder, which works offline and asks nobody for anything.
+"""The page `report.html`: one file about a results folder, which works offline.
 
-`sections` writes its text and tables out of `elements`, `findings` and `networks`; `plots` and `trajectories`
-give the numbers of what the scripts draw with plotly.js, which is inlined; `page.css` has the light and the
-dark look. Each script is about one thing, and uses those before it.
+`sections` writes text and tables from `elements`, `findings` and `networks`. `plots` and `trajectories` give
+data for the scripts, which draw with an inlined plotly.js. `page.css` has a light and a dark theme. Each
+script treats one subject and may use the scripts before it.
 """
 
 import json
@@ -22,9 +22,9 @@ from jaxnet.store.results import Results
 from jaxnet.view.figures import style
 from jaxnet.view.page import sections
 
-HERE = Path(__file__).parent
+PAGE_FOLDER = Path(__file__).parent
 SCRIPTS = ("base", "sort", "filter", "plot", "multiples", "heat", "lanes", "tables", "paper")
-COLOURS = {
+PALETTE = {
     "blue": style.BLUE,
     "orange": style.ORANGE,
     "green": style.GREEN,
@@ -37,17 +37,22 @@ COLOURS = {
 
 
 def write_page(results: Results) -> UPath:
-    """Write `report.html`; raises FolderError for an unfinished run."""
-    data = {"name": results.study.config.name, **choices(results.study.cells)}
-    shown = sections.every(results)
+    """Write `report.html` and return its path; raise FolderError for an unfinished run."""
+    data = {"name": results.study.config.name, **swept_choices(results.study.cells)}
+    shown = sections.page_sections(results)
     data |= {"sections": {each.id: each.plots for each in shown if each.plots}}
-    text = whole(
-        escape(results.study.config.name), sections.lead(results), shown, data, get_plotlyjs(), SCRIPTS
+    text = page_html(
+        escape(results.study.config.name),
+        sections.lead_sentence(results),
+        shown,
+        data,
+        get_plotlyjs(),
+        SCRIPTS,
     )
     return results.folder.put("report.html", lambda file: file.write(text.encode()))
 
 
-def whole(
+def page_html(
     name: str,
     lead: str,
     shown: Sequence[sections.Section],
@@ -55,22 +60,22 @@ def whole(
     plotly: str = "",
     scripts: Sequence[str] = ("base", "sort"),
 ) -> str:
-    """A page of these sections, in one file, with what its scripts draw."""
-    return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
+    """Return a page of these sections as one HTML file, with scripts and the data that they draw."""
+    return Template((PAGE_FOLDER / "page.html").read_text(encoding="utf-8")).substitute(
         name=name,
         lead=lead,
         contents=" ".join(f'<a href="#{each.id}">{each.title}</a>' for each in shown),
         sections="\n".join(map(str, shown)),
-        palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in COLOURS.items())} }}",
-        css=(HERE / "page.css").read_text(encoding="utf-8"),
-        data=encode(data),
+        palette=f":root {{ {' '.join(f'--{name}: {value};' for name, value in PALETTE.items())} }}",
+        css=(PAGE_FOLDER / "page.css").read_text(encoding="utf-8"),
+        data=json_for_script(data),
         plotly=plotly,
-        script="\n".join((HERE / f"{each}.js").read_text(encoding="utf-8") for each in scripts),
+        script="\n".join((PAGE_FOLDER / f"{each}.js").read_text(encoding="utf-8") for each in scripts),
     )
 
 
-def choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
-    """Swept keys with their values as the page tells them, and the place of each cell's values among them."""
+def swept_choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
+    """Return the formatted values of each swept key, and each cell's indices into these values."""
     values = swept_values_of(cells)
     places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}
     return {
@@ -79,7 +84,7 @@ def choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
     }
 
 
-def encode(data: object) -> str:
-    """JSON that can stand in a script element."""
+def json_for_script(data: object) -> str:
+    """Return JSON that is safe inside a script element."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")

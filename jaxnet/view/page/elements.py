@@ -1,4 +1,4 @@
-"""What the page's sections are made of: tables that sort, numbers as they are read, text that opens."""
+"""Elements of the page: sortable tables, formatted numbers, text that unfolds."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -6,32 +6,32 @@ from html import escape
 import numpy as np
 import pandas as pd
 
-from jaxnet.view.text import tables
+from jaxnet.view.text.width import four_digits
 
 # Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
 # ticks, some 1e-12 m: what is below this is arithmetic, and far below any error that a robot has.
-ROUNDING = 1e-9
+ROUNDING_ERROR = 1e-9
 
 
-def folded(name: str, text: str) -> str:
-    """Text that opens on a click."""
+def folded_text(name: str, text: str) -> str:
+    """Return text that unfolds on a click, as HTML."""
     return f'<details><summary>{name}</summary><pre tabindex="0">{escape(text)}</pre></details>'
 
 
-def sortable(
+def sortable_table(
     rows: pd.DataFrame,
     cells: Iterable[Sequence[int]] | None = None,
     scales: Mapping[str, np.ndarray] | None = None,
 ) -> str:
-    """Rows as a table that sorts; numbers to four digits, and in full for the sorting.
+    """Return rows as a sortable HTML table: numbers to four digits, exact values for the sort.
 
-    Each row may be about some cells, by which the reader chooses. Columns with scales, one of each row, hold
-    errors: what is rounding to its scale is shown as such.
+    `cells` lists the cells of each row, for the page's filter. Columns named in `scales` hold errors. Errors
+    below rounding, relative to the row's scale, are marked.
     """
     scales = scales or {}
     numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
     heads = "".join(
-        f'<th scope="col" aria-sort="none"{NUMBER if number else ""}>'
+        f'<th scope="col" aria-sort="none"{NUMBER_CLASS if number else ""}>'
         f'<button type="button">{escape(str(name))}</button></th>'
         for name, number in zip(rows.columns, numeric, strict=True)
     )
@@ -54,22 +54,25 @@ def sortable(
     )
 
 
-NUMBER = ' class="number"'
+NUMBER_CLASS = ' class="number"'
 
 
 def number_cell(value: float | int, scale: float = 0.0) -> str:
-    """A number; a dash where there is none; zero where it is rounding to its scale."""
+    """Return a number as a table cell: a dash for NaN, "0 (rounding)" below rounding."""
     if np.isnan(value):
-        return f"<td{NUMBER}>–</td>"
+        return f"<td{NUMBER_CLASS}>–</td>"
     if np.isinf(value):
-        return f'<td{NUMBER} data-value="Infinity">∞</td>'
-    text = str(value) if isinstance(value, int) else measured(value, scale)
-    return f'<td{NUMBER} data-value="{value!r}">{text}</td>'
+        return f'<td{NUMBER_CLASS} data-value="Infinity">∞</td>'
+    text = str(value) if isinstance(value, int) else error_text(value, scale)
+    return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}</td>'
 
 
-def measured(value: float, scale: float = 1.0) -> str:
-    """An error, or one per ā (scale 1); a scale that is not known is a metre, and 0 is of no error."""
+def error_text(value: float, scale: float = 1.0) -> str:
+    """Return an error, or an error per ā with scale 1; below rounding "0 (rounding)".
+
+    An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
+    """
     known = 1.0 if np.isnan(scale) else scale
-    if 0 < abs(value) < ROUNDING * known:
+    if 0 < abs(value) < ROUNDING_ERROR * known:
         return "0 (rounding)"
-    return "∞" if value == np.inf else tables.number(value)
+    return "∞" if value == np.inf else four_digits(value)

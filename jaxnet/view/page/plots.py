@@ -1,6 +1,6 @@
-"""The numbers of the page's small multiples, plain data for JSON; the script draws them.
+"""Data of the page's small multiples, ready for JSON; scripts draw the multiples.
 
-A panel has the numbers of the cells that it is about, by which the reader chooses.
+Each panel lists the numbers of its cells, for the page's filter.
 """
 
 import base64
@@ -29,10 +29,10 @@ from jaxnet.statistics.tiles import Tiling, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import heat
 
-LARGEST = np.finfo(np.float32).max
-SPREAD = ("q05", "median", "q95", "max", "mean", "low", "high")
-FITTED = {"least squares": None, "95 % of lanes": 0.95}
-LOOKS = {
+LARGEST_SINGLE = np.finfo(np.float32).max
+CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
+FIT_QUANTILES = {"least squares": None, "95 % of lanes": 0.95}
+LINE_STYLES = {
     "static": {"color": "--green", "dash": "solid"},
     "peak_gain": {"color": "--blue", "dash": "8px,3px"},
     "star_norm": {"color": "--purple", "dash": "2px,2px"},
@@ -44,28 +44,28 @@ LOOKS = {
 }
 
 
-def packed(values: Any, kind: str = "<f4") -> str:
-    """Numbers as text, in single precision, as far as that goes, or as bytes."""
+def pack_numbers(values: Any, kind: str = "<f4") -> str:
+    """Encode numbers in base64, clipped to single precision, or as bytes of another type."""
     if kind == "<f4":
-        values = np.clip(values, -LARGEST, LARGEST)
+        values = np.clip(values, -LARGEST_SINGLE, LARGEST_SINGLE)
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
-def numbers(values: Iterable[float]) -> list[float | None]:
-    """Numbers for JSON, which has none that is not one."""
+def finite_numbers(values: Iterable[float]) -> list[float | None]:
+    """Replace NaN and infinities, which JSON does not have, by None."""
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def panel(cells: Iterable[int], labels: dict[str, Any]) -> dict[str, Any]:
-    """What every panel has: the numbers of its cells, and what it is about."""
+def panel_data(cells: Iterable[int], labels: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of every panel: the numbers of its cells, and its title."""
     return {"cells": list(cells), "title": title(labels)}
 
 
-def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
-    """δ̂(ā) of each curve: both metrics, and the lines through the origin by their slopes."""
-    lines = {BOUND_NAMES.get(name, name): look for name, look in LOOKS.items()}
+def ultimate_data(found: Sequence[Curve]) -> dict[str, Any]:
+    """Return δ̂(ā) of each curve for both metrics, and the slopes of bounds and fits."""
+    lines = {BOUND_NAMES.get(name, name): look for name, look in LINE_STYLES.items()}
     panels = [
-        panel(curve.group.attacked, curve.group.labels)
+        panel_data(curve.group.attacked, curve.group.labels)
         | {"size": curve.sizes.tolist()}
         | {metric: statistics_of(curve, metric) for metric in METRIC_NAMES}
         | {"lines": {metric: slopes_of(curve, metric) for metric in METRIC_NAMES}}
@@ -81,44 +81,48 @@ def ultimate(found: Sequence[Curve]) -> dict[str, Any]:
 
 
 def statistics_of(curve: Curve, metric: str) -> dict[str, list[float | None]]:
-    """Statistics over lanes, by ascending ā [m]."""
-    return {name: numbers(values) for name, values in zip(SPREAD, curve.spread(metric, *SPREAD), strict=True)}
+    """Return statistics over lanes, by ascending ā [m]."""
+    return {
+        name: finite_numbers(values)
+        for name, values in zip(CURVE_STATISTICS, curve.spread(metric, *CURVE_STATISTICS), strict=True)
+    }
 
 
 def slopes_of(curve: Curve, metric: str) -> dict[str, float]:
-    """Bounds and fitted proportions, per ā."""
-    fits = {name: curve.fit(metric, quantile) for name, quantile in FITTED.items()}
+    """Return the slopes of bounds and fitted lines, per ā."""
+    fits = {name: curve.fit(metric, quantile) for name, quantile in FIT_QUANTILES.items()}
     bounds = {BOUND_NAMES[bound]: slope for bound, slope in curve.limits(metric).items()}
     return bounds | {name: fit[0] for name, fit in fits.items() if fit is not None}
 
 
-def unrecovered(found: Sequence[Curve]) -> dict[str, Any]:
-    """The share against ā."""
+def unrecovered_data(found: Sequence[Curve]) -> dict[str, Any]:
+    """Return the share of lanes unrecovered against ā, a panel per curve."""
     return {
         "panels": [
-            panel(curve.group.attacked, curve.group.labels)
+            panel_data(curve.group.attacked, curve.group.labels)
             | {"size": curve.sizes.tolist()}
-            | {name: numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
+            | {name: finite_numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
             for curve in found
         ]
     }
 
 
-def unrecovered_rows(results: Results) -> dict[str, Any]:
-    """The share of each cell, a row each of one plot."""
+def unrecovered_rows_data(results: Results) -> dict[str, Any]:
+    """Return the share of lanes unrecovered of each cell, a row per cell."""
     cells, rows = results.study.cells, unrecovered_shares(results)
-    columns = {name: numbers(rows[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
+    columns = {name: finite_numbers(rows[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
     return {
         "rows": True,
         "panels": [
-            panel([number], cells[number].labels) | {name: columns[name][place] for name in SHARE_COLUMNS}
+            panel_data([number], cells[number].labels)
+            | {name: columns[name][place] for name in SHARE_COLUMNS}
             for place, number in enumerate(map(int, rows.index))
         ],
     }
 
 
-def tiles(results: Results, tiling: Tiling) -> dict[str, Any]:
-    """Cells over two swept keys: what is told of each, and its place on a scale of colours."""
+def tiles_data(results: Results, tiling: Tiling) -> dict[str, Any]:
+    """Return the heat map over two swept keys: values, texts, and places on the scale of colours."""
     found: Any = tile_table(results)
     *titled, across = tiling.panels[0] or [""]
     return {
@@ -132,9 +136,11 @@ def tiles(results: Results, tiling: Tiling) -> dict[str, Any]:
             }
             for labels, numbered in zip(tiling.panels, tiling.cells, strict=True)
         ],
-        "metrics": [coloured(name, found[name]) for name in heat.METRICS if found[name].notna().any()],
-        "low": numbers(found["unrecovered_low"]),
-        "high": numbers(found["unrecovered_high"]),
+        "metrics": [
+            coloured_metric(name, found[name]) for name in heat.METRIC_LABELS if found[name].notna().any()
+        ],
+        "low": finite_numbers(found["unrecovered_low"]),
+        "high": finite_numbers(found["unrecovered_high"]),
         "intervals": found["interval"].tolist(),
         "confidence": 100 * confidence_told(results.study.config.samples),
         "ok": found["ok"].tolist(),
@@ -144,40 +150,40 @@ def tiles(results: Results, tiling: Tiling) -> dict[str, Any]:
     }
 
 
-def coloured(metric: str, values: pd.Series) -> dict[str, Any]:
-    """One metric of all cells, in numbers, in words and as places on its scale, which has ticks."""
-    norm = heat.scale(metric, values)
+def coloured_metric(metric: str, values: pd.Series) -> dict[str, Any]:
+    """Return a metric of all cells as numbers, as texts, and as places on its scale."""
+    norm = heat.colour_scale(metric, values)
     return {
-        "name": heat.METRICS[metric],
+        "name": heat.METRIC_LABELS[metric],
         "share": metric == "unrecovered",
-        "values": numbers(values),
+        "values": finite_numbers(values),
         "words": [tile_text(metric, value) if np.isfinite(value) else "" for value in values],
-        "places": numbers(np.ma.filled(norm(values.to_numpy()), np.nan)),
+        "places": finite_numbers(np.ma.filled(norm(values.to_numpy()), np.nan)),
         "ends": np.asarray(norm.inverse([0.0, 1.0])).tolist(),
     }
 
 
-def searches(found: Iterable[Course], words: str) -> dict[str, Any]:
-    """The best until then, by lanes, of each cell's search and of random lanes."""
+def searches_data(found: Iterable[Course], words: str) -> dict[str, Any]:
+    """Return the best value against the number of lanes, for each search and for random lanes."""
     return {
         "words": words,
         "panels": [
-            panel([each.cell.number], each.cell.labels)
-            | {name: numbers(getattr(each, name)) for name in Course._fields[1:-1]}
+            panel_data([each.cell.number], each.cell.labels)
+            | {name: finite_numbers(getattr(each, name)) for name in Course._fields[1:-1]}
             | {"bound": each.bound if np.isfinite(each.bound) else None}
             for each in found
         ],
     }
 
 
-def bands(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, Any]:
-    """ẽ(t) of each cell."""
+def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, Any]:
+    """Return the bands of ẽ(t), a panel per cell."""
     return {
         "ends": bands_span(found),
-        "time": packed(next(iter(found.values())).time),
+        "time": pack_numbers(next(iter(found.values())).time),
         "panels": [
-            panel([number], cells[number].labels)
-            | {name: packed(getattr(each, name)) for name in ("low", "median", "high", "greatest")}
+            panel_data([number], cells[number].labels)
+            | {name: pack_numbers(getattr(each, name)) for name in ("low", "median", "high", "greatest")}
             for number, each in found.items()
         ],
     }

@@ -1,4 +1,4 @@
-"""The page's sections: what was run, tables, and the places where plots are drawn."""
+"""Sections of the page: text, tables, and places for the plots."""
 
 import shlex
 from collections.abc import Callable, Sequence
@@ -30,17 +30,17 @@ from jaxnet.statistics.tiles import tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
 from jaxnet.view.page import findings, networks, plots, trajectories
-from jaxnet.view.page.elements import folded, sortable
+from jaxnet.view.page.elements import folded_text, sortable_table
 from jaxnet.view.text import check, tables, worst
-from jaxnet.view.text.sensitivity import LEGEND
+from jaxnet.view.text.sensitivity import SENSITIVITY_LEGEND
 
-MOST_ROWS = 10_000
+MOST_PAGE_ROWS = 10_000
 MOST_LISTED = 200
-DRAWN = '<div class="drawn"></div>'  # where the script draws
+PLOT_PLACE = '<div class="drawn"></div>'  # where the script draws
 
 
 class Section(NamedTuple):
-    """One heading with what stands under it; `plots` is what the script draws there."""
+    """A section of the page: HTML below a title, and data for the script that draws its plot."""
 
     id: str
     title: str
@@ -48,12 +48,12 @@ class Section(NamedTuple):
     plots: Any = None
 
     def __str__(self) -> str:
-        """As HTML."""
+        """Return the section as HTML."""
         return f'<section id="{self.id}"><h2>{self.title}</h2>\n{self.body}</section>'
 
 
-def every(results: Results) -> list[Section]:
-    """All that the folder has something for."""
+def page_sections(results: Results) -> list[Section]:
+    """Return every section for which the folder has data."""
     found = known_or([], lambda: curves(results))
     each: list[Callable[[], Section | None]] = [
         lambda: findings_section(results, found),
@@ -67,23 +67,23 @@ def every(results: Results) -> list[Section]:
         lambda: lanes_section(results),
         lambda: violations_section(results),
         lambda: sensitivity_section(results),
-        lambda: failed(results),
-        lambda: left_out(results),
+        lambda: failed_section(results),
+        lambda: left_out_section(results),
     ]
     shown = (known_or(None, section) for section in each)
     return [section for section in shown if section is not None]
 
 
-def left_out(results: Results) -> Section | None:
-    """Why the page does not have everything, if the code of some kind is not here."""
+def left_out_section(results: Results) -> Section | None:
+    """Return the section that names kinds without code, or None if the code of all is here."""
     if not results.missing:
         return None
     words = escape(str(MissingKindError(", ".join(results.missing))))
     return Section("left-out", "Left out", f"<p>What cannot be told without code: {words}</p>")
 
 
-def lead(results: Results) -> str:
-    """The study in a sentence."""
+def lead_sentence(results: Results) -> str:
+    """Return the numbers of cells and lanes as a sentence."""
     count = results.manifest["lanes"]
     return (
         f"{check.count(len(results.study.cells), 'cell')}, {check.count(count['total'], 'lane')}:"
@@ -92,13 +92,13 @@ def lead(results: Results) -> str:
 
 
 def findings_section(results: Results, found: list[Curve]) -> Section:
-    """What the tables say, in sentences."""
-    told = findings.sentences(results, found, fit_command(results))
+    """Return the section of findings, in sentences."""
+    told = findings.finding_sentences(results, found, fit_command(results))
     return Section("findings", "Findings", f"<ul>{''.join(f'<li>{each}</li>' for each in told)}</ul>")
 
 
 def run_section(results: Results) -> Section:
-    """What was run, with which versions, on which networks."""
+    """Return the section on the study, the versions and the networks."""
     study, manifest = results.study, results.manifest
     swept = study.cells[0].labels
     values = {
@@ -120,17 +120,19 @@ def run_section(results: Results) -> Section:
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
     certificates = known_or([], lambda: check.certificates(study.cells))
     body = (
-        f"<p>{escape(known_or('', lambda: networks.words(study)))}</p>"
-        + known_or("", lambda: networks.drawing(study.cells))
+        f"<p>{escape(known_or('', lambda: networks.study_sentences(study)))}</p>"
+        + known_or("", lambda: networks.networks_html(study.cells))
         + f"<dl>{rows}</dl>"
-        + folded("The study, every default written out", (results.path / "study.yaml").read_text())
-        + folded(f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates))
+        + folded_text("The study, every default written out", (results.path / "study.yaml").read_text())
+        + folded_text(
+            f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates)
+        )
     )
     return Section("run", "What was run", body)
 
 
 def summary_section(results: Results) -> Section:
-    """The table of all cells."""
+    """Return the section with the table of all cells."""
     rows, over = tables.summary_rows(results), interval_basis(results.study.config)
     sure = 100 * recovery.confidence_told(results.study.config.samples)
     note = (
@@ -139,18 +141,20 @@ def summary_section(results: Results) -> Section:
         " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
         " A click on a header sorts.</p>"
     )
-    notes = [*tables.greatest_told(results), *tables.blank_ends(results)]
-    notes += [*tables.caveats(results.study.cells)]
+    notes = [*tables.greatest_lines(results), *tables.blank_interval_lines(results)]
+    notes += [*tables.caveat_lines(results.study.cells)]
     note += "".join(f"<p>{escape(each)}.</p>" for each in notes)
-    if len(rows) > MOST_ROWS:
-        note += f"<p>The first {MOST_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
-    shown = rows.head(MOST_ROWS)
-    errors = dict.fromkeys(tables.SUMMARY.values(), cell_magnitudes(results)[: len(shown)])
-    return Section("summary", "Summary", note + sortable(shown, ([cell] for cell in shown["cell"]), errors))
+    if len(rows) > MOST_PAGE_ROWS:
+        note += f"<p>The first {MOST_PAGE_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
+    shown = rows.head(MOST_PAGE_ROWS)
+    errors = dict.fromkeys(tables.SUMMARY_COLUMNS.values(), cell_magnitudes(results)[: len(shown)])
+    return Section(
+        "summary", "Summary", note + sortable_table(shown, ([cell] for cell in shown["cell"]), errors)
+    )
 
 
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
-    """δ̂(ā), and its slopes as a table."""
+    """Return the section on the ultimate error against ā."""
     name = "Ultimate error δ̂(ā)"
     if reason := no_magnitudes(found):
         return Section("ultimate", name, f"<p>{escape(reason)}</p>")
@@ -161,11 +165,11 @@ def ultimate_section(results: Results, found: list[Curve]) -> Section:
     )
     if not any(curve.bounds for curve in found):
         note += f"<p>No bounds.csv and no fit.csv: <code>{fit_command(results)}</code> writes them.</p>"
-    return Section("ultimate", name, note + DRAWN + slopes_html(found), plots.ultimate(found))
+    return Section("ultimate", name, note + PLOT_PLACE + slopes_html(found), plots.ultimate_data(found))
 
 
 def slopes_html(found: Sequence[Curve]) -> str:
-    """Error per ā: the worst found, fitted, and bounded, by group."""
+    """Return a table of errors per ā by group: worst found, fitted, and bounded."""
     rows = []
     for curve in found:
         row = {**curve.group.labels, "worst found": curve.worst}
@@ -182,12 +186,14 @@ def slopes_html(found: Sequence[Curve]) -> str:
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
         " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
-        + sortable(shown.drop(columns=same).dropna(axis=1, how="all"), about, dict.fromkeys(slopes, ones))
+        + sortable_table(
+            shown.drop(columns=same).dropna(axis=1, how="all"), about, dict.fromkeys(slopes, ones)
+        )
     )
 
 
 def bands_section(results: Results) -> Section | None:
-    """ẽ(t)."""
+    """Return the section on ẽ(t), or None if errors over time are not stored."""
     if not (results.path / "errors.zarr").exists():
         return None
     found = error_bands(results, results.study.cells)
@@ -195,72 +201,78 @@ def bands_section(results: Results) -> Section | None:
         return None
     below = f"what is below {LOG_FLOOR:g} m is rounding and drawn there."
     note = f"<p>Mean error of the fleet over time; {below}</p>"
-    return Section("bands", "Error over time ẽ(t)", note + DRAWN, plots.bands(results.study.cells, found))
+    return Section(
+        "bands", "Error over time ẽ(t)", note + PLOT_PLACE, plots.bands_data(results.study.cells, found)
+    )
 
 
 def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | None:
-    """The share that does not recover."""
+    """Return the section on lanes that do not recover, or None without such data."""
     if not len(unrecovered_shares(results)):
         return None
     confidence = recovery.confidence_told(results.study.config.samples)
     note = (
         f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
     )
-    drawn = plots.unrecovered_rows(results) if no_magnitudes(found) else plots.unrecovered(found)
-    return Section("unrecovered", "Lanes that do not recover", note + DRAWN, drawn)
+    drawn = plots.unrecovered_rows_data(results) if no_magnitudes(found) else plots.unrecovered_data(found)
+    return Section("unrecovered", "Lanes that do not recover", note + PLOT_PLACE, drawn)
 
 
 def heat_section(results: Results) -> Section:
-    """Every cell in colours, over two swept keys."""
+    """Return the section with heat maps over two swept keys."""
     name, tiles = "Heat map", tiling(results.study.cells)
     if tiles is None:
         return Section("heat", name, "<p>No two swept keys have two values each: there is none to draw.</p>")
-    drawn = plots.tiles(results, tiles)
+    drawn = plots.tiles_data(results, tiles)
     if not drawn["metrics"]:
         return Section("heat", name, "<p>No lane attacked with a fixed ā came to its end.</p>")
     note = (
         "<p>One scale of colours for all tables. Point at a tile, touch it, or go to it with Tab and arrow"
         " keys for its interval and lanes. * Some of its lanes failed; they are in no number.</p>"
     )
-    return Section("heat", name, note + DRAWN, drawn)
+    return Section("heat", name, note + PLOT_PLACE, drawn)
 
 
 def search_section(results: Results) -> Section | None:
-    """What a search has found, beside random lanes and bounds."""
+    """Return the section on a search, random lanes and bounds, or None without a search."""
     asked = results.study.config.search
     if asked is None:
         return None
     name = "The worst that a search found"
     if not (results.path / "worst.csv").exists():
         return Section("search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>")
-    rows = worst.rows_of(results)
+    rows = worst.worst_rows(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
     note = (
-        f"<p>{escape(worst.maximised(results))}, over {chosen}. Found: the choice at the horizon. Late: the"
-        f" same choice at {worst.when(results)}, where what is transient has died away. Greatest: any choice"
-        " at the horizon. The best of as many random lanes, the bound"
+        f"<p>{escape(worst.maximised_text(results))}, over {chosen}. Found: the choice at the horizon. Late:"
+        f" the same choice at {worst.late_times(results)}, where what is transient has died away. Greatest:"
+        " any choice at the horizon. The best of as many random lanes, the bound"
         " of theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
         " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
     )
-    drawn = plots.searches(
+    drawn = plots.searches_data(
         search_courses(results, results.study.cells),
-        worst.with_unit(results),
+        worst.metric_with_unit(results),
     )
-    return Section("search", name, note + sortable(rows, ([cell] for cell in rows["cell"])) + DRAWN, drawn)
+    return Section(
+        "search", name, note + sortable_table(rows, ([cell] for cell in rows["cell"])) + PLOT_PLACE, drawn
+    )
 
 
 def sensitivity_section(results: Results) -> Section | None:
-    """Which part of what varies comes from which quantity drawn."""
+    """Return the section on Sobol's indices, or None if there are none."""
     if not (results.path / SENSITIVITY_FILE).exists():
         return None
     rows = read_table(results.path / SENSITIVITY_FILE).dropna(subset="first").drop(columns="tau")
-    note = f"<p>Sobol's indices: {escape(LEGEND)} A click on a header sorts.</p>"
-    return Section("sensitivity", "What matters", note + sortable(rows, ([cell] for cell in rows["cell"])))
+    note = f"<p>Sobol's indices: {escape(SENSITIVITY_LEGEND)} A click on a header sorts.</p>"
+    return Section(
+        "sensitivity", "What matters", note + sortable_table(rows, ([cell] for cell in rows["cell"]))
+    )
 
 
 def lanes_section(results: Results) -> Section:
-    """Lanes in motion."""
-    name, (found, many) = "Lanes in motion", trajectories.lanes(results)
+    """Return the section that animates lanes."""
+    name, (found, many) = "Lanes in motion", trajectories.lanes_data(results)
     if many and not found:
         return Section("lanes", name, f"<p>{TOO_LARGE}</p>")
     if not found:
@@ -274,23 +286,23 @@ def lanes_section(results: Results) -> Section:
     again = escape(results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0"))
     note = (
         f"<p>{check.count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
-        f" <code>{again} --cell C --sample S</code>, then <code>{report}</code>. {CHOSEN}</p>"
+        f" <code>{again} --cell C --sample S</code>, then <code>{report}</code>. {CHOICE_OF_LANES}</p>"
     )
-    return Section("lanes", name, note + DRAWN, found)
+    return Section("lanes", name, note + PLOT_PLACE, found)
 
 
 TOO_LARGE = (
     "The page has no room for a lane of so large a fleet: see <code>jaxnet animate</code>, and"
     " <code>trajectories.zarr</code>."
 )
-CHOSEN = (
+CHOICE_OF_LANES = (
     f"The report simulates again the median and the worst lane of {MOST_REPLAYED} cells at most, spread"
     " evenly over the study, and the worst lanes of the study if it asks for recovery."
 )
 
 
 def violations_section(results: Results) -> Section:
-    """Lanes above a bound that claims to hold for them."""
+    """Return the section on lanes above a bound that claims to hold for them."""
     name, file = "Violations of bounds", results.file("violations.csv")
     if not file.exists():
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
@@ -301,26 +313,28 @@ def violations_section(results: Results) -> Section:
         if skipped:
             words += f" Not held to any: {cells_named(skipped)}, for {UNCHECKED}."
         return Section("violations", name, f"<p>{words}</p>")
-    return Section("violations", name, listed(rows.head(MOST_LISTED), len(rows)))
+    return Section("violations", name, lanes_listed(rows.head(MOST_LISTED), len(rows)))
 
 
-def failed(results: Results) -> Section:
-    """Lanes that did not come to their end."""
+def failed_section(results: Results) -> Section:
+    """Return the section on failed lanes."""
     name = "Failed lanes"
     count, shown = results.failed(MOST_LISTED)
     if not count:
         return Section("failed", name, "<p>None.</p>")
     places = zip(shown["cell"], shown["sample"], strict=True)
     commands = [results.replay_command(cell, sample) for cell, sample in places]
-    return Section("failed", name, listed(shown.assign(command=commands), count))
+    return Section("failed", name, lanes_listed(shown.assign(command=commands), count))
 
 
-def listed(rows: pd.DataFrame, count: int) -> str:
-    """Lanes as a table, and how many there are in all."""
+def lanes_listed(rows: pd.DataFrame, count: int) -> str:
+    """Return a table of lanes, and the number of all lanes."""
     note = f"; the first {len(rows)}:" if len(rows) < count else ":"
-    return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable(rows, ([cell] for cell in rows["cell"]))
+    return f"<p>{check.count(count, 'lane')}{note}</p>" + sortable_table(
+        rows, ([cell] for cell in rows["cell"])
+    )
 
 
 def fit_command(results: Results) -> str:
-    """What writes fits, bounds and violations, as HTML."""
+    """Return the command that writes fits, bounds and violations, escaped for HTML."""
     return escape(shlex.join(["jaxnet", "fit", str(results.path)]))

@@ -1,4 +1,4 @@
-"""Lanes with their trajectories, packed for the page's lane viewer."""
+"""Trajectories of lanes, packed for the page's animation."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,32 +17,34 @@ from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.store.results import Results
 from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
-from jaxnet.view.page.elements import measured
-from jaxnet.view.page.plots import packed
+from jaxnet.view.page.elements import error_text
+from jaxnet.view.page.plots import pack_numbers
 
-BUDGET = 1_200_000  # bytes of the page that lanes take, at most
-MOST_LANES = 30
+MOST_PAGE_BYTES = 1_200_000  # bytes of the page that lanes take, at most
+MOST_PAGE_LANES = 30
 MOST_SEARCHED = 6
 MOST_FRAMES, FEWEST_FRAMES = 601, 51
-LETTERS = 4 / 3  # per byte
+CHARACTERS_PER_BYTE = 4 / 3  # per byte
 
 
-def lanes(results: Results) -> tuple[list[dict[str, Any]], int]:
-    """As many lanes as the page has room for, and how many have a trajectory in all.
+def lanes_data(results: Results) -> tuple[list[dict[str, Any]], int]:
+    """Return as many lanes as MOST_PAGE_BYTES permits, and the number of stored trajectories.
 
-    There is room for none of a large fleet.
+    Lanes of more than MOST_VEHICLES vehicles are left out.
     """
-    there = [*searched_for(results), *((results, each) for each in watched(results))]
+    there = [*searched_lanes(results), *((results, each) for each in watched(results))]
     found = [(of, each) for of, each in there if of.study.cells[each.cell].scenario.vehicles <= MOST_VEHICLES]
-    most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_LANES]), default=1.0)
-    room = BUDGET / most
-    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_LANES)))
+    most = max((frame_bytes(of.study.cells[each.cell]) for of, each in found[:MOST_PAGE_LANES]), default=1.0)
+    room = MOST_PAGE_BYTES / most
+    count = min(len(found), int(np.clip(room / FEWEST_FRAMES, 1, MOST_PAGE_LANES)))
     frames = int(np.clip(room / max(1, count), FEWEST_FRAMES, MOST_FRAMES))
-    return [lane(of, each, frames) | about(results, of, each) for of, each in found[:count]], len(there)
+    return [lane_data(of, each, frames) | search_label(results, of, each) for of, each in found[:count]], len(
+        there
+    )
 
 
-def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:
-    """The first lane of what a search found in each cell, the worst for its ā first, of a few cells."""
+def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
+    """Yield the first lane of the choices that a search found, the worst per ā first."""
     if not (results.path / "worst.csv").exists():
         return
     found = results.worst
@@ -53,36 +55,38 @@ def searched_for(results: Results) -> Iterator[tuple[Results, Watched]]:
             yield from ((alone, each) for each in watched(alone)[:1])
 
 
-def about(results: Results, of: Results, one: Watched) -> dict[str, Any]:
-    """Of which cell a lane is, and what it is called, if a search has found it."""
+def search_label(results: Results, of: Results, one: Watched) -> dict[str, Any]:
+    """Return cell and label of a lane that a search found; nothing for another lane."""
     if of is results:
         return {}
     number = int(of.path.name)
     where = title(results.study.cells[number].labels)
     error = float(of.lanes["tail_max"].iloc[0])
-    told = f"found by the search, cell {number}: greatest tail error {measured(error)} m"
+    told = f"found by the search, cell {number}: greatest tail error {error_text(error)} m"
     return {"cells": [number], "label": ", ".join(filter(None, [where, told]))}
 
 
 def frame_bytes(cell: Cell) -> float:
-    """What one instant of a lane takes on the page: four numbers a vehicle, two an attacked, a bit a link."""
+    """Return the bytes of one frame: four numbers a vehicle, two an attacked one, a bit a link."""
     links = np.count_nonzero(situation_of(cell.scenario).graph.weights)
-    return LETTERS * (4 * (4 * cell.scenario.vehicles + 2 * cell.scenario.attack.number()) + links / 8)
+    return CHARACTERS_PER_BYTE * (
+        4 * (4 * cell.scenario.vehicles + 2 * cell.scenario.attack.number()) + links / 8
+    )
 
 
-def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
-    """One lane at so many instants at most, and at the last."""
+def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
+    """Return a lane with at most `most` frames and the last one."""
     cell, data = results.study.cells[one.cell], one.arrays()
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
-    attacked, graph = attacked_vehicles(cell, data), graph_of(results, one, cell)
+    attacked, graph = attacked_vehicles(cell, data), lane_graph(results, one, cell)
     listeners, slots = graph.edges()
     sources, false = graph.sources[listeners, slots], falsified_links(cell, graph, attacked)[listeners, slots]
     places, navigator = data["states"].values[..., :2], data["navigator"].values
     given = {
         "cells": [one.cell],
         "sample": one.sample,
-        "label": label(results, one, cell),
+        "label": lane_label(results, one, cell),
         "command": results.replay_command(one.cell, one.sample, one.engine),
         "outputs": len(outputs),
         "vehicles": places.shape[1],
@@ -92,23 +96,23 @@ def lane(results: Results, one: Watched, most: int) -> dict[str, Any]:
         "links": [
             [int(i) + 1, int(j), bool(lies)] for i, j, lies in zip(listeners, sources, false, strict=True)
         ],
-        "time": packed(data["time"].values),
-        "x": packed(places[..., 0]),
-        "y": packed(places[..., 1]),
-        "ahead": packed(headings(data["states"])),
-        "navigator_x": packed(navigator[:, 0]),
-        "navigator_y": packed(navigator[:, 1]),
-        "error": packed(np.linalg.norm(places - navigator[:, None], axis=-1)),
-        "attack": packed(data["attack"].values[:, np.array(attacked, int) - 1]),
+        "time": pack_numbers(data["time"].values),
+        "x": pack_numbers(places[..., 0]),
+        "y": pack_numbers(places[..., 1]),
+        "ahead": pack_numbers(headings(data["states"])),
+        "navigator_x": pack_numbers(navigator[:, 0]),
+        "navigator_y": pack_numbers(navigator[:, 1]),
+        "error": pack_numbers(np.linalg.norm(places - navigator[:, None], axis=-1)),
+        "attack": pack_numbers(data["attack"].values[:, np.array(attacked, int) - 1]),
     }
     if cell.scenario.defence.decides:
         kept = hearing.by_link(graph, data["kept"].values > 0, data["source"].values)
-        given["kept"] = packed(np.packbits(kept), "u1")
+        given["kept"] = pack_numbers(np.packbits(kept), "u1")
     return given
 
 
-def graph_of(results: Results, one: Watched, cell: Cell) -> Digraph:
-    """Who hears whom in a lane, whose graph may be its own."""
+def lane_graph(results: Results, one: Watched, cell: Cell) -> Digraph:
+    """Return the graph of a lane, which may differ from the cell's graph."""
     if not cell.scenario.topology.differs():
         return situation_of(cell.scenario).graph
     from jaxnet.lanes.jobs import job, source_of
@@ -117,21 +121,22 @@ def graph_of(results: Results, one: Watched, cell: Cell) -> Digraph:
     return hearing.graph_of(np.asarray(made.network.hearing.sources), np.asarray(made.inputs.lane.weights[0]))
 
 
-def label(results: Results, one: Watched, cell: Cell) -> str:
-    """How the choice of lanes names one."""
+def lane_label(results: Results, one: Watched, cell: Cell) -> str:
+    """Return the name of a lane in the page's menu."""
     row = results.row(one.cell, one.sample)
     error = float("nan") if row is None else float(row.loc["tail_mean"])
     where = f"{title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])
-    told = "none, it failed" if np.isnan(error) else f"{measured(error, size)} m"
+    told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"
     return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
 
 
 def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:
-    """Direction in which each vehicle moves [°], counterclockwise from x.
+    """Return the direction of motion of each vehicle [°], counterclockwise from x.
 
-    Its heading, or the opposite while it goes backwards; of states that have none, the path's direction.
+    A vehicle that drives backwards moves against its heading. Without a heading in the states, the path's
+    direction serves.
     """
     names, values = states["state"].values.tolist(), states.values
     if {"heading", "speed"} <= set(names):

@@ -1,1 +1,1 @@
-"""What a terminal shows: tables, the report of `check`, progress."""
+"""Text for a terminal: tables, the report of `check`, progress."""

@@ -1,9 +1,8 @@
-"""What `jaxnet check` prints: the cells, and for each network what it promises. No JAX."""
+"""The report of `jaxnet check`: cells, and the guarantees of each network. It needs no JAX."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 
@@ -15,43 +14,43 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import numbered
 from jaxnet.model import safety
-from jaxnet.model.graph import Digraph, Links, dense
+from jaxnet.model.graph import Digraph, Links, Row, dense
 from jaxnet.model.retained import AnySubset
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
 from jaxnet.theory import announced, certificate, robustness, rounds
-from jaxnet.view.text.width import WIDTH, clipped
+from jaxnet.view.text.width import TERMINAL_WIDTH, cell_title
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
-MOST_CELLS = 20  # told one by one; of more, what is swept
-MOST_WHOLE = 4  # networks told in full; of more, what is not as in the first
+MOST_LISTED_CELLS = 20  # told one by one; of more, what is swept
+MOST_FULL_NETWORKS = 4  # networks told in full; of more, what is not as in the first
 MOST_NETWORKS = 20
-SOME = 12  # values or cells that are named one by one
+MOST_SWEPT_VALUES = 12  # values or cells that are named one by one
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
-COPIES = 3  # of a shard's arrays, from the compiled program to the disk
-SOLVED_ALONE = "nothing is proved; the theorems are of the law solved at every instant"
-ASSUMED = "as long as no vehicle stands still and nobody is cut off, outside the set either"
+ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
+NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
+ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
 
 
-def text(study: Study) -> str:
-    """The whole report."""
-    parts = [head(study), cell_list(study.cells), *networks(study.cells), guarantees(study.cells)]
+def check_text(study: Study) -> str:
+    """Return the whole report."""
+    parts = [study_head(study), cell_list(study.cells), *network_texts(study.cells), guarantees(study.cells)]
     return "\n\n".join(part for part in parts if part)
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
-    """What each network promises, with the cells that share it."""
-    groups = alike(cells)
+    """Return the certificate of each network in full, with the cells that share the network."""
+    groups = group_by_network(cells)
     closely = len(groups) <= MOST_NETWORKS
-    return [network_text(title(group, len(group)), network_rows(group, closely)) for group in groups]
+    return [network_text(network_title(group, len(group)), network_rows(group, closely)) for group in groups]
 
 
-def networks(cells: Sequence[Cell]) -> list[str]:
-    """The same for a terminal, of which as much is said once: of many the first, and how others differ."""
-    found: dict[Any, list[Cell]] = {}
-    groups = alike(cells)
+def network_texts(cells: Sequence[Cell]) -> list[str]:
+    """Return the certificates for a terminal; of many networks, only lines that differ from the first."""
+    found: dict[tuple[str, tuple[tuple[str, str], ...]], list[Cell]] = {}
+    groups = group_by_network(cells)
     for group in groups:
         rows = network_rows(group, len(groups) <= MOST_NETWORKS)
         key = group[0].scenario.topology.kind, tuple(rows.items())
@@ -59,80 +58,84 @@ def networks(cells: Sequence[Cell]) -> list[str]:
     (_, first), *_ = found
     texts = []
     for (_, rows), group in list(found.items())[:MOST_NETWORKS]:
-        told = rows if len(found) <= MOST_WHOLE or rows == first else set(rows) - set(first)
+        told = rows if len(found) <= MOST_FULL_NETWORKS or rows == first else set(rows) - set(first)
         lines = {name: line for name, line in rows if (name, line) in told}
-        texts.append(network_text(title(group, SOME) + ": as the first, but" * (told is not rows), lines))
+        texts.append(
+            network_text(
+                network_title(group, MOST_SWEPT_VALUES) + ": as the first, but" * (told is not rows), lines
+            )
+        )
     if len(found) > MOST_NETWORKS:
         texts.append(f"… {len(found) - MOST_NETWORKS} more networks")
-    return [wrapped(text) for text in texts]
+    return [wrap_lines(text) for text in texts]
 
 
-def wrapped(text: str) -> str:
-    """Lines no wider than a terminal; those that go on stand under where they began."""
+def wrap_lines(text: str) -> str:
+    """Wrap lines to a terminal's width; continuation lines keep the indent of the text column."""
     lines = []
     for line in text.splitlines():
         under = re.match(r"  \S.*?  +|", line)
-        lines.append(fill(line, WIDTH, subsequent_indent=" " * (under.end() if under else 0)))
+        lines.append(fill(line, TERMINAL_WIDTH, subsequent_indent=" " * (under.end() if under else 0)))
     return "\n".join(lines)
 
 
-def alike(cells: Sequence[Cell]) -> list[list[Cell]]:
-    """Cells that share a network, in the order of the first of each."""
-    groups: dict[Any, list[Cell]] = {}
-    networks = Networks()
+def group_by_network(cells: Sequence[Cell]) -> list[list[Cell]]:
+    """Group cells that share a network, in the order of their first cells."""
+    groups: dict[Hashable, list[Cell]] = {}
+    networks = NetworkKeys()
     for cell in cells:
         groups.setdefault(networks.key(cell.scenario), []).append(cell)
     return list(groups.values())
 
 
-def head(study: Study) -> str:
-    """Size of the study."""
+def study_head(study: Study) -> str:
+    """Return the study's size, memory and disk space."""
     settled, lanes = study.config, study.lanes
     array_bytes = layout.lane_bytes(study.cells, settled.save)
-    memory = PROCESS_BYTES + COPIES * array_bytes * layout.shard_size(study.cells, settled)
+    memory = PROCESS_BYTES + ARRAY_COPIES * array_bytes * layout.shard_size(study.cells, settled)
     disk = layout.disk_bytes(settled, study.cells, lanes)
     cells = count(len(study.cells), "cell")
     most = "at most " if isinstance(settled.samples, Sequential) else ""
-    return wrapped(
+    return wrap_lines(
         f"{settled.name}: {cells} × {most}{count(settled.most_samples, 'sample')} = {count(lanes, 'lane')}, "
         f"{settled.engine.kind} engine, nothing wrong\n"
-        f"about {size(memory)} of memory; at most {size(float(disk))} on disk"
+        f"about {byte_size(memory)} of memory; at most {byte_size(float(disk))} on disk"
     )
 
 
 def cell_list(cells: Sequence[Cell]) -> str:
-    """The cells, one a line; where they are many, what is swept."""
+    """Return a line per cell; for many cells, the swept values instead."""
     if not cells[0].labels:
         return ""
-    if len(cells) <= MOST_CELLS:
-        return "\n".join(clipped(cell, WIDTH) for cell in cells)
+    if len(cells) <= MOST_LISTED_CELLS:
+        return "\n".join(cell_title(cell, TERMINAL_WIDTH) for cell in cells)
     lines, longest = [], max(map(len, cells[0].labels))
     for key in cells[0].labels:
         values = list(dict.fromkeys(str(cell.labels[key]) for cell in cells))
-        if len(values) > SOME:
-            values = [*values[: SOME - 1], f"… {values[-1]} ({len(values)} values)"]
+        if len(values) > MOST_SWEPT_VALUES:
+            values = [*values[: MOST_SWEPT_VALUES - 1], f"… {values[-1]} ({len(values)} values)"]
         lines.append(f"  {key:<{longest}}  {', '.join(values)}")
-    return wrapped("\n".join(["swept, the last fastest:", *lines]))
+    return wrap_lines("\n".join(["swept, the last fastest:", *lines]))
 
 
 def guarantees(cells: Sequence[Cell]) -> str:
-    """What each kind of defence promises, in words."""
+    """Return the guarantee of each kind of defence, in words."""
     rows = {cell.scenario.defence.kind: cell.scenario.defence.guarantee for cell in cells}
-    rows |= {f"law {cell.scenario.law.kind}": SOLVED_ALONE for cell in cells if cell.scenario.law.holds}
-    return wrapped(network_text("guarantees", rows))
+    rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if cell.scenario.law.holds}
+    return wrap_lines(network_text("guarantees", rows))
 
 
-class Networks:
-    """Keys of the networks of cells. What cells share is looked at once, by the objects that they share."""
+class NetworkKeys:
+    """Keys that tell networks apart; a cache by identity treats shared objects once."""
 
     def __init__(self):
-        self.graphs: dict[Any, Any] = {}
-        self.known: dict[Any, Any] = {}
+        self.graphs: dict[Hashable, Digraph] = {}
+        self.known: dict[Hashable, tuple[Digraph, tuple[Row, Row], Hashable]] = {}
 
-    def key(self, scenario: Scenario) -> Any:
-        """What cells share that have one network, one kind of attack and of defence, and one navigator.
+    def key(self, scenario: Scenario) -> Hashable:
+        """Return a key equal for cells with one network, kinds of attack and defence, and navigator.
 
-        Where a jerk is held, one law, gain and tick as well.
+        Where the law holds the jerk, the key includes law, gain and tick.
         """
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
@@ -141,8 +144,8 @@ class Networks:
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
         return shared, attacked, threat, scenario.horizon, held
 
-    def without_attack(self, scenario: Scenario) -> tuple[Digraph, Any, Any]:
-        """The graph, its links, and the part of the key that no attack changes."""
+    def without_attack(self, scenario: Scenario) -> tuple[Digraph, tuple[Row, Row], Hashable]:
+        """Return the graph, its links, and the part of the key that no attack changes."""
         topology, vehicles = scenario.topology, scenario.vehicles
         navigator, defence = scenario.navigator, scenario.defence
         by = id(topology), vehicles, id(navigator), id(defence)  # objects that the cells hold
@@ -158,23 +161,23 @@ class Networks:
         return self.known[by]
 
 
-def title(cells: Sequence[Cell], most: int) -> str:
-    """Which network, and the cells that have it, or the first of them."""
+def network_title(cells: Sequence[Cell], most: int) -> str:
+    """Return the topology of a group and at most `most` of its cells."""
     named = cells_named(sorted(cell.number for cell in cells)[:most])
     more = f" and {len(cells) - most} more" if len(cells) > most else ""
     return f"{cells[0].scenario.topology.kind}, {named}{more}"
 
 
 def network_text(title: str, rows: Mapping[str, str]) -> str:
-    """A line per row, under the title."""
+    """Return a title with a line per row below it."""
     width = max(map(len, rows), default=0)
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
 
 def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
-    """Certificate of the network that these cells share, where weights are drawn the one of their medians.
+    """Return the certificate of a network, by line; random weights count with their medians.
 
-    What takes trying sets of vehicles is told of small ones, if they are looked at closely.
+    Lines that need a search over sets of vehicles appear only if `closely` is true and the network is small.
     """
     scenario = cells[0].scenario
     known = situation_of(scenario)
@@ -188,7 +191,7 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
         "robustness": robustness_line(graph, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
-        "Assumption 1": honest_line(facts),
+        "Assumption 1": assumption_line(facts),
         **scenario.defence.describe(graph, attacked, trusted),
         **cut_off_line(scenario.defence.may_drop(graph, trusted)),
         **(held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)),
@@ -197,14 +200,14 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
 
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
-    """Who is safe, and what breaks it."""
+    """Return lines on the safe vehicles and on the sets that break their safety."""
     reasons = safe_in(scenario, known.graph, known.attacked)
     lines = {"safe": safe_line(reasons), **announcement_lines(scenario, reasons)}
     return lines | (margin_lines(scenario, known.graph) if closely and scenario.attack.present else {})
 
 
 def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str, str]:
-    """What safety by announcements rests on, and what theorem 3 allows of the motion."""
+    """Return the premises of safety by announcements, and the bound of theorem 3."""
     if not scenario.defence.announcing() or not scenario.attack.present:
         return {}
     announcement = scenario.attack.announcement()
@@ -218,22 +221,22 @@ def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str,
 
 
 def theorem_line(scenario: Scenario, majority: Vehicles) -> str:
-    """The ultimate error that theorem 3 allows vehicles that are safe by majority."""
+    """Return the ultimate error that theorem 3 allows for vehicles that are safe by majority."""
     reach, fastest = scenario_gain(scenario), scenario.attack.fastest()
     if reach is None or not np.isfinite(fastest):
-        return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ASSUMED}"
+        return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ANNOUNCEMENT_PREMISE}"
     gain = np.array([median(each) for each in scenario.gain])
     slopes = announced.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
-    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes[majority].max():.3g} ā; {ASSUMED}"
+    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes[majority].max():.3g} ā; {ANNOUNCEMENT_PREMISE}"
 
 
 def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
-    """Whether the loop is stable where the law has a jerk held, and that nobody is known to be safe."""
-    return {"law": stability_line(scenario, known), "safe": SOLVED_ALONE}
+    """Return lines on the stability of a loop with held jerk, which has no proof of safety."""
+    return {"law": stability_line(scenario, known), "safe": NO_GUARANTEE}
 
 
 def stability_line(scenario: Scenario, known: Situation) -> str:
-    """By what deviations are multiplied at a tick, and how many rounds it takes, where the law makes such."""
+    """Return the growth of deviations per tick, and the least number of rounds if the law has rounds."""
     law, tick, kept = scenario.law, scenario.tick, known.retained
     if scenario.vehicles > certificate.MOST_INVERTED:
         return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
@@ -247,12 +250,12 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     grown = rounds.growth(left, gain, tick)
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
-        line += f"; {rounds_told(rounds.least_rounds(weights, gain, tick))}"
+        line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
     return line + "; that is while everybody is retained" * (fixed is None)
 
 
-def rounds_told(least: tuple[int, int] | None) -> str:
-    """How many rounds it takes, of the least number and one from which on all are stable."""
+def rounds_text(least: tuple[int, int] | None) -> str:
+    """Describe the least stable number of rounds, and the number from which all are stable."""
     if least is None:
         return "no number of rounds is stable at this tick"
     few, surely = least
@@ -261,7 +264,7 @@ def rounds_told(least: tuple[int, int] | None) -> str:
 
 
 def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
-    """How many hear how many."""
+    """Return the numbers of vehicles and links, and the number of sources that each vehicle hears."""
     degrees = {
         int(degree): ranges((np.flatnonzero(facts.heard == degree) + 1).tolist())
         for degree in sorted(set(facts.heard.tolist()))
@@ -271,7 +274,7 @@ def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
 
 
 def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
-    """Who is attacked and how."""
+    """Return the attack and the attacked vehicles."""
     attack = scenario.attack
     if not attack.present:
         return "none"
@@ -283,11 +286,11 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     else:
         how = "in what they transmit"
     instead = ", in place of what is sent" if attack.replaces() else ""
-    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{orders_told(attack)}"
+    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{orders_text(attack)}"
 
 
-def orders_told(attack: AnyAttack) -> str:
-    """Where what is received of an attacked source is not a path with its derivatives, or is not bounded."""
+def orders_text(attack: AnyAttack) -> str:
+    """Describe attacks that are unbounded, or whose signals are inconsistent between derivatives."""
     if not attack.bounded:
         return "; not bounded by ā, so no bound says anything"
     if attack.consistent():
@@ -296,8 +299,8 @@ def orders_told(attack: AnyAttack) -> str:
     return f"; {which} falsified each on its own, so the static bound says nothing"
 
 
-def honest_line(facts: certificate.Certificate) -> str:
-    """The paper's Assumption 1: an honest neighbour, and an honest path from the navigator, for each."""
+def assumption_line(facts: certificate.Certificate) -> str:
+    """Return whether the paper's Assumption 1 holds: an honest path from navigator to every vehicle."""
     if not facts.cut_off:
         return "holds: an honest path from the navigator to every vehicle"
     line = f"broken: no honest path from the navigator to {ranges(facts.cut_off)}"
@@ -307,7 +310,7 @@ def honest_line(facts: certificate.Certificate) -> str:
 
 
 def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
-    """What rules of the literature ask for, as far as it tells anything where there is one navigator."""
+    """Return the robustness measures of rules in the literature."""
     line = "exactly 1-robust with the navigator, as every graph that it reaches; W-MSR with F = 1 asks for 3"
     if closely:
         found = robustness.robustness(dense(graph)[:, 1:] > 0)
@@ -326,27 +329,27 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
 
 
 def cut_off_line(drops: AnySubset) -> dict[str, str]:
-    """Who may lose the navigator by whom vehicles drop, if anybody."""
+    """Return a line on vehicles that dropped links may cut off from the navigator, if there are any."""
     lost = numbered(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
 
 
 def safe_line(reasons: Sequence[Safe]) -> str:
-    """Who ends on the navigator whatever attackers say, each by the strongest reason."""
+    """Return the safe vehicles, each with the strongest reason."""
     words, left = [], np.ones(len(reasons[0].vehicles), bool)
     for why, vehicles, _ in reasons:
-        words += [f"{vehicles_named(vehicles & left)} {why}"] if (vehicles & left).any() else []
+        words += [f"{vehicles_text(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
     return "; ".join(words + [f"not known of {ranges(numbered(left))}"] * bool(left.any()))
 
 
-def vehicles_named(vehicles: Vehicles) -> str:
-    """Vehicles by their numbers."""
+def vehicles_text(vehicles: Vehicles) -> str:
+    """Return the numbers of vehicles, given as flags."""
     return "every vehicle" if vehicles.all() else ranges(numbered(vehicles))
 
 
 def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
-    """By which attacked vehicles it is not known who is safe, and how many more it takes of the others."""
+    """Return a line on attacked sets that break safety, and on the number of further attackers."""
 
     def safe(attacked: list[int]) -> Vehicles:
         reasons = safe_in(scenario, graph, scenario.attack.on(attacked).links(graph))
@@ -356,23 +359,23 @@ def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
     found, by = certificate.margin(safe, scenario.attack.targets() or everyone, graph.vehicles), {}
     for i, sets in zip(everyone, found.sets, strict=True):
         if any(sets):
-            by.setdefault(" or ".join(map(set_named, sets)), []).append(i)
+            by.setdefault(" or ".join(map(set_text, sets)), []).append(i)
     words = [f"{ranges(those)} by {sets} alone" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
         far = f"no {certificate.MOST_TRIED}" if more > certificate.MOST_TRIED else str(more)
-        words.append(f"{vehicles_named(found.further == more)} by {far} more")
-    words = [*words[:SOME], *["…"] * (len(words) > SOME)]
+        words.append(f"{vehicles_text(found.further == more)} by {far} more")
+    words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
     return {"broken": "; ".join(words)} if words else {}
 
 
-def set_named(vehicles: Sequence[int]) -> str:
-    """A set of vehicles: 2, {2, 5}."""
+def set_text(vehicles: Sequence[int]) -> str:
+    """Return a set of vehicles as text: 2, or {2, 5}."""
     words = ", ".join(map(str, vehicles))
     return f"{{{words}}}" if len(vehicles) > 1 else words
 
 
 def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
-    """Where weights or gains differ from lane to lane, and what that means for what is said."""
+    """Return lines on weights and gains that differ between lanes."""
     weights = [cell.number for cell in cells if cell.scenario.topology.differs()]
     gain = [cell.number for cell in cells if any(map(is_drawn, cell.scenario.gain))]
     lines = {}
@@ -385,8 +388,8 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     return lines
 
 
-def size(count_bytes: float) -> str:
-    """Bytes in the unit that suits."""
+def byte_size(count_bytes: float) -> str:
+    """Return a number of bytes with a suitable unit."""
     for unit in ("B", "kB", "MB", "GB"):
         if count_bytes < 1000:
             return f"{count_bytes:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""What `jaxnet compare` says: what differs between two studies, their differences, and who changed sides."""
+"""Output of `jaxnet compare`: settings, differences, and lanes whose recovery differs between two studies."""
 
 from textwrap import fill, shorten
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
+from jaxnet.view.text.width import MOST_ROWS, TERMINAL_WIDTH, fit_terminal, table_notes, table_text
 
-MOST_NAMED = 20  # lanes of a kind
-ROUNDING = 1e-9  # [m] what two errors may differ by in arithmetic alone
-SHOWN = {
+MOST_NAMED_LANES = 20  # lanes of a kind
+ROUNDING_DIFFERENCE = 1e-9  # [m] what two errors may differ by in arithmetic alone
+COMPARISON_COLUMNS = {
     "tail_mean_difference": "mean [m]",
     "tail_mean_low": "mean low",
     "tail_mean_high": "mean high",
@@ -22,12 +22,12 @@ SHOWN = {
     "unrecovered_high": "share high",
     "p": "p",
 }
-COUNTS = ("cell", "cell_B", "pairs", "failed", "saved", "lost")
-FIRST_TO_GO = (
+COUNT_COLUMNS = ("cell", "cell_B", "pairs", "failed", "saved", "lost")
+COMPARISON_DROP_ORDER = (
     *(("failed",), ("max low", "max high"), ("share low", "share high"), ("max [m]",)),
     *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
 )
-LEGEND = (
+COMPARISON_LEGEND = (
     "All differences are B - A, of the same draws. mean, max: tail_mean and tail_max;"
     " low, high: 95 % intervals of means of paired differences; an end is blank where theory does not bound"
     " the errors. saved, lost: lanes"
@@ -35,63 +35,68 @@ LEGEND = (
 )
 
 
-def rows(found: Comparison) -> pd.DataFrame:
-    """A row per pair of cells, under the names that people read; the share only where there is one."""
-    table = found.cells.rename(columns=SHOWN)
+def comparison_rows(found: Comparison) -> pd.DataFrame:
+    """Return a row per pair of cells with readable column names, without empty columns."""
+    table = found.cells.rename(columns=COMPARISON_COLUMNS)
     return table.dropna(axis="columns", how="all")
 
 
-def told(found: Comparison) -> str:
-    """All of it for a terminal."""
-    table = rows(found)
+def comparison_text(found: Comparison) -> str:
+    """Return the whole comparison for a terminal."""
+    table = comparison_rows(found)
     errors = [name for name in table if "mean" in str(name) or "max" in str(name)]
-    table[errors] = table[errors].where(table[errors].abs() >= ROUNDING, 0.0)
-    labels = [name for name in table if name not in {*SHOWN.values(), *COUNTS}]
-    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), labels, FIRST_TO_GO)
-    lines = [as_lines(shown), "", fill(LEGEND, WIDTH)]
+    table[errors] = table[errors].where(table[errors].abs() >= ROUNDING_DIFFERENCE, 0.0)
+    labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
+    shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
+    lines = [table_text(shown), "", fill(COMPARISON_LEGEND, TERMINAL_WIDTH)]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
-    lines += notes(left_out, is_cut, "differences.csv")
-    parts = ["\n".join(what_differs(found)), "\n".join(lines), changes(found), failures_in(found)]
+    lines += table_notes(left_out, is_cut, "differences.csv")
+    parts = [
+        "\n".join(settings_lines(found)),
+        "\n".join(lines),
+        changes_text(found),
+        failed_lanes_text(found),
+    ]
     return "\n\n".join(filter(None, parts))
 
 
-def what_differs(found: Comparison) -> list[str]:
-    """The two folders, and a line for each key in which their studies differ."""
+def settings_lines(found: Comparison) -> list[str]:
+    """Return both folders, and a line per key in which their studies differ."""
     a, b = found.folders
     keys: Any = found.settings.itertuples()
     told = [f"  {row.key}: {shorten(row.A, 60)} in A, {shorten(row.B, 60)} in B" for row in keys]
     head = [f"A: {a}", f"B: {b}", "they differ in" if told else "they are the same study", *told]
     if found.alone:
-        head.append(f"not compared, for the other has none like it: {some_of(found.alone)}")
+        head.append(f"not compared, for the other has none like it: {first_names(found.alone)}")
     return head
 
 
-def changes(found: Comparison) -> str:
-    """The lanes that changed sides."""
+def changes_text(found: Comparison) -> str:
+    """Return the lanes that recover in one study only."""
     lanes: Any = found.changed.itertuples()
     both = {True: [], False: []}
     for lane in lanes:
         both[bool(lane.unrecovered_A)].append(f"cell {lane.cell} sample {lane.sample}")
     words = {True: "saved", False: "lost"}
     return "\n".join(
-        fill(f"{words[way]}: {len(named)} lanes: {some_of(named)}", WIDTH)
+        fill(f"{words[way]}: {len(named)} lanes: {first_names(named)}", TERMINAL_WIDTH)
         for way, named in both.items()
         if named
     )
 
 
-def failures_in(found: Comparison) -> str:
-    """The lanes that count in no difference, for they failed."""
+def failed_lanes_text(found: Comparison) -> str:
+    """Return the failed lanes, which no difference includes."""
     lanes: Any = found.failed.itertuples()
     named = [
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
         for lane in lanes
     ]
-    return fill(f"failed: {len(named)} lanes: {some_of(named)}", WIDTH) if named else ""
+    return fill(f"failed: {len(named)} lanes: {first_names(named)}", TERMINAL_WIDTH) if named else ""
 
 
-def some_of(named: list[str]) -> str:
-    """The first of them, and how many more there are."""
-    more = len(named) - MOST_NAMED
-    return ", ".join(named[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+def first_names(named: list[str]) -> str:
+    """Return the first names, and the number of further ones."""
+    more = len(named) - MOST_NAMED_LANES
+    return ", ".join(named[:MOST_NAMED_LANES]) + (f" and {more} more" if more > 0 else "")

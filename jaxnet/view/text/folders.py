@@ -1,27 +1,28 @@
-"""What `jaxnet list` prints: a line per results folder."""
-
-from typing import Any
+"""Output of `jaxnet list`: a line per results folder."""
 
 import pandas as pd
 from upath import UPath
 
 from jaxnet.store import search
 from jaxnet.store.folder import Manifest
-from jaxnet.view.text.width import as_lines
+from jaxnet.view.text.width import table_text
 
 
-def listing(root: str) -> str:
-    """All of them; empty if there is none. The path is last, whole, for it is there to be copied."""
+def folders_text(root: str) -> str:
+    """Return a table of all results folders below a root, or an empty string.
+
+    The path stands last and in full, so that it can be copied.
+    """
     found = list(search.find_results(root))
     if not found:
         return ""
-    table = as_lines(pd.DataFrame([row(path, manifest) for path, manifest in found])).splitlines()
+    table = table_text(pd.DataFrame([folder_row(path, manifest) for path, manifest in found])).splitlines()
     paths = ["results", *(str(path) for path, _ in found)]
     return "\n".join(f"{line}  {path}" for line, path in zip(table, paths, strict=True))
 
 
-def row(path: UPath, manifest: Manifest) -> dict[str, Any]:
-    """One folder: of an unfinished run nobody has counted what failed, of parts alone nothing is known."""
+def folder_row(path: UPath, manifest: Manifest) -> dict[str, object]:
+    """Return the table row of a folder; a dash marks an unknown number."""
     cells = manifest.get("cells")
     finished = manifest.get("finished", False)
     lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
@@ -36,6 +37,6 @@ def row(path: UPath, manifest: Manifest) -> dict[str, Any]:
 
 
 def last_written(path: UPath) -> str:
-    """When a run wrote there last, in local time."""
+    """Return the local time of the last write."""
     file = path / "manifest.json"
     return f"{file.fs.modified(file.path).astimezone():%Y-%m-%d %H:%M}"  # object stores tell it as a time

@@ -1,13 +1,12 @@
-"""Tables for other programs: CSV with all digits, Markdown and LaTeX as people read them."""
+"""Tables for other programs: CSV with all digits, Markdown and LaTeX with four."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pandas as pd
 
-from jaxnet.view.text.width import number
+from jaxnet.view.text.width import four_digits
 
-LATEX = str.maketrans(
+LATEX_ESCAPES = str.maketrans(
     {
         "\\": r"\textbackslash{}",
         "~": r"\textasciitilde{}",
@@ -18,42 +17,44 @@ LATEX = str.maketrans(
 
 
 def in_format(table: pd.DataFrame, name: str) -> str:
-    """A table in the format of that name."""
-    return WRITERS[name](table).rstrip("\n")
+    """Return a table in the named format."""
+    return FORMAT_WRITERS[name](table).rstrip("\n")
 
 
 def csv(table: pd.DataFrame) -> str:
-    """All rows, with all digits."""
+    """Return a table as CSV, with all digits."""
     return table.to_csv(index=False)
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """A table as GitHub, pandoc and notebooks read it."""
+    """Return a table as Markdown, for GitHub, pandoc and notebooks."""
     rule = ["---:" if pd.api.types.is_numeric_dtype(table[name]) else "---" for name in table]
-    names, *rows = ([cell.replace("|", r"\|") for cell in row] for row in shown(table))
+    names, *rows = ([cell.replace("|", r"\|") for cell in row] for row in displayed_rows(table))
     return "\n".join(f"| {' | '.join(row)} |" for row in (names, rule, *rows))
 
 
 def latex(table: pd.DataFrame) -> str:
-    """A `tabular` between plain rules, which needs no package."""
+    """Return a LaTeX `tabular` with plain rules, which needs no package."""
     sides = "".join("r" if pd.api.types.is_numeric_dtype(table[name]) else "l" for name in table)
-    names, *rows = (f"{' & '.join(cell.translate(LATEX) for cell in row)} \\\\" for row in shown(table))
+    names, *rows = (
+        f"{' & '.join(cell.translate(LATEX_ESCAPES) for cell in row)} \\\\" for row in displayed_rows(table)
+    )
     start, end = rf"\begin{{tabular}}{{{sides}}}", r"\end{tabular}"
     return "\n".join([start, r"\hline", names, r"\hline", *rows, r"\hline", end])
 
 
-def shown(table: pd.DataFrame) -> Iterator[list[str]]:
-    """The columns' names, then row by row what the terminal shows."""
+def displayed_rows(table: pd.DataFrame) -> Iterator[list[str]]:
+    """Yield the column names, then each row as a terminal shows it."""
     yield list(table)
     for row in table.itertuples(index=False):
-        yield [entry(value) for value in row]
+        yield [displayed_value(value) for value in row]
 
 
-def entry(value: Any) -> str:
-    """A number to four digits, a dash for none, a label as it is."""
+def displayed_value(value: object) -> str:
+    """Return a number to four digits, a dash for NaN, and other values as text."""
     if not isinstance(value, float):
         return str(value)
-    return "-" if pd.isna(value) else number(value)
+    return "-" if pd.isna(value) else four_digits(value)
 
 
-WRITERS: dict[str, Callable[[pd.DataFrame], str]] = {"csv": csv, "markdown": markdown, "latex": latex}
+FORMAT_WRITERS: dict[str, Callable[[pd.DataFrame], str]] = {"csv": csv, "markdown": markdown, "latex": latex}

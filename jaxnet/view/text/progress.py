@@ -1,4 +1,4 @@
-"""How far a run or other long work is, on stderr: live where one may look, or a line each half minute."""
+"""Progress of runs and other long work on stderr: a live bar, or a line each half minute."""
 
 import contextlib
 import importlib.util
@@ -6,49 +6,53 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxnet.statistics.steps import Steps
 from jaxnet.view.text import standing
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress, ProgressColumn
+
     from jaxnet.runs.tally import Tally
 
 HEARTBEAT = 30.0  # [s]
 REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
 
-Progress = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
-Report = Callable[["Tally"], None]
+ReportLanes = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
+ReportTally = Callable[["Tally"], None]
 
 
 @contextlib.contextmanager
-def reporting(progress: Progress | bool | None) -> Iterator[Report]:
-    """A function to tell how a run stands, who passes it on to the one given.
+def report_progress(progress: ReportLanes | bool | None) -> Iterator[ReportTally]:
+    """Yield a function that takes the tally of a run and reports its progress.
 
-    For None that is a live bar where somebody may look at it, and else nobody; for True a line each half
-    minute there; for False nobody.
+    A function `progress` receives the numbers of lanes done, in all and failed. None means a live bar on a
+    terminal or in a notebook, else no report. True means a line each half minute where no bar is possible.
+    False means no report.
     """
     if callable(progress):
         yield lambda tally: progress(tally.done, tally.total, tally.failed)
-    elif progress is not False and looked_at():
-        with bar() as report:
+    elif progress is not False and has_viewer():
+        with report_by_bar() as report:
             yield report
     elif progress:
-        with heartbeat() as report:
+        with report_by_lines() as report:
             yield report
     else:
         yield lambda tally: None
 
 
-def looked_at() -> bool:
-    """Whether stderr is a terminal's or a notebook's."""
+def has_viewer() -> bool:
+    """Return whether stderr belongs to a terminal or a notebook."""
     ipython = "IPython" in sys.modules and sys.modules["IPython"].get_ipython() is not None
     return sys.stderr.isatty() or ipython
 
 
 @contextlib.contextmanager
-def bar() -> Iterator[Report]:
-    """A live bar, and below it how the cells stand."""
+def report_by_bar() -> Iterator[ReportTally]:
+    """Yield a function that updates a live bar, with the cells' results so far below it."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     columns = [
@@ -61,10 +65,10 @@ def bar() -> Iterator[Report]:
     ]
     speed, now = Speed(), list["Tally"]()
 
-    def below() -> Iterable[Any]:
+    def below() -> "Iterable[RenderableType]":
         if now:
             live.update(task, speed=speed.words(now[0]))
-            yield from standing.lines(now[0], live.console.width, live.console.height)
+            yield from standing.standing_lines(now[0], live.console.width, live.console.height)
 
     live = live_bar(columns, below)
     task = live.add_task("lanes", total=None, speed="", failed=0)
@@ -79,16 +83,18 @@ def bar() -> Iterator[Report]:
         now.clear()  # the summary comes next
 
 
-def live_bar(columns: Iterable[Any], below: Callable[[], Iterable[Any]]) -> Any:
-    """A bar of these columns, drawn twice a second, and what is `below` it then."""
+def live_bar(
+    columns: Iterable["ProgressColumn"], below: Callable[[], "Iterable[RenderableType]"]
+) -> "Progress":
+    """Return a bar of these columns, drawn twice a second, with the output of `below` under it."""
     from rich.console import Console
     from rich.progress import Progress
 
     class Live(Progress):
         """With more than bars."""
 
-        def get_renderables(self) -> Iterable[Any]:
-            """What is below is asked for first, for it may change the bar."""
+        def get_renderables(self) -> "Iterable[RenderableType]":
+            """Yield the bar, then the lines below it; `below` runs first, as it may change the bar."""
             beneath = list(below())
             yield from super().get_renderables()
             yield from beneath
@@ -100,8 +106,8 @@ def live_bar(columns: Iterable[Any], below: Callable[[], Iterable[Any]]) -> Any:
 
 
 @contextlib.contextmanager
-def heartbeat() -> Iterator[Report]:
-    """A line each half minute, also while nothing comes to its end."""
+def report_by_lines() -> Iterator[ReportTally]:
+    """Yield a function that takes the tally; a line appears each half minute, even without news."""
     speed, now = Speed(), list["Tally"]()
 
     def report(tally: "Tally") -> None:
@@ -117,13 +123,13 @@ def heartbeat() -> Iterator[Report]:
             [f"{tally.done}/{tally.aim} lanes", speed.words(tally), f"{tally.failed} failed", left]
         )
 
-    with beating(line):
+    with print_regularly(line):
         yield report
 
 
 @contextlib.contextmanager
-def beating(line: Callable[[], str]) -> Iterator[None]:
-    """Write a line to stderr each half minute, unless it is empty."""
+def print_regularly(line: Callable[[], str]) -> Iterator[None]:
+    """Print a line to stderr each half minute, unless it is empty."""
     ended = threading.Event()
 
     def beat() -> None:
@@ -141,15 +147,15 @@ def beating(line: Callable[[], str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def stepping() -> Iterator[Steps]:
-    """A function to tell of the steps of work other than a run's; nothing of it stays on a terminal."""
+def report_steps() -> Iterator[Steps]:
+    """Yield a function that reports the steps of work other than a run; a terminal keeps no trace."""
     if not sys.stderr.isatty():
         now = [""]
 
         def note(what: str, done: int, total: int) -> None:
             now[:] = [f"{what}: {done}/{total}"]
 
-        with beating(lambda: now[0]):
+        with print_regularly(lambda: now[0]):
             yield note
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
@@ -173,7 +179,7 @@ class Speed:
         self.rate = 0.0
 
     def note(self, done: int) -> None:
-        """So many lanes are done now."""
+        """Record the number of lanes done at this moment."""
         now = time.monotonic()
         if self.start is None:
             self.start = (now, done)
@@ -181,13 +187,13 @@ class Speed:
             self.rate = (done - self.start[1]) / (now - self.start[0])
 
     def words(self, tally: "Tally") -> str:
-        """The speed, or what is waited for."""
+        """Return the speed, or the present stage if no lane is done."""
         if tally.compiling:
             return "compiling"
         return f"{self.rate:.3g} lanes/s" if self.rate else "first lanes under way"
 
     def left(self, lanes: int) -> str:
-        """Time for so many lanes, as minutes and seconds."""
+        """Return the time for the remaining lanes, as h:mm:ss."""
         if not self.rate:
             return "unknown time"
         seconds = round(lanes / self.rate)

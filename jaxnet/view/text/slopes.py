@@ -1,4 +1,4 @@
-"""What `jaxnet fit` prints: the ultimate error per ā as simulated and fitted, and what theory allows."""
+"""Output of `jaxnet fit`: the ultimate error per ā, simulated and fitted, and its bounds."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -14,17 +14,19 @@ from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
 from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
-from jaxnet.view.text.tables import lane_named
-from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, narrow, notes
+from jaxnet.view.text.tables import lane_title
+from jaxnet.view.text.width import MOST_ROWS, TERMINAL_WIDTH, fit_terminal, table_notes, table_text
 
 MOST_VIOLATIONS = 20
-RECOVERED = 1e-6  # of ā; less is a transient or rounding
-QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": 1.0}
-LEAST_SLOPES = (("p",), ("95 %",), ("median",), ("envelope",))
-LEAST_BOUNDS = tuple((name,) for name in ("printed fleet", "corrected fleet", "best fleet", "printed worst"))
-LEAST_BOUNDS += (("corrected worst",), ("star norm",), ("best worst",))
+LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
+SLOPE_QUANTILES = {"mean": None, "median": 0.5, "95 %": 0.95, "envelope": 1.0}
+SLOPES_DROP_ORDER = (("p",), ("95 %",), ("median",), ("envelope",))
+BOUNDS_DROP_ORDER = tuple(
+    (name,) for name in ("printed fleet", "corrected fleet", "best fleet", "printed worst")
+)
+BOUNDS_DROP_ORDER += (("corrected worst",), ("star norm",), ("best worst",))
 # Of one vehicle, the worst; of the fleet, the norm of all vehicles' errors.
-BOUNDS = {
+BOUND_COLUMNS = {
     "static": ("static", "worst"),
     "peak gain": ("peak_gain", "worst"),
     "star norm": ("star_norm", "worst"),
@@ -36,34 +38,34 @@ BOUNDS = {
 }
 
 
-def text(results: Results) -> str:
-    """All of it that there is."""
-    undrawn = fill(no_magnitudes(curves(results)), WIDTH)
-    parts = [slopes(results)]
-    parts += [conservatism(results)] if (results.path / "bounds.csv").exists() else []
-    parts += [violations(results)] if (results.path / "violations.csv").exists() else []
+def fit_text(results: Results) -> str:
+    """Return fits, bounds and violations, as far as they are stored."""
+    undrawn = fill(no_magnitudes(curves(results)), TERMINAL_WIDTH)
+    parts = [slopes_text(results)]
+    parts += [conservatism_text(results)] if (results.path / "bounds.csv").exists() else []
+    parts += [violations_text(results)] if (results.path / "violations.csv").exists() else []
     return "\n\n".join(filter(None, [*parts, undrawn]))
 
 
-def slopes(results: Results) -> str:
-    """Slopes of s·ā with their 95 % intervals, and how straight the line is."""
+def slopes_text(results: Results) -> str:
+    """Return the slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p."""
     fits, found = stored_table(results, "fit"), curves(results)
     rows = [
         {**curve.group.labels, "metric": metric}
-        | {name: interval(curve.fit(metric, quantile)) for name, quantile in QUANTILES.items()}
-        | {"p": interval(exponent(group_rows(fits, curve.group.labels), metric))}
+        | {name: interval_text(curve.fit(metric, quantile)) for name, quantile in SLOPE_QUANTILES.items()}
+        | {"p": interval_text(power_exponent(group_rows(fits, curve.group.labels), metric))}
         for curve in found
         for metric in ("tail_mean", "tail_max")
     ]
-    text = fitting(
+    text = group_table(
         "ultimate error per ā: slopes s of s·ā with 95 % intervals, and the exponent p of c·ā^p",
         pd.DataFrame(rows),
         found[0].group,
-        LEAST_SLOPES,
+        SLOPES_DROP_ORDER,
         "fit.csv",
     )
     if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
-        text += f"\n{fill(NO_CURVE_INTERVAL, WIDTH)}"
+        text += f"\n{fill(NO_CURVE_INTERVAL, TERMINAL_WIDTH)}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
@@ -71,29 +73,29 @@ def slopes(results: Results) -> str:
             f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
         )
-        text += f"\n{fill(words, WIDTH)}"
+        text += f"\n{fill(words, TERMINAL_WIDTH)}"
     return text
 
 
-def fitting(
+def group_table(
     title: str, table: pd.DataFrame, group: Group, least_wanted: Sequence[Sequence[str]], file: str
 ) -> str:
-    """A table of groups with its title, no wider than a terminal."""
-    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), list(group.labels), least_wanted)
-    lines = [fill(title, WIDTH), as_lines(shown)]
+    """Return a titled table of groups, no wider than a terminal."""
+    shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), list(group.labels), least_wanted)
+    lines = [fill(title, TERMINAL_WIDTH), table_text(shown)]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more lines; all are in {file}")
-    return "\n".join([*lines, *notes(left_out, is_cut, file)])
+    return "\n".join([*lines, *table_notes(left_out, is_cut, file)])
 
 
-def exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
-    """The power law's p by least squares, with its interval."""
+def power_exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
+    """Return the exponent p of the least-squares power law with its interval, or None."""
     mine: Any = fits[(fits["metric"] == metric) & (fits["parameter"] == "p") & fits["quantile"].isna()]
     return tuple(mine[["estimate", "low", "high"]].iloc[0]) if len(mine) else None
 
 
-def interval(found: tuple[float, float, float] | None) -> str:
-    """An estimate with its interval, if there is one."""
+def interval_text(found: tuple[float, float, float] | None) -> str:
+    """Return an estimate with its interval, or a dash for None."""
     if found is None:
         return "-"
     estimate, low, high = found
@@ -104,30 +106,35 @@ def interval(found: tuple[float, float, float] | None) -> str:
     )
 
 
-def ratios(results: Results) -> pd.DataFrame:
-    """Of each group the worst error found per ā, and each bound over it, blank where all lanes recovered."""
-    return pd.DataFrame([{**curve.group.labels} | ratio_row(curve) for curve in curves(results)])
+def bound_ratios(results: Results) -> pd.DataFrame:
+    """Return, by group, the worst error per ā and the ratio of each bound to it.
+
+    The ratios are NaN where all lanes recovered.
+    """
+    return pd.DataFrame([{**curve.group.labels} | group_ratios(curve) for curve in curves(results)])
 
 
-def ratio_row(curve: Curve) -> dict[str, float]:
-    """Of one group."""
-    over = curve.worst if curve.worst > RECOVERED else np.nan
+def group_ratios(curve: Curve) -> dict[str, float]:
+    """Return the worst error per ā of a group, and the ratio of each bound to it."""
+    over = curve.worst if curve.worst > LEAST_UNRECOVERED else np.nan
     return {"worst error / ā": curve.worst} | {
-        name: curve.slope(*bound) / over for name, bound in BOUNDS.items()
+        name: curve.slope(*bound) / over for name, bound in BOUND_COLUMNS.items()
     }
 
 
-def conservatism(results: Results) -> str:
-    """The same as text."""
+def conservatism_text(results: Results) -> str:
+    """Return the ratios of bounds to the worst error found, as a table."""
     title = "each bound over the worst error found, of the worst vehicle or of the whole fleet"
-    return fitting(title, ratios(results), curves(results)[0].group, LEAST_BOUNDS, "bounds.csv")
+    return group_table(
+        title, bound_ratios(results), curves(results)[0].group, BOUNDS_DROP_ORDER, "bounds.csv"
+    )
 
 
-def violations(results: Results) -> str:
-    """Lanes above a bound that claims to hold for them."""
+def violations_text(results: Results) -> str:
+    """Return the lanes above a bound that claims to hold for them."""
     found: Any = results.violations
     lines = [
-        f"VIOLATION: {lane_named(results, row)}:\n"
+        f"VIOLATION: {lane_title(results, row)}:\n"
         f"  tail_max {row.tail_max:.6g} m is over {row.bound}, {row.limit:.6g} m\n  {row.command}"
         for row in found.head(MOST_VIOLATIONS).itertuples()
     ]
@@ -136,5 +143,5 @@ def violations(results: Results) -> str:
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked_cells(results.study.cells)
     if skipped:
-        lines.append(fill(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}", WIDTH))
+        lines.append(fill(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}", TERMINAL_WIDTH))
     return "\n".join(lines)

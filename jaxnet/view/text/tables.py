@@ -1,10 +1,10 @@
-"""Results as text for a terminal."""
+"""Results as text for a terminal: the summary, the outcome of a run, failed lanes."""
 
 import shlex
 from collections.abc import Sequence
 from html import escape
 from textwrap import fill
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import pandas as pd
@@ -18,16 +18,25 @@ from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
-from jaxnet.view.text.width import MOST_ROWS, WIDTH, as_lines, clipped, cut, narrow, notes, number
+from jaxnet.view.text.width import (
+    MOST_ROWS,
+    TERMINAL_WIDTH,
+    cell_title,
+    cut_text,
+    fit_terminal,
+    four_digits,
+    table_notes,
+    table_text,
+)
 
 MOST_FAILURES = 20
-REASONS = {
+FAILURE_REASONS = {
     "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
     "max_steps": "more steps than engine.max_steps, or one too small to move time",
     "nonfinite": "a number that is none",
 }
-SUMMARY = {
+SUMMARY_COLUMNS = {
     "tail_mean_mean": "tail mean [m]",
     "tail_mean_low": "mean low",
     "tail_mean_high": "mean high",
@@ -35,7 +44,7 @@ SUMMARY = {
     "tail_mean_q95": "q95",
     "tail_max_max": "worst [m]",
 }
-LEAST_WANTED = (
+SUMMARY_DROP_ORDER = (
     ("q95",),
     ("median",),
     ("mean low", "mean high"),
@@ -43,39 +52,53 @@ LEAST_WANTED = (
     ("worst [m]",),
     ("unrecovered",),
 )
-RECOVERY = {"unrecovered": "unrecovered", "unrecovered_low": "share low", "unrecovered_high": "share high"}
+RECOVERY_COLUMNS = {
+    "unrecovered": "unrecovered",
+    "unrecovered_low": "share low",
+    "unrecovered_high": "share high",
+}
+
+
+@runtime_checkable
+class LaneRow(Protocol):
+    """A row of a table of lanes, as `itertuples` gives it."""
+
+    cell: int
+    sample: int
 
 
 def summary_rows(results: Results) -> pd.DataFrame:
-    """The summary: a row per cell."""
+    """Return the summary, a row per cell."""
     cells: Any = results.cells
     swept = list(results.study.cells[0].labels)
-    shown = (RECOVERY if "unrecovered" in cells else {}) | SUMMARY
+    shown = (RECOVERY_COLUMNS if "unrecovered" in cells else {}) | SUMMARY_COLUMNS
     table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
     table.insert(0, "cell", range(len(table)))
     return table
 
 
-def summary(results: Results) -> str:
-    """The summary table: a line per cell, as many columns as a terminal has room for."""
+def summary_text(results: Results) -> str:
+    """Return the summary table with notes, as many columns as a terminal holds."""
     table = summary_rows(results)
-    shown, left_out, is_cut = narrow(table.head(MOST_ROWS), list(results.study.cells[0].labels), LEAST_WANTED)
-    lines = [as_lines(shown)]
+    shown, left_out, is_cut = fit_terminal(
+        table.head(MOST_ROWS), list(results.study.cells[0].labels), SUMMARY_DROP_ORDER
+    )
+    lines = [table_text(shown)]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
     if "mean low" in shown:
         over = interval_basis(results.study.config)
         sure = 100 * confidence_told(results.study.config.samples)
         lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
-        lines += [fill(each, WIDTH) for each in blank_ends(results)]
+        lines += [fill(each, TERMINAL_WIDTH) for each in blank_interval_lines(results)]
     if "worst [m]" in shown:
-        lines += [fill(each, WIDTH) for each in greatest_told(results)]
-    lines += [fill(each, WIDTH) for each in caveats(results.study.cells)]
-    return "\n".join([*lines, *notes(left_out, is_cut, "cells.csv")])
+        lines += [fill(each, TERMINAL_WIDTH) for each in greatest_lines(results)]
+    lines += [fill(each, TERMINAL_WIDTH) for each in caveat_lines(results.study.cells)]
+    return "\n".join([*lines, *table_notes(left_out, is_cut, "cells.csv")])
 
 
-def greatest_told(results: Results) -> list[str]:
-    """What the greatest of independent lanes bounds, in the cell that has fewest; nothing without lanes."""
+def greatest_lines(results: Results) -> list[str]:
+    """Return a note on the confidence of the observed maximum, if lanes are independent."""
     ended = [count for count in results.cells["ok"].tolist() if count]
     if not ended or results.study.config.draws != "random":
         return []
@@ -84,16 +107,16 @@ def greatest_told(results: Results) -> list[str]:
     return [f"{words} lanes of a cell are over it"]
 
 
-def blank_ends(results: Results) -> list[str]:
-    """Why means of some cells have no interval, or one end alone, and which cells; nothing where all have."""
+def blank_interval_lines(results: Results) -> list[str]:
+    """Return a note on cells whose mean has no complete interval, if there are any."""
     cells: Any = results.cells
     blank = cells["tail_mean_mean"].notna() & cells[["tail_mean_low", "tail_mean_high"]].isna().any(axis=1)
     where = cells.index[blank].tolist()
     return [f"{NO_MEAN_INTERVAL}: {cells_named(where)}"] if where else []
 
 
-def caveats(cells: Sequence[Cell]) -> list[str]:
-    """What attacks leave of the paper's, and in which cells."""
+def caveat_lines(cells: Sequence[Cell]) -> list[str]:
+    """Return notes on attacks that depart from the paper, with their cells."""
     found: dict[str, list[int]] = {}
     for cell in cells:
         words = known_or("of which no code is here", cell.scenario.attack.caveat)
@@ -101,44 +124,44 @@ def caveats(cells: Sequence[Cell]) -> list[str]:
     return [f"attack {words}: {cells_named(where)}" for words, where in found.items() if words]
 
 
-def html(results: Results) -> str:
-    """The summary for a notebook, or why there is none."""
+def summary_html(results: Results) -> str:
+    """Return the summary for a notebook, or the reason that there is none."""
     try:
         rows = summary_rows(results)
     except FolderError as error:
         return f"<p>{escape(str(error))}</p>"
     lanes = results.manifest["lanes"]
     head = f"{results.path}: {lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed"
-    table = rows.to_html(index=False, max_rows=MOST_ROWS, float_format=number, na_rep="-", border=0)
+    table = rows.to_html(index=False, max_rows=MOST_ROWS, float_format=four_digits, na_rep="-", border=0)
     return f"<p>{escape(head)}</p>{table}"
 
 
-def what_was_written(results: Results) -> str:
-    """What a run wrote where."""
+def written_text(results: Results) -> str:
+    """Return the numbers of lanes, and the files that a run wrote."""
     lanes = results.manifest["lanes"]
     names = ["cells.csv", "lanes/"]
     names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
-        f" wrote {results.path}: {', '.join(names)}" + stopped(results)
+        f" wrote {results.path}: {', '.join(names)}" + stop_reason(results)
     )
 
 
-def nothing_to_do(results: Results) -> str:
-    """That a run found all of it there."""
+def nothing_to_do_text(results: Results) -> str:
+    """Return the message of a run that found all lanes stored."""
     lanes = results.manifest["lanes"]
-    return f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed" + stopped(
+    return f"nothing to do: all {lanes['total']} lanes were there, {lanes['failed']} failed" + stop_reason(
         results
     )
 
 
 def next_command(results: Results) -> str:
-    """What to type after a run."""
+    """Return the command that follows a run."""
     return f"next: {shlex.join(['jaxnet', 'report', str(results.path)])}"
 
 
-def part(run: Part) -> str:
-    """What a part of a run wrote where, or that all of it was there."""
+def part_text(run: Part) -> str:
+    """Return the result of one part of a run that was split by --shard."""
     if run.simulated:
         there = run.shards - run.simulated
         words = f"{run.simulated} shards simulated, {there} were there; {run.failed} lanes failed;"
@@ -148,8 +171,8 @@ def part(run: Part) -> str:
     return f"{words}\nwhen all parts are done, the same command without --shard makes the tables"
 
 
-def stopped(results: Results) -> str:
-    """Why a run that takes as many lanes as it needs has stopped; empty for another."""
+def stop_reason(results: Results) -> str:
+    """Return why a run with a sequential number of samples stopped; empty for another run."""
     samples = results.study.config.samples
     if not isinstance(samples, Sequential):
         return ""
@@ -161,32 +184,37 @@ def stopped(results: Results) -> str:
     else:
         why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
         words += f"the widest interval of the share unrecovered is ± {half:.2g}, {why}"
-    return f"\n{fill(words, WIDTH)}"
+    return f"\n{fill(words, TERMINAL_WIDTH)}"
 
 
-def failures(results: Results) -> str:
-    """The failed lanes, each with the command that replays it; empty if there is none."""
+def failures_text(results: Results) -> str:
+    """Return the failed lanes with the commands that replay them; empty if there are none."""
     count, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
     lines = [
-        f"failed: {lane_named(results, row)}: {row.status}\n  {results.replay_command(row.cell, row.sample)}"
+        f"failed: {lane_title(results, row)}: {row.status}\n  {results.replay_command(row.cell, row.sample)}"
         for row in rows
     ]
     if count > MOST_FAILURES:
         lines.append(f"… {count - MOST_FAILURES} more; see the column status in lanes/")
-    lines += [f"{status}: {REASONS[status]}" for status in failed["status"].unique() if status in REASONS]
+    lines += [
+        f"{status}: {FAILURE_REASONS[status]}"
+        for status in failed["status"].unique()
+        if status in FAILURE_REASONS
+    ]
     return "\n".join(lines)
 
 
-def lane_named(results: Results, row: Any) -> str:
-    """A lane in a line of its own, with room for a word or two."""
-    return f"{clipped(results.study.cells[row.cell], WIDTH - 40)}, sample {row.sample}"
+def lane_title(results: Results, row: LaneRow) -> str:
+    """Return cell and sample of a lane, short enough for a line with a word or two more."""
+    return f"{cell_title(results.study.cells[row.cell], TERMINAL_WIDTH - 40)}, sample {row.sample}"
 
 
-def lane(results: Results, row: Any) -> str:
-    """One lane's row, and whether it is the one that the folder holds."""
-    stored = results.row(int(row["cell"]), int(row["sample"]))
-    lines = row.map(lambda value: cut(value, WIDTH - 4 - max(map(len, row.index)))).to_string()
+def lane_text(results: Results, row: pd.Series) -> str:
+    """Return the row of a lane, and whether the stored row equals it."""
+    cell, sample = map(int, row.loc[["cell", "sample"]].tolist())
+    stored = results.row(cell, sample)
+    lines = row.map(lambda value: cut_text(value, TERMINAL_WIDTH - 4 - max(map(len, row.index)))).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
     apart = stored.compare(row, result_names=("stored", "replayed"))

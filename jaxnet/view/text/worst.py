@@ -1,51 +1,51 @@
-"""What `jaxnet search` prints: the worst found in each cell, and what it stands beside."""
+"""Output of `jaxnet search`: the worst choice found in each cell, beside random lanes and bounds."""
 
 import pandas as pd
 
 from jaxnet.store.results import Results
-from jaxnet.view.text.width import MOST_ROWS, as_lines, narrow
+from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text
 
-LEAST = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
+SEARCH_DROP_ORDER = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
 
 
-def text(results: Results) -> str:
-    """A line for each cell."""
+def search_text(results: Results) -> str:
+    """Return a table with a line for each cell."""
     labels = list(results.study.cells[0].labels)
-    shown, left_out, is_cut = narrow(rows_of(results).head(MOST_ROWS), labels, LEAST)
-    head = f"the worst {maximised(results)}; late: at {when(results)}; fresh: from other starts"
+    shown, left_out, is_cut = fit_terminal(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
+    head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
-    return "\n".join(filter(None, [head, as_lines(shown), tail]))
+    return "\n".join(filter(None, [head, table_text(shown), tail]))
 
 
-def when(results: Results) -> str:
-    """The time to which the choices were run."""
+def late_times(results: Results) -> str:
+    """Return the times until which the late runs of the choices last."""
     times = results.worst["until"]
     return " or ".join(f"{time:g} s" for time in sorted(set(times)))
 
 
-def maximised(results: Results) -> str:
-    """What was maximised, and in what it is told."""
-    return with_unit(results).replace(" [m]", ", per ā")
+def maximised_text(results: Results) -> str:
+    """Return the maximised metric and its scale."""
+    return metric_with_unit(results).replace(" [m]", ", per ā")
 
 
-def with_unit(results: Results) -> str:
-    """What was maximised, with its unit if it has one."""
+def metric_with_unit(results: Results) -> str:
+    """Return the maximised metric, with its unit if it has one."""
     asked = results.study.config.search
     assert asked is not None
-    return f"{asked.maximise} [{unit_of(results)}]".removesuffix(" []")
+    return f"{asked.maximise} [{metric_unit(results)}]".removesuffix(" []")
 
 
-def unit_of(results: Results) -> str:
-    """The unit of what was maximised; none of a share."""
+def metric_unit(results: Results) -> str:
+    """Return the unit of the maximised metric; empty for a share."""
     config = results.study.config
     assert config.search is not None
     return {each.name: each.unit for each in config.measured()}.get(config.search.maximise, "")
 
 
-def rows_of(results: Results) -> pd.DataFrame:
-    """What was found: a length per ā, where that is known and not 0."""
+def worst_rows(results: Results) -> pd.DataFrame:
+    """Return the results of a search, a row per cell; lengths are per ā where ā is known and not 0."""
     found, labels = results.worst, list(results.study.cells[0].labels)
-    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if unit_of(results) == "m" else 1.0
+    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if metric_unit(results) == "m" else 1.0
     per = {
         "found": found["found"] / size,
         "late": found["late"] / size,

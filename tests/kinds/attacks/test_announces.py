@@ -89,19 +89,19 @@ def test_free_announcements_are_those_asked_for():
 def test_certificates_that_rest_on_what_a_liar_announces_say_so():
     """Who is safe by majority is so if attacked links announce what they carry, and no longer."""
     assert certificate(ring("consistent"))["by majority"] == [*range(1, 13)]
-    text = check.text(ring("consistent"))
+    text = check.check_text(ring("consistent"))
     assert "assumed: attacked links announce what they carry" in text
     assert "as long as no vehicle stands" in text
     for announces in ("zero", "honest", "free"):
         study = ring(announces)
         assert "by majority" not in certificate(study)
-        assert f"broken: attacked links announce {announces}" in check.text(study)
+        assert f"broken: attacked links announce {announces}" in check.check_text(study)
 
 
 def test_check_tells_what_theorem_3_allows():
     """`‖h‖₁ γ Λ h` with Λ = ω η ā: 2.475 · 0.7 · 2√2 · 0.05 = 0.245 ā; 0 against a constant."""
-    assert "= 0.245 ā" in check.text(ring("consistent", "rotating"))
-    assert "= 0 ā" in check.text(ring("consistent"))
+    assert "= 0.245 ā" in check.check_text(ring("consistent", "rotating"))
+    assert "= 0 ā" in check.check_text(ring("consistent"))
 
 
 def test_who_hears_outsiders_is_not_safe():
