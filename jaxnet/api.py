@@ -12,7 +12,7 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
-from jaxnet.config.study import Source, Study, load
+from jaxnet.config.study import Study, StudySource, load
 from jaxnet.runs.cache import enable
 from jaxnet.statistics.steps import Steps, untold
 from jaxnet.store import results as stored
@@ -142,7 +142,7 @@ def open(path: Place, out: Place | None = None, trust: bool = False, config: Pla
 
 
 def run(
-    study: Source,
+    study: StudySource,
     out: Place | None = None,
     fresh: bool = False,
     progress: Progress = None,
@@ -182,7 +182,7 @@ def run(
 
 
 def run_part(
-    study: Source,
+    study: StudySource,
     part: int,
     parts: int,
     out: Place | None = None,
@@ -212,7 +212,7 @@ def run_part(
 
 
 def simulate(
-    study: Source,
+    study: StudySource,
     samples: SupportsInt | None = None,
     progress: Progress = None,
     devices: int | None = None,
@@ -236,7 +236,7 @@ def in_memory() -> Folder:
     return Folder(f"memory://jaxnet/{uuid.uuid4().hex}")
 
 
-def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tuple[VectorField, "Array"]:
+def field(study: StudySource, sample: SupportsInt = 0, cell: SupportsInt = 0) -> tuple[VectorField, "Array"]:
     """The vector field of one lane of a study, or of what `load` takes for one, and the state it starts from.
 
     `field(t, state, args)`, as diffrax takes it, is pure and jitted, in t [s] and a state (6, m), rows
@@ -262,7 +262,7 @@ def compare(first: stored.Results | Place, second: stored.Results | Place) -> "C
     return held_against(a, b)
 
 
-def sensitivity(study: Source, samples: SupportsInt = 1024, out: Place | None = None) -> pd.DataFrame:
+def sensitivity(study: StudySource, samples: SupportsInt = 1024, out: Place | None = None) -> pd.DataFrame:
     """Sobol's indices of each metric to each quantity that a study draws, cell by cell.
 
     First-order and total, with 95 % intervals. It takes `samples` lanes for each quantity of a
@@ -289,7 +289,7 @@ def write_sensitivity(study: Study, samples: int, out: Place | None, told: Steps
         yield from figures.draw(stored.Results(folder.path, folder), SENSITIVITY, told)
 
 
-def rare(study: Source, points: SupportsInt = 1000, out: Place | None = None) -> pd.DataFrame:
+def rare(study: StudySource, points: SupportsInt = 1000, out: Place | None = None) -> pd.DataFrame:
     """The share of lanes that do not recover where it is very small, cell by cell, by subset simulation.
 
     With a 95 % t interval over ten repeats, each of so many points a level. Writes `rare.csv` into `out`
@@ -398,7 +398,7 @@ def write_report(results: stored.Results, told: Steps = untold) -> Iterator[UPat
 
 
 def search(
-    study: Source,
+    study: StudySource,
     out: Place | None = None,
     fresh: bool = False,
     progress: Progress = None,
@@ -422,7 +422,7 @@ def search(
     return results
 
 
-def with_random_lanes(study: Source) -> Study:
+def with_random_lanes(study: StudySource) -> Study:
     """The study with as many random lanes as its search takes; raises ConfigError if it has none."""
     study = load(study)
     if study.config.search is None:

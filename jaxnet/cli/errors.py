@@ -42,7 +42,8 @@ def interrupts() -> Iterator[list[int]]:
 def user_errors() -> Iterator[None]:
     """End with status 2 and a plain message on what the user can mend, 130 on Ctrl-C, 143 on SIGTERM."""
     from jaxnet.config.document import ConfigError
-    from jaxnet.kinds.registry import KindError, blaming
+    from jaxnet.kinds.blame import blaming
+    from jaxnet.kinds.modules import KindError
     from jaxnet.runs.cluster import ClusterError
     from jaxnet.store.folder import FolderError, UnwrittenError
 

@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError, create_model
 
 from jaxnet.config import faults, ranges, spacings, wording
-from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
+from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted_key, set_value, split_key
 from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
@@ -22,13 +22,13 @@ from jaxnet.kinds.kind import Fault, Kind, KindError
 
 Locate = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
 
-MOST_CELLS = 1_000_000
-DEFAULTS = Scenario()
-ALONE: dict[str, type[BaseModel]] = {  # models of one key each
+MOST_SWEPT_CELLS = 1_000_000
+DEFAULT_SCENARIO = Scenario()
+SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # models of one key each
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
-UNTOLD = ("kind", "label", "edges", "content")  # keys of kinds that no label tells
+UNLABELLED_KEYS = ("kind", "label", "edges", "content")  # keys of kinds that no label tells
 
 
 @dataclass(frozen=True)
@@ -50,25 +50,25 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     name_kinds(document)
     if judges:  # else it has been done before the study was stored
         complete_kinds(document)
-        ranges.widen(document)
+        ranges.write_distributions(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
-    known = Known(document.data, values)
+    known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
     problems += [*document.problems, *idle_overrides(document, list(values))]
     spanned = {key: listed for key, listed in values.items() if known.has(key)}
     cells: tuple[Cell, ...] = ()
-    if math.prod(map(len, values.values())) <= MOST_CELLS:
-        base = document.data if settled is None else plain(settled)
-        with uncollected():
+    if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
+        base = document.data if settled is None else to_plain(settled)
+        with pause_garbage_collection():
             cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None and judges:
         problems += [
             located(fault, document.place)
-            for fault in faults.of_study(settled, [cell.scenario for cell in cells])
+            for fault in faults.study_faults(settled, [cell.scenario for cell in cells])
         ]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
@@ -76,7 +76,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
 
 
 @contextlib.contextmanager
-def uncollected() -> Iterator[None]:
+def pause_garbage_collection() -> Iterator[None]:
     """Have Python look for no garbage while many objects are made that all stay."""
     collects = gc.isenabled()
     gc.disable()
@@ -99,7 +99,7 @@ def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem
         for other in swept:
             if key == other or key.startswith(f"{other}."):
                 message = f"has no effect, {other} is swept; override sweep.{other} instead"
-                yield Problem(document.place(split(key)), key, message)
+                yield Problem(document.place(split_key(key)), key, message)
 
 
 class SweepAlone(BaseModel):
@@ -112,7 +112,7 @@ class SweepAlone(BaseModel):
 
 def located(fault: Fault, place: Locate) -> Problem:
     """A fault with the place of the first of its keys that was written."""
-    return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
+    return Problem(place(*map(split_key, fault.keys)), fault.keys[0], fault.message)
 
 
 def name_kinds(document: Document) -> None:
@@ -151,7 +151,7 @@ def complete(document: Document, field: str, holder: Any, at: Keys) -> None:
             holder[at[-1]] = model.completed(holder[at[-1]], document.folder)
         except KindError as error:
             key = (*at, "path")
-            document.problems.append(Problem(document.place(key, at), dotted(key), str(error)))
+            document.problems.append(Problem(document.place(key, at), dotted_key(key), str(error)))
 
 
 def validate(model: type[Any], data: Mapping[Any, Any], place: Locate) -> tuple[Any, list[Problem]]:
@@ -162,7 +162,7 @@ def validate(model: type[Any], data: Mapping[Any, Any], place: Locate) -> tuple[
         problems = []
         for one in error.errors(include_url=False):
             keys = keys_of(one)
-            problems.append(Problem(place(keys), dotted(keys), wording.explain(one, data)))
+            problems.append(Problem(place(keys), dotted_key(keys), wording.explain(one, data)))
         return None, problems
 
 
@@ -187,11 +187,11 @@ def swept_values(given: Any) -> list[Any]:
 
 
 def refuse_sweep(
-    settled: Config | None, values: Mapping[str, list[Any]], known: "Known"
+    settled: Config | None, values: Mapping[str, list[Any]], known: "KnownKeys"
 ) -> Iterator[tuple[str, str]]:
     """What is wrong with a sweep before its cells are looked at: key and message."""
-    if math.prod(map(len, values.values())) > MOST_CELLS:
-        yield list(values)[-1], f"spans more than {MOST_CELLS:,} cells"
+    if math.prod(map(len, values.values())) > MOST_SWEPT_CELLS:
+        yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
     saves = settled is not None and (settled.save.errors or settled.save.trajectories != "none")
     for number, (key, listed) in enumerate(values.items()):
         root = key.split(".")[0]
@@ -208,14 +208,14 @@ def refuse_sweep(
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
-        twice = [name for name, times in Counter(names(key, listed)).items() if times > 1]
+        twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
         if twice:
             remedy = "; give each a label" if key in KINDS else ""
             remedy += ", a networkx graph a name" if key == "topology" else ""
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
-class Known:
+class KnownKeys:
     """Dotted keys that some cell of a study has: those of the kinds that it names, or sweeps."""
 
     def __init__(self, data: Mapping[Any, Any], values: Mapping[str, list[Any]]):
@@ -259,7 +259,7 @@ def model_of(field: str, value: Any) -> type[Kind] | None:
         return registry.find(field, value["kind"])
 
 
-def names(key: str, listed: list[Any]) -> list[Any]:
+def value_labels(key: str, listed: list[Any]) -> list[Any]:
     """What tables call the values of one swept key: all by a number, or all by text.
 
     A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
@@ -268,7 +268,7 @@ def names(key: str, listed: list[Any]) -> list[Any]:
         if all(isinstance(value, int | float) for value in listed):
             fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
             return listed if fits else list(map(float, listed))  # a column of tables holds 64 bits
-        return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
+        return [value if isinstance(value, str) else wording.value_text(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
     telling = telling_keys(kinds)
     return [kind_label(kind, telling) for kind in kinds]
@@ -279,10 +279,10 @@ def telling_keys(kinds: list[Any]) -> dict[str, list[Any]]:
     found: dict[str, list[Any]] = {}
     first: dict[str, dict[Any, Any]] = {}
     for kind in filter(lambda each: isinstance(each, dict), kinds):
-        name = wording.in_full(kind["kind"])
+        name = wording.value_text(kind["kind"])
         other, keys = first.setdefault(name, kind), found.setdefault(name, [])
         differing = (key for key in {**other, **kind} if other.get(key) != kind.get(key))
-        keys += [key for key in differing if key not in (*UNTOLD, *keys)]
+        keys += [key for key in differing if key not in (*UNLABELLED_KEYS, *keys)]
     return found
 
 
@@ -293,22 +293,22 @@ def full_kind(field: str, value: Any) -> Any:
         return value
     fields = model.model_fields
     defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
-    return {key: tidy(each) for key, each in (defaults | value).items()}
+    return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
 
 
 def kind_label(kind: Any, telling: Mapping[str, list[Any]]) -> str:
     """Name of one swept kind, with the keys that tell it apart from others of its name."""
     if not isinstance(kind, dict):
-        return wording.shown(kind)
+        return wording.shorten_value(kind)
     if isinstance(kind.get("label"), str):
         return kind["label"]
-    keys = telling[wording.in_full(kind["kind"])]
-    words = [f"{key}={wording.shown(value)}" for key, value in kind.items() if key in keys]
+    keys = telling[wording.value_text(kind["kind"])]
+    words = [f"{key}={wording.shorten_value(value)}" for key, value in kind.items() if key in keys]
     name = str(kind["kind"]).rpartition(":")[2]
     return name + (f"({', '.join(words)})" if words else "")
 
 
-class Parts:
+class CellParts:
     """What the cells of a study are made of. A value of a key is validated once, for all cells that have it.
 
     The values are set into the study, with its defaults written out if nothing is wrong with it, as it is
@@ -319,7 +319,7 @@ class Parts:
         given = {key: value for key, value in study.items() if key in Scenario.model_fields}
         kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
         self.document, self.values = document, values
-        self.base: dict[str, Any] = plain(DEFAULTS) | given | kinds
+        self.base: dict[str, Any] = to_plain(DEFAULT_SCENARIO) | given | kinds
         self.swept: dict[str, list[str]] = {}
         for key in values:
             self.swept.setdefault(key.split(".")[0], []).append(key)
@@ -328,7 +328,7 @@ class Parts:
         self.problems = [problem for _, wrong in fixed.values() for problem in wrong]
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
-        self.shared = DEFAULTS.model_copy(update=right)
+        self.shared = DEFAULT_SCENARIO.model_copy(update=right)
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """A cell's scenario by the indices of its swept values, or all that is wrong with it.
@@ -347,7 +347,7 @@ class Parts:
         if registry.scope().judges:
             problems += [
                 located(fault, place)
-                for fault in faults.of_scenario(made)
+                for fault in faults.scenario_faults(made)
                 if not wrong & {key.split(".")[0] for key in fault.keys}
             ]
         return None if wrong else made, problems
@@ -368,7 +368,9 @@ class Parts:
             except LookupError as error:
                 place = self.document.place(("sweep", key))
                 return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
-        found, problems = validate(ALONE[root], data, functools.partial(place_in_cell, self.document, chosen))
+        found, problems = validate(
+            SINGLE_KEY_MODELS[root], data, functools.partial(place_in_cell, self.document, chosen)
+        )
         return getattr(found, root, None), problems
 
 
@@ -376,8 +378,8 @@ def cells_of(
     document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
     """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
-    parts = Parts(document, study, values)
-    labels = {key: names(key, listed) for key, listed in values.items()}
+    parts = CellParts(document, study, values)
+    labels = {key: value_labels(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
     found: dict[Problem, list[str]] = {}
     grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
@@ -411,7 +413,7 @@ def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
     Raises LookupError where there is nothing to set into.
     """
     root = key.split(".")[0]
-    put(data, split(key), value)
+    set_value(data, split_key(key), value)
     if root in KINDS:
         data[root] = with_kind(root, data[root])
 
@@ -420,22 +422,26 @@ def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Ke
     """Where a cell's fault stands: at the swept value that set the key, else where the key is written."""
     for keys in candidates:
         for key in sorted(chosen, key=lambda key: -key.count(".")):
-            swept, here = split(key), ("sweep", key, chosen[key])
+            swept, here = split_key(key), ("sweep", key, chosen[key])
             if swept[: len(keys)] == keys[: len(swept)]:
                 inside = (*here, *keys[len(swept) :])
                 return document.place(inside, here)
     return document.place(*candidates)
 
 
-def plain(model: BaseModel) -> dict[str, Any]:
+def to_plain(model: BaseModel) -> dict[str, Any]:
     """A model as plain data, for YAML and JSON."""
-    return tidy(model.model_dump(mode="python"))
+    return without_empty_labels(model.model_dump(mode="python"))
 
 
-def tidy(value: Any) -> Any:
+def without_empty_labels(value: Any) -> Any:
     """Plain data of models, mappings and lists, without labels that nobody gave."""
     if isinstance(value, BaseModel):
-        return plain(value)
+        return to_plain(value)
     if isinstance(value, dict):
-        return {key: tidy(each) for key, each in value.items() if not (key == "label" and each is None)}
-    return [tidy(each) for each in value] if isinstance(value, list | tuple) else value
+        return {
+            key: without_empty_labels(each)
+            for key, each in value.items()
+            if not (key == "label" and each is None)
+        }
+    return [without_empty_labels(each) for each in value] if isinstance(value, list | tuple) else value

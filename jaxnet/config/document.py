@@ -14,8 +14,8 @@ from jaxnet.config.yaml12 import (
     SCALARS,
     TOO_DEEP,
     ExcessError,
-    Loader,
-    constructed,
+    Yaml12Loader,
+    parse_scalar,
 )
 
 Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
@@ -64,12 +64,14 @@ class Reader:
         """The value that the text holds, None if it holds nothing; raises ConfigError if it is not YAML."""
         if len(text) > MOST_CHARACTERS:
             reason = f"more than {MOST_CHARACTERS:,} characters"
-            raise ConfigError([Problem(self.at(0, 0), dotted(self.within), reason)])
+            raise ConfigError([Problem(self.at(0, 0), dotted_key(self.within), reason)])
         try:
-            node = yaml.compose(text, Loader)
+            node = yaml.compose(text, Yaml12Loader)
             return None if node is None else self.build(node, (), [])
         except ExcessError as error:
-            raise ConfigError([Problem(self.at(*error.place), dotted(self.within), error.excess)]) from error
+            raise ConfigError(
+                [Problem(self.at(*error.place), dotted_key(self.within), error.excess)]
+            ) from error
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self.at(mark.line, mark.column) if mark else self.source
@@ -78,7 +80,7 @@ class Reader:
             before = text[: error.position]
             place = self.at(before.count("\n"), len(before) - before.rfind("\n") - 1)
             reason = f"the character {error.character!r} is not allowed"
-        raise ConfigError([Problem(place, dotted(self.within), f"not YAML: {reason}")])
+        raise ConfigError([Problem(place, dotted_key(self.within), f"not YAML: {reason}")])
 
     def build(self, node: yaml.Node, keys: Keys, above: list[yaml.Node]) -> Any:
         """Plain data of a node, noting places; `above` guards against an alias inside its own anchor."""
@@ -118,7 +120,7 @@ class Reader:
         if kind == "str":
             return text
         if kind in SCALARS and SCALARS[kind].fullmatch(text):
-            return constructed(kind, text)
+            return parse_scalar(kind, text)
         message = f"the tag {node.tag} has no meaning here"
         raise ConfigError([self.problem(node, keys, message)])
 
@@ -132,7 +134,7 @@ class Reader:
 
     def problem(self, node: yaml.Node, keys: Keys, message: str) -> Problem:
         """A problem at a node."""
-        return Problem(self.at_node(node), dotted((*self.within, *keys)), message)
+        return Problem(self.at_node(node), dotted_key((*self.within, *keys)), message)
 
 
 class Document:
@@ -181,13 +183,13 @@ class Document:
         """Set a value from `KEY=VALUE`, the value in YAML; what is wrong with it is kept in `problems`."""
         source = f"command line '{word}'"
         key, equals, text = word.partition("=")
-        keys = split(key)
+        keys = split_key(key)
         if not equals or not key or "" in keys:
             self.problems.append(Problem(source, key, "an override is KEY=VALUE, KEY a dotted name"))
             return
         reader = Reader(source, keys)
         try:
-            put(self.data, keys, reader.read(text))
+            set_value(self.data, keys, reader.read(text))
         except ConfigError as error:
             self.problems += error.problems
             return
@@ -205,7 +207,7 @@ DOTTED = ("sweep", "search.over")  # keys that hold dotted names
 INDEX = re.compile(r"[0-9]{1,9}")
 
 
-def split(key: str) -> Keys:
+def split_key(key: str) -> Keys:
     """Keys of a dotted name, whole numbers as such; what follows DOTTED is one key, dotted itself."""
     for before in DOTTED:
         if key.startswith(f"{before}."):
@@ -218,12 +220,12 @@ def spot(keys: Keys) -> Spot:
     return tuple(map(str, keys))
 
 
-def dotted(keys: Keys) -> str:
+def dotted_key(keys: Keys) -> str:
     """The dotted name of a place."""
     return ".".join(map(str, keys))
 
 
-def put(data: Any, keys: Keys, value: Any) -> None:
+def set_value(data: Any, keys: Keys, value: Any) -> None:
     """Set a value deep in nested mappings and lists, making mappings on the way.
 
     The bare name of a kind becomes a mapping. Raises LookupError where there is nothing to set into.
@@ -237,9 +239,9 @@ def put(data: Any, keys: Keys, value: Any) -> None:
         elif inner is None:
             inner = {}
         elif not isinstance(inner, dict | list):
-            raise LookupError(f"{dotted(keys[:depth])} is not a mapping")
+            raise LookupError(f"{dotted_key(keys[:depth])} is not a mapping")
         elif isinstance(inner, list) and keys[depth] not in range(len(inner)):
-            raise LookupError(f"{dotted(keys[:depth])} has entries 0 to {len(inner) - 1}")
+            raise LookupError(f"{dotted_key(keys[:depth])} has entries 0 to {len(inner) - 1}")
         data[key] = inner = inner.copy()
         data = inner
     data[keys[-1]] = value

@@ -20,8 +20,8 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member, ordered
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, ordered, union_member
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -74,21 +74,21 @@ class Scenario(Record):
         default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
     )
     tail: float = Field(default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
-    topology: Annotated[Graph, Of("topology"), Field(description="who hears whom")] = Cyclic()
-    navigator: Annotated[Navigator, Of("navigator"), Field(description="the path to track")] = Lissajous()
-    vehicle: Annotated[Vehicle, Of("vehicle"), Field(description="what moves")] = TwoWheeled()
+    topology: Annotated[Graph, KindOf("topology"), Field(description="who hears whom")] = Cyclic()
+    navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = Lissajous()
+    vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
     initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
     gain: Annotated[list[Number], Len(3, 3)] = Field(
         default=[1.0, 3.0, 3.0], description="k0, k1, k2: of the law, on ε, ε̇, ε̈"
     )
-    law: Annotated[Law, Of("law"), Field(description="how the law is solved")] = ExactLaw()
-    attack: Annotated[AnyAttack, Of("attack"), Field(description="what is false in what is heard")] = (
+    law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
+    attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (
         Rotating()
     )
-    defence: Annotated[AnyDefence, Of("defence"), Field(description="whom a vehicle believes")] = (
+    defence: Annotated[AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")] = (
         TrustedTrim()
     )
-    engine: Annotated[Engine, Of("engine"), Field(description="how lanes are advanced")] = Nonlinear()
+    engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[], description="what rows measure besides what all do"
     )
@@ -127,13 +127,13 @@ class Samples(Record):
     samples: list[Annotated[int, Field(ge=0)]]
 
 
-class Worst(Record):
+class WorstLanes(Record):
     """The K lanes of each cell that end farthest off."""
 
     worst: int = Field(ge=1)
 
 
-def chosen_lanes(value: Any) -> str | None:
+def stored_lanes_tag(value: Any) -> str | None:
     """Which way lanes are chosen for their trajectories."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
@@ -147,18 +147,18 @@ class Save(Record):
 
     errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
     trajectories: Annotated[
-        Annotated[Literal["none", "all"], member("word")]
-        | Annotated[Samples, member("samples")]
-        | Annotated[Worst, member("worst")],
+        Annotated[Literal["none", "all"], union_member("word")]
+        | Annotated[Samples, union_member("samples")]
+        | Annotated[WorstLanes, union_member("worst")],
         Discriminator(
-            chosen_lanes,
+            stored_lanes_tag,
             custom_error_type="lanes",
             custom_error_message="must be none, all, {samples: [...]} or {worst: K}",
         ),
     ] = Field(default="none", description="lanes whose states are stored over time, in trajectories.zarr")
 
 
-def spacing(value: Any) -> str | None:
+def spacing_tag(value: Any) -> str | None:
     """Which way swept values are given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
@@ -167,12 +167,12 @@ def spacing(value: Any) -> str | None:
     return MARK + "list" if isinstance(value, list) else None
 
 
-Values = Annotated[
-    Annotated[list[Any], Len(1), member("list")]
-    | Annotated[Linspace, member("linspace")]
-    | Annotated[Geomspace, member("geomspace")],
+SweptValues = Annotated[
+    Annotated[list[Any], Len(1), union_member("list")]
+    | Annotated[Linspace, union_member("linspace")]
+    | Annotated[Geomspace, union_member("geomspace")],
     Discriminator(
-        spacing,
+        spacing_tag,
         custom_error_type="values",
         custom_error_message="must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
     ),
@@ -193,7 +193,7 @@ class Recovery(Record):
     worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
 
 
-class Chosen(Record):
+class ChosenVehicles(Record):
     """So many vehicles, whom a search chooses."""
 
     choose: int = Field(ge=1, description="how many")
@@ -208,7 +208,7 @@ class EachIn(Record):
     each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
 
 
-def way_over(value: Any) -> str | None:
+def range_tag(value: Any) -> str | None:
     """Which way the range of a search is given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
@@ -219,24 +219,24 @@ def way_over(value: Any) -> str | None:
     return MARK + "word" if value == "each" else None
 
 
-Range = Annotated[
-    Annotated[Bounds, member("bounds")]
-    | Annotated[Literal["each"], member("word")]
-    | Annotated[EachIn, member("each")]
-    | Annotated[list[Bounds], member("several")]
-    | Annotated[Chosen, member("choose")],
+SearchRange = Annotated[
+    Annotated[Bounds, union_member("bounds")]
+    | Annotated[Literal["each"], union_member("word")]
+    | Annotated[EachIn, union_member("each")]
+    | Annotated[list[Bounds], union_member("several")]
+    | Annotated[ChosenVehicles, union_member("choose")],
     Discriminator(
-        way_over,
+        range_tag,
         custom_error_type="range",
         custom_error_message="must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
     ),
 ]
 
 
-class Search(Record):
+class SearchSettings(Record):
     """What an attacker, or a designer, may choose, and how the worst choice is searched for."""
 
-    over: Annotated[dict[str, Range], Len(1)] = Field(
+    over: Annotated[dict[str, SearchRange], Len(1)] = Field(
         description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
         " each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the attacked vehicles;"
         " `jaxnet run` draws them there",
@@ -276,12 +276,12 @@ class Sequential(Record):
     until: Criterion
 
 
-def samples_given(value: Any) -> str:
+def samples_tag(value: Any) -> str:
     """Whether a number of samples or a criterion is given."""
     return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
 
 
-Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cells are the product")]
+Sweep = Annotated[dict[str, SweptValues], Field(description="dotted key: values; cells are the product")]
 
 
 class Config(Scenario):
@@ -294,8 +294,9 @@ class Config(Scenario):
         default=0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
     )
     samples: Annotated[
-        Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
-        Discriminator(samples_given),
+        Annotated[int, Field(ge=1, lt=2**32), union_member("number")]
+        | Annotated[Sequential, union_member("sequential")],
+        Discriminator(samples_tag),
     ] = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
         default="random",
@@ -303,7 +304,7 @@ class Config(Scenario):
         " independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
-    search: Search | None = Field(default=None, description="what jaxnet search looks for")
+    search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
     save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
 

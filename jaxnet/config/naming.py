@@ -6,35 +6,35 @@ from collections.abc import Iterator
 from typing import Any
 
 from jaxnet.config.keys import KINDS, Scenario
-from jaxnet.kinds import registry
+from jaxnet.kinds.families import base_of
 
 MAGNITUDE = "attack.magnitude"
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def title(labels: dict[str, Any]) -> str:
+def labels_title(labels: dict[str, Any]) -> str:
     """A panel's or row's name: the values that it is about, with their keys where they do not say which."""
-    return ", ".join(called(key, value) for key, value in labels.items())
+    return ", ".join(value_name(key, value) for key, value in labels.items())
 
 
-def called(key: str, value: Any) -> str:
+def value_name(key: str, value: Any) -> str:
     """One swept value, with its unit if it has one; the two are never on different lines."""
     if value == "none":
         return f"no{NO_BREAK}{key}"
     if key in KINDS:
         return str(value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE else f"{key} ="
-    return NO_BREAK.join(filter(None, [name, amount(value), unit(key)]))
+    return NO_BREAK.join(filter(None, [name, format_value(value), unit(key)]))
 
 
-def amount(value: Any) -> str:
+def format_value(value: Any) -> str:
     """A number to four digits, words as they are."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def bare(key: str, value: Any) -> str:
+def value_alone(key: str, value: Any) -> str:
     """A swept value where its key and unit are told already."""
-    return called(key, value) if key in KINDS else amount(value)
+    return value_name(key, value) if key in KINDS else format_value(value)
 
 
 def quantity(key: str) -> str:
@@ -53,7 +53,7 @@ def unit(key: str) -> str:
     root, name = key.partition(".")[0], key.rpartition(".")[2]
     base: Any = Scenario
     if name != key:
-        base = registry.base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
+        base = base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
     models = [model for model in family(base) if name in model.model_fields]
     described = (model.model_fields[name].description or "" for model in models)
     found = (re.match(r"\[([^],]+)", words) for words in described)

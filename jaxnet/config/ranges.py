@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from jaxnet.config.document import Document, Problem, put, split, spot
+from jaxnet.config.document import Document, Problem, set_value, split_key, spot
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import FULL_TURN, is_drawn
 from jaxnet.kinds.kind import KindError
 
 
-def widen(document: Document) -> None:
+def write_distributions(document: Document) -> None:
     """Write into a document, at each key that a search may choose, the distribution that it is drawn from.
 
     What is not the way a range is written is left for the models to refuse.
@@ -24,8 +24,8 @@ def widen(document: Document) -> None:
         else:
             try:
                 if (drawn := distribution_of(document, str(key), given)) is not None:
-                    put(document.data, split(str(key)), drawn)
-                    document.places[spot(split(str(key)))] = at
+                    set_value(document.data, split_key(str(key)), drawn)
+                    document.places[spot(split_key(str(key)))] = at
             except (LookupError, KindError) as error:
                 wrong = str(error.args[0])
         if wrong:

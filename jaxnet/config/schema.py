@@ -10,16 +10,16 @@ from jaxnet.kinds.attacks import Attack
 
 def schema_text() -> str:
     """The schema as JSON."""
-    return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(config_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def schema() -> dict[str, Any]:
+def config_schema() -> dict[str, Any]:
     """The schema: what the models say, of every kind that has a name, and that a kind may stand alone as a
     string.
     """
     whole = Config.model_json_schema()
     for family, default in DEFAULT_KINDS.items():
-        kinds = {name: registry.find(family, name) for name in registry.names(family)}
+        kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
         for name, kind in kinds.items():
             whole["$defs"] |= definitions(kind, name, default)
         whole["$defs"][family] = {
@@ -33,7 +33,7 @@ def schema() -> dict[str, Any]:
     for family in KINDS:
         whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
     whole["properties"]["metrics"]["items"] = {
-        "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
+        "anyOf": [{"enum": registry.kind_names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 

@@ -7,16 +7,16 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from jaxnet.config.cells import read_document, tidy
+from jaxnet.config.cells import read_document, without_empty_labels
 from jaxnet.config.document import ConfigError, Document, Problem
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.study import yaml_of
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind, KindError
 
-ASKED = ("topology", "attack", "defence")  # families
-DEFAULTS: dict[str, Any] = {
-    **{family: Scenario.model_fields[family].default.reference() for family in ASKED},
+ASKED_FAMILIES = ("topology", "attack", "defence")  # families
+DEFAULT_ANSWERS: dict[str, Any] = {
+    **{family: Scenario.model_fields[family].default.reference() for family in ASKED_FAMILIES},
     "vehicles": Scenario.model_fields["vehicles"].default,
     "magnitudes": [0.1, 1.0, 10.0],
     "samples": 100,
@@ -25,40 +25,41 @@ LINE_LENGTH = 100  # of a line with its comment
 COLUMN = 32  # in which comments begin, if they can
 
 
-def offered(family: str) -> list[str]:
+def kinds_without_keys(family: str) -> list[str]:
     """Kinds of a family that need no key, those of installed packages too."""
-    return [name for name in registry.names(family) if not needs(registry.find(family, name))]
+    return [name for name in registry.kind_names(family) if not required_keys(registry.find(family, name))]
 
 
-def needs(kind: type[Kind]) -> list[str]:
+def required_keys(kind: type[Kind]) -> list[str]:
     """Keys that a kind has no default for."""
     return [key for key, field in kind.model_fields.items() if field.is_required()]
 
 
-def written_out(file: str, answers: Mapping[str, Any]) -> str:
+def starter_config(file: str, answers: Mapping[str, Any]) -> str:
     """The config of these answers, the defaults elsewhere; raises ConfigError."""
-    given = {**DEFAULTS, **answers}
-    for family in ASKED:
-        refuse(file, family, given[family])
-    found = "\n".join(lines(file, given)) + "\n"
+    given = {**DEFAULT_ANSWERS, **answers}
+    for family in ASKED_FAMILIES:
+        check_kind(file, family, given[family])
+    found = "\n".join(config_lines(file, given)) + "\n"
     read_document(Document(found, file))
     return found
 
 
-def refuse(file: str, family: str, name: str) -> None:
+def check_kind(file: str, family: str, name: str) -> None:
     """Raise ConfigError for a kind that there is none of, or that needs more than its name."""
     try:
-        lacking = needs(registry.find(family, name))
+        lacking = required_keys(registry.find(family, name))
     except KindError as error:
         raise ConfigError([Problem(file, family, str(error))]) from error
     if lacking:
-        told = f"{name} needs {' and '.join(lacking)} (those that need nothing: {', '.join(offered(family))})"
-        raise ConfigError([Problem(file, family, told)])
+        ready = ", ".join(kinds_without_keys(family))
+        message = f"{name} needs {' and '.join(lacking)} (those that need nothing: {ready})"
+        raise ConfigError([Problem(file, family, message)])
 
 
 def answers_alone(given: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The study that the answers ask for, as a mapping."""
-    kinds = {family: registry.find(family, given[family]) for family in ASKED}
+    kinds = {family: registry.find(family, given[family]) for family in ASKED_FAMILIES}
     study: dict[str, Any] = {"name": name, "samples": given["samples"], "vehicles": given["vehicles"]}
     study |= {family: {"kind": given[family], **keys_of_kind(kind, given)} for family, kind in kinds.items()}
     if "magnitude" in kinds["attack"].model_fields:
@@ -69,7 +70,7 @@ def answers_alone(given: Mapping[str, Any], name: str) -> dict[str, Any]:
 def keys_of_kind(kind: type[Kind], given: Mapping[str, Any]) -> dict[str, Any]:
     """A kind's keys with their defaults; of the vehicles that it names, those that there are."""
     keys = {
-        key: tidy(field.default)
+        key: without_empty_labels(field.default)
         for key, field in kind.model_fields.items()
         if key != "label" and not field.is_required()
     }
@@ -78,12 +79,12 @@ def keys_of_kind(kind: type[Kind], given: Mapping[str, Any]) -> dict[str, Any]:
     return keys
 
 
-def lines(file: str, given: Mapping[str, Any]) -> Iterator[str]:
+def config_lines(file: str, given: Mapping[str, Any]) -> Iterator[str]:
     """The file's lines."""
     yield f"# jaxnet run {shlex.quote(file)}"
     yield "# Every key that is left out has its default; `jaxnet check` says what would run."
     for key, value in answers_alone(given, Path(file).stem).items():
-        if key not in ASKED:
+        if key not in ASKED_FAMILIES:
             yield from with_comment("", key, value, Config.model_fields[key].description)
             continue
         kind = registry.find(key, given[key])

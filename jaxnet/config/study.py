@@ -14,9 +14,9 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted
+from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted_key
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Dumper
+from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import Edges
 from jaxnet.kinds.kind import Kind, KindError
@@ -53,10 +53,10 @@ class Study:
         return f"<table><caption>{escape(self.config.name)}</caption>{body}</table>"
 
 
-Source = Study | str | Path | UPath | Mapping[str, Any]
+StudySource = Study | str | Path | UPath | Mapping[str, Any]
 
 
-def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
+def load(source: StudySource, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
     """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
 
     A kind of one's own may be in a module beside the file. In a mapping a kind may be an object, a
@@ -72,17 +72,17 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         if not overrides:
             return source
         with source.config.scope():
-            return load(cells.plain(source.config), overrides)
+            return load(cells.to_plain(source.config), overrides)
     if isinstance(source, Mapping):
         with registry.Scope(known=registry.scope().known)() as scope:
             document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
-            return read(document, overrides, scope)
+            return read_study(document, overrides, scope)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read(document, overrides, scope)
+        return read_study(document, overrides, scope)
 
 
-def read(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
+def read_study(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
     """The study of a document whose names mean what they do in a scope; raises ConfigError."""
     for word in overrides:
         document.override(str(word))
@@ -93,7 +93,7 @@ def read(document: Document, overrides: Iterable[str], scope: registry.Scope) ->
 
 def yaml_of(data: Any, inline: bool) -> str:
     """Plain data as YAML: a line for each key, or everything in one line."""
-    text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
+    text = yaml.dump(data, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
     return text.removesuffix("...\n").rstrip("\n")
 
 
@@ -115,12 +115,14 @@ class Native:
         """Plain data of the value at these keys; raises ConfigError."""
         self.count += 1
         if self.count > MOST_VALUES:
-            raise refused(keys, f"more than {MOST_VALUES:,} values")
+            raise refusal(keys, f"more than {MOST_VALUES:,} values")
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
-        value = value.tolist() if hasattr(value, "tolist") else written(value, keys)  # of NumPy, pandas, JAX
+        value = (
+            value.tolist() if hasattr(value, "tolist") else config_form(value, keys)
+        )  # of NumPy, pandas, JAX
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
-            raise refused(keys, TOO_DEEP)
+            raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
             return {plain_scalar(key, keys): self.plain(inner, (*keys, key)) for key, inner in value.items()}
         if isinstance(value, list | tuple | range):
@@ -128,20 +130,20 @@ class Native:
         return plain_scalar(value, keys)
 
 
-def written(value: Any, keys: Keys) -> Any:
+def config_form(value: Any, keys: Keys) -> Any:
     """A kind, a class of one, a metric or a graph of networkx as a config writes it.
 
     Anything else stays as it is. Raises ConfigError for a graph of networkx that is none of ours.
     """
     if isinstance(value, Kind):
-        return {"kind": registry.adopt(type(value)), **cells.tidy(dict(value))}
+        return {"kind": registry.adopt(type(value)), **cells.without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
     try:
         graph = Edges.adopted(value)
     except KindError as error:
-        raise refused(keys, str(error)) from error
-    return value if graph is None else written(graph, keys)
+        raise refusal(keys, str(error)) from error
+    return value if graph is None else config_form(graph, keys)
 
 
 def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
@@ -151,12 +153,12 @@ def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
         return str(value)
     if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
-        raise refused(keys, f"{allowed} (got {value!r})")
+        raise refusal(keys, f"{allowed} (got {value!r})")
     if isinstance(value, int) and abs(value) >= TOO_GREAT:
-        raise refused(keys, f"a whole number has at most {LONGEST_INT} digits")
+        raise refusal(keys, f"a whole number has at most {LONGEST_INT} digits")
     return value
 
 
-def refused(keys: Keys, message: str) -> ConfigError:
+def refusal(keys: Keys, message: str) -> ConfigError:
     """The error of a value that a script gives."""
-    return ConfigError([Problem("study", dotted(keys), message)])
+    return ConfigError([Problem("study", dotted_key(keys), message)])

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import Of
+from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import MARK, names_distribution
 from jaxnet.kinds.kind import KindError
 
@@ -43,31 +43,33 @@ def explain(error: Any, data: Any) -> str:
     if kind in ("extra_forbidden", "invalid_key"):
         return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"], data))
     if kind == "kind":
-        return f"must be a mapping, or one of {context['known']} (got {shown(given)})"
+        return f"must be a mapping, or one of {context['known']} (got {shorten_value(given)})"
     if kind == "metric":
         return context["error"]
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given
-        return context["error"] + suggestion(str(name), registry.names(context["family"]), fallback=False)
+        return context["error"] + suggestion(
+            str(name), registry.kind_names(context["family"]), fallback=False
+        )
     if kind in ("too_short", "too_long"):
         word, number = (
             ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
         )
         entries = "1 entry" if number == 1 else f"{number} entries"
-        return f"must have at {word} {entries} (got {shown(given)})"
+        return f"must have at {word} {entries} (got {shorten_value(given)})"
     message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
     if kind in ("float_type", "int_type") and names_distribution(given):
         message += ", not a distribution"
-    return f"{message} (got {shown(given)})"
+    return f"{message} (got {shorten_value(given)})"
 
 
-def shown(value: Any) -> str:
+def shorten_value(value: Any) -> str:
     """A value as a user may have written it, cut short if it is long."""
-    text = in_full(value)
+    text = value_text(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def in_full(value: Any) -> str:
+def value_text(value: Any) -> str:
     """A value in full, as a user may have written it."""
     return json.dumps(value, default=lambda record: record.model_dump(), ensure_ascii=False)
 
@@ -95,7 +97,7 @@ def known_keys(location: tuple[Any, ...], data: Any) -> list[str]:
 
 def model_in(field: Any, value: Any) -> Any:
     """The model, or the union of models, of a key: of a kind the one that its value names."""
-    family = next((mark.family for mark in field.metadata if isinstance(mark, Of)), None)
+    family = next((mark.family for mark in field.metadata if isinstance(mark, KindOf)), None)
     if family is None:
         models = records(field.annotation)
         return models[0] if len(models) == 1 else field.annotation

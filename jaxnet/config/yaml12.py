@@ -24,11 +24,11 @@ SCALARS = {
     "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
     "float": re.compile(FLOAT),
 }
-FIRST = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
-FIRST["float"] = [*FIRST["int"], "."]
+FIRST_CHARACTERS = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
+FIRST_CHARACTERS["float"] = [*FIRST_CHARACTERS["int"], "."]
 
-BREAKS = "\r\n\x85\u2028\u2029"
-ENDS = "\0" + BREAKS  # of a line
+LINE_BREAKS = "\r\n\x85\u2028\u2029"
+LINE_ENDS = "\0" + LINE_BREAKS  # of a line
 
 
 class ExcessError(ValueError):
@@ -39,7 +39,7 @@ class ExcessError(ValueError):
         self.excess, self.place = excess, (mark.line, mark.column)
 
 
-class Loader(yaml.SafeLoader):
+class Yaml12Loader(yaml.SafeLoader):
     """PyYAML's parser for YAML 1.2. A text beyond the limits raises ExcessError."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
@@ -58,7 +58,7 @@ class Loader(yaml.SafeLoader):
         node: Any = super().compose_node(parent, index)
         self.depth -= 1
         if not alias:
-            self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in inside(node))
+            self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in child_nodes(node))
         if self.sizes.get(node, 0) - len(self.sizes) > MOST_REPEATED:
             raise ExcessError(TOO_MANY, mark)
         return node
@@ -77,7 +77,7 @@ class Loader(yaml.SafeLoader):
                 self.skip(" \t")
                 self.allow_simple_key = self.allow_simple_key and bool(self.flow_level)
             if self.peek() == "#":
-                while self.peek() not in ENDS:
+                while self.peek() not in LINE_ENDS:
                     self.forward()
             if not self.scan_line_break():
                 return
@@ -88,7 +88,7 @@ class Loader(yaml.SafeLoader):
         length = 1
         while self.peek(length) in " \t":
             length += 1
-        return bool(self.flow_level) or not first or self.peek(length) in ENDS + "#"
+        return bool(self.flow_level) or not first or self.peek(length) in LINE_ENDS + "#"
 
     def skip(self, characters: str) -> None:
         """Pass over some characters."""
@@ -102,20 +102,20 @@ class Loader(yaml.SafeLoader):
             length += 1
         white = self.prefix(length)
         self.forward(length)
-        if self.peek() not in BREAKS:
+        if self.peek() not in LINE_BREAKS:
             return [white] if white else []
         first, breaks = self.scan_line_break(), []
         self.allow_simple_key = True
         while not self.ends_document():
             self.skip(" \t" if self.flow_level else " ")
-            if self.peek() not in BREAKS:
+            if self.peek() not in LINE_BREAKS:
                 return [*([] if first == "\n" else [first]), *(breaks or [" "] * (first == "\n"))]
             breaks.append(self.scan_line_break())
         return None
 
     def ends_document(self) -> bool:
         """Whether a line begins with a document's marker."""
-        return self.prefix(3) in ("---", "...") and self.peek(3) in ENDS + " \t"
+        return self.prefix(3) in ("---", "...") and self.peek(3) in LINE_ENDS + " \t"
 
     def scan_block_scalar_ignored_line(self, start_mark: Any) -> None:
         """Pass over the rest of the line on which a block scalar begins."""
@@ -125,23 +125,23 @@ class Loader(yaml.SafeLoader):
 
 for kind, pattern in SCALARS.items():
     whole = re.compile(f"^(?:{pattern.pattern})$")
-    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
+    Yaml12Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST_CHARACTERS[kind])
 
 
-class Dumper(yaml.SafeDumper):
+class Yaml12Dumper(yaml.SafeDumper):
     """Quotes text that YAML 1.2 would read as something else."""
 
-    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+    yaml_implicit_resolvers = Yaml12Loader.yaml_implicit_resolvers
 
 
-def inside(node: Any) -> list[yaml.Node]:
+def child_nodes(node: Any) -> list[yaml.Node]:
     """Nodes directly inside a mapping or a list."""
     if isinstance(node, yaml.MappingNode):
         return [each for pair in node.value for each in pair]
     return node.value if isinstance(node, yaml.SequenceNode) else []
 
 
-def constructed(kind: str, text: str) -> Any:
+def parse_scalar(kind: str, text: str) -> Any:
     """The value of a scalar that fits its pattern."""
     if kind == "null":
         return None

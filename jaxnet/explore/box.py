@@ -103,5 +103,5 @@ def value_at(scenario: Scenario, place: Place) -> Any:
 
 def is_turn(number: Any) -> bool:
     """Whether a distribution is an angle's, over a full turn, so that its two ends are the same."""
-    low, high = fields.bounds(number) if fields.is_drawn(number) else (0.0, 0.0)
+    low, high = fields.value_range(number) if fields.is_drawn(number) else (0.0, 0.0)
     return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN

@@ -19,8 +19,8 @@ import pandas as pd
 from jaxtyping import Float
 from upath import UPath
 
-from jaxnet.config.cells import Cell, plain
-from jaxnet.config.keys import Config, Search
+from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.keys import Config, SearchSettings
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -73,7 +73,7 @@ class Hunt:
     def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
         assert study.search is not None
         self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
-        self.asked: Search = study.search
+        self.asked: SearchSettings = study.search
         source = Keyed(study.seed)
         drawn = [place for place in places_of(cell.scenario, source) if place.name in self.asked.over]
         if missing := [key for key in self.asked.over if key not in {place.name for place in drawn}]:
@@ -115,7 +115,7 @@ class Hunt:
 
     def stamp(self) -> str:
         """Of all that makes the search go its way."""
-        said = json.dumps([COURSE, digest(self.study), plain(self.asked), self.cell.number])
+        said = json.dumps([COURSE, digest(self.study), to_plain(self.asked), self.cell.number])
         return hashlib.sha256(said.encode()).hexdigest()
 
     def read(self) -> dict[str, np.ndarray]:

@@ -5,10 +5,11 @@ from typing import Any
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds import registry
+from jaxnet.kinds.families import base_of
 from jaxnet.kinds.kind import Kind, KindError
 
 
-class Of:
+class KindOf:
     """A kind of a family: an object, or a mapping with `kind` and its keys, or its bare name."""
 
     def __init__(self, family: str):
@@ -16,17 +17,17 @@ class Of:
 
     def validate(self, value: Any) -> Kind:
         """The kind that a value means."""
-        base = registry.base_of(self.family)
+        base = base_of(self.family)
         if isinstance(value, str):
             value = {"kind": value}
         if isinstance(value, base):
             return value
         if not isinstance(value, dict):
-            known = ", ".join(registry.names(self.family))
+            known = ", ".join(registry.kind_names(self.family))
             raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
         try:
             if not isinstance(value.get("kind"), str):
-                raise registry.unknown(self.family, value.get("kind"))
+                raise registry.unknown_kind(self.family, value.get("kind"))
             found = registry.find(self.family, value["kind"])
         except KindError as error:
             raise PydanticCustomError(

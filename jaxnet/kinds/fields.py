@@ -26,7 +26,7 @@ PI = 3.141592653589793
 MARK = "\0"
 
 
-def member(name: str) -> Tag:
+def union_member(name: str) -> Tag:
     """The mark of one member of a union."""
     return Tag(MARK + name)
 
@@ -63,7 +63,7 @@ class Normal(Record):
     normal: Annotated[list[float], Len(2, 2), AfterValidator(not_negative)]
 
 
-class Choice(Record):
+class DiscreteChoice(Record):
     """One of a list, all as likely."""
 
     choice: Annotated[list[float], Len(1)]
@@ -77,7 +77,7 @@ def names_distribution(value: Any) -> bool:
     return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
 
 
-def distribution(value: Any) -> str | None:
+def number_tag(value: Any) -> str | None:
     """Which kind of number a value means to be."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
@@ -93,14 +93,14 @@ if TYPE_CHECKING:
     Number = Any  # a number or a distribution in a config; arrays while lanes are simulated
 else:
     Members = (
-        Annotated[float, member("number")]
-        | Annotated[Uniform, member("uniform")]
-        | Annotated[Normal, member("normal")]
-        | Annotated[Choice, member("choice")]
+        Annotated[float, union_member("number")]
+        | Annotated[Uniform, union_member("uniform")]
+        | Annotated[Normal, union_member("normal")]
+        | Annotated[DiscreteChoice, union_member("choice")]
     )
     Number = Annotated[
         Members,
-        Discriminator(distribution, custom_error_type="distribution", custom_error_message=A_NUMBER),
+        Discriminator(number_tag, custom_error_type="distribution", custom_error_message=A_NUMBER),
     ]
 
 
@@ -122,12 +122,12 @@ class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
-def in_rows(given: Any) -> Any:
+def as_rows(given: Any) -> Any:
     """Lists of lists; of numbers alone, each is a list."""
     return [[each] if isinstance(each, float | int) else each for each in given]
 
 
-Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(in_rows)]
+Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(as_rows)]
 
 
 class Table(RootModel[Rows]):
@@ -136,31 +136,31 @@ class Table(RootModel[Rows]):
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
-def drawn_or_given(value: Any) -> str | None:
+def table_tag(value: Any) -> str | None:
     """Whether numbers of vehicles are drawn, all from one distribution, or given in a table."""
-    return MARK + "table" if isinstance(value, list | Table) else distribution(value)
+    return MARK + "table" if isinstance(value, list | Table) else number_tag(value)
 
 
 if TYPE_CHECKING:
     Several = Any  # numbers that each attacked vehicle has several of
 else:
     Several = Annotated[
-        Members | Annotated[Table, member("table")],
+        Members | Annotated[Table, union_member("table")],
         Discriminator(
-            drawn_or_given,
+            table_tag,
             custom_error_type="distribution",
             custom_error_message=f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
         ),
     ]
 
 
-def way(value: Any) -> str | None:
+def vehicle_number_tag(value: Any) -> str | None:
     """Which kind of number of vehicles a value means to be."""
     if isinstance(value, list):
         return MARK + "root"
     if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
         return MARK + next(iter(value))
-    return distribution(value)
+    return number_tag(value)
 
 
 if TYPE_CHECKING:
@@ -168,11 +168,11 @@ if TYPE_CHECKING:
 else:
     PerVehicle = Annotated[
         Members
-        | Annotated[Apiece, member("each")]
-        | Annotated[Shared, member("shared")]
-        | Annotated[Listed, member("root")],
+        | Annotated[Apiece, union_member("each")]
+        | Annotated[Shared, union_member("shared")]
+        | Annotated[Listed, union_member("root")],
         Discriminator(
-            way,
+            vehicle_number_tag,
             custom_error_type="distribution",
             custom_error_message=f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}},"
             " or a list of them",
@@ -182,7 +182,7 @@ else:
 
 def is_drawn(number: Any) -> bool:
     """Whether it is a distribution."""
-    return isinstance(number, Uniform | Normal | Choice)
+    return isinstance(number, Uniform | Normal | DiscreteChoice)
 
 
 def differs(number: Any) -> bool:
@@ -190,25 +190,25 @@ def differs(number: Any) -> bool:
     return isinstance(number, Apiece | Listed)
 
 
-def in_step(*numbers: Any) -> Iterator[tuple[Any, ...]]:
+def zip_by_vehicle(*numbers: Any) -> Iterator[tuple[Any, ...]]:
     """Several numbers vehicle by vehicle: of lists one after the other, the others beside each."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
-def bounds(number: Any) -> tuple[float, float]:
+def value_range(number: Any) -> tuple[float, float]:
     """The least and the greatest value that a number or distribution takes."""
     match number:
         case Uniform(uniform=[low, high]):
             return low, high
         case Normal(normal=[mean, deviation]):
             return (mean, mean) if deviation == 0 else (-float("inf"), float("inf"))
-        case Choice(choice=values):
+        case DiscreteChoice(choice=values):
             return min(values), max(values)
         case Apiece(each=inner) | Shared(shared=inner):
-            return bounds(inner)
+            return value_range(inner)
         case Listed(root=numbers):
-            low, high = zip(*map(bounds, numbers), strict=True)
+            low, high = zip(*map(value_range, numbers), strict=True)
             return min(low), max(high)
     return number, number
 
@@ -220,7 +220,7 @@ def median(number: Any) -> float:
             return (low + high) / 2
         case Normal(normal=[mean, _]):
             return mean
-        case Choice(choice=values):
+        case DiscreteChoice(choice=values):
             return statistics.median(values)
     return number
 
@@ -244,7 +244,7 @@ class Within:
         """The number, if it keeps the limits."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
-            if not holds(bounds(number)[bound], limit):
+            if not holds(value_range(number)[bound], limit):
                 drawn = ", whatever is drawn" if is_drawn(number) else ""
                 raise ValueError(f"must be {words} {limit:g}{drawn}")
         return number

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.fields import PositivePerVehicle, Table, bounds
+from jaxnet.kinds.fields import PositivePerVehicle, Table, value_range
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model.signal import ORDERS, Harmonic
 
@@ -51,7 +51,7 @@ class Harmonics(Attack):
 
     def fastest(self) -> float:
         """The highest harmonic's."""
-        return self.harmonics * bounds(self.frequency)[1]
+        return self.harmonics * value_range(self.frequency)[1]
 
     def basis(self, time: Any) -> Any:
         """Cosines, then sines."""

@@ -46,12 +46,12 @@ class Kind(Record):
         """How a config names the class: ours by its kind, others as they were found or by `module:Class`."""
         if cls.__module__.startswith("jaxnet."):
             return cls.kind
-        return REFERENCES.get(cls, f"{modules.public(cls.__module__)}:{cls.__qualname__}")
+        return REFERENCES.get(cls, f"{modules.public_name(cls.__module__)}:{cls.__qualname__}")
 
     def __reduce__(self) -> Any:
         """Another process is told in which file the class is, and what that file must hold."""
         cls = type(self)
-        return rebuilt, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
+        return restore_kind, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
     def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
@@ -95,9 +95,9 @@ class Kind(Record):
         return made
 
 
-def rebuilt(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
+def restore_kind(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
     """A kind that another process has sent; raises KindError if its module is not the same here."""
-    return modules.attribute(modules.loaded(origin), name).filled(values)
+    return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
 REFERENCES: dict[type[Kind], str] = {}  # of the classes that `registry` has found
@@ -128,6 +128,6 @@ def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> 
         yield Fault((key, "vehicles"), f"{noun} {first} to {vehicles} (got {got})")
 
 
-def numbered(mask: np.ndarray) -> list[int]:
+def vehicle_numbers(mask: np.ndarray) -> list[int]:
     """Numbers of the vehicles in a mask, from 1."""
     return [int(i) for i in np.flatnonzero(mask) + 1]

@@ -38,7 +38,7 @@ class Origin(NamedTuple):
     hashes: tuple[tuple[str, str], ...] = ()  # SHA-256 of the module and of its neighbours that it imports
 
 
-class Neighbours:
+class ModuleFolder:
     """The modules in a folder, as their files are when they are first read."""
 
     def __init__(self, folder: Path):
@@ -73,16 +73,16 @@ class Neighbours:
         return importlib.import_module(f"{self.name}.{module}")
 
 
-STATES: dict[str, Neighbours] = {}  # by private name
+STATES: dict[str, ModuleFolder] = {}  # by private name
 
 
-def neighbours(folder: Path) -> Neighbours:
+def module_folder(folder: Path) -> ModuleFolder:
     """The modules in a folder as their files are now."""
-    if Finder not in sys.meta_path:
-        sys.meta_path.insert(0, Finder)
+    if NeighbourFinder not in sys.meta_path:
+        sys.meta_path.insert(0, NeighbourFinder)
     folder = folder.resolve()
     held = (each for each in reversed(STATES.values()) if each.folder == folder and each.current())
-    return next(held, None) or Neighbours(folder)
+    return next(held, None) or ModuleFolder(folder)
 
 
 def file_of(folder: Path, module: str) -> Path | None:
@@ -100,7 +100,7 @@ def is_package(file: Path) -> bool:
     return file.name == "__init__.py"
 
 
-def closure(held: Neighbours, module: str) -> dict[str, Path]:
+def closure(held: ModuleFolder, module: str) -> dict[str, Path]:
     """Files of a module and of the neighbours that its code imports, directly or not, by name."""
     found: dict[str, Path] = {}
     ahead = [module]
@@ -138,7 +138,7 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
             yield base
 
 
-class Finder:
+class NeighbourFinder:
     """Finds modules of a folder by their private names, and nothing else."""
 
     @classmethod
@@ -150,7 +150,7 @@ class Finder:
             return None
         file = file_of(held.folder, module)
         if file is not None:
-            loader = Loader(fullname, str(file))
+            loader = NeighbourLoader(fullname, str(file))
             inside = [str(file.parent)] if is_package(file) else None
             return importlib.util.spec_from_file_location(
                 fullname, file, loader=loader, submodule_search_locations=inside
@@ -163,7 +163,7 @@ class Finder:
         return spec
 
 
-class Loader(SourceFileLoader):
+class NeighbourLoader(SourceFileLoader):
     """Runs the source that was read, and has it find its neighbours; no compiled file is read or left."""
 
     def exec_module(self, module: types.ModuleType) -> None:
@@ -176,7 +176,7 @@ class Loader(SourceFileLoader):
 
 
 def import_beside(
-    held: Neighbours,
+    held: ModuleFolder,
     name: str,
     globals: Any = None,
     locals: Any = None,
@@ -193,7 +193,7 @@ def import_beside(
     return sys.modules[f"{held.name}.{top}"]
 
 
-def is_neighbour(held: Neighbours, top: str) -> bool:
+def is_neighbour(held: ModuleFolder, top: str) -> bool:
     """Whether an import of this name means a file of the folder.
 
     Modules of Python and of installed packages come first, but for a name that the config itself gives.
@@ -208,17 +208,17 @@ def without_private(words: str) -> str:
     return PRIVATE.sub("", words)
 
 
-def files() -> set[str]:
+def loaded_files() -> set[str]:
     """Files of all modules that were loaded from folders."""
     return {str(file) for held in STATES.values() for file in held.sources}
 
 
-def public(module: str) -> str:
+def public_name(module: str) -> str:
     """The name that a module has in its folder."""
     return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
 
 
-def state_of(module: str) -> Neighbours | None:
+def state_of(module: str) -> ModuleFolder | None:
     """The neighbours of a loaded module, None of one that is imported by its name."""
     return STATES.get(module.partition(".")[0])
 
@@ -257,7 +257,7 @@ def attribute(module: types.ModuleType, name: str) -> Any:
 
 
 @functools.cache
-def loaded(origin: Origin) -> types.ModuleType:
+def load_origin(origin: Origin) -> types.ModuleType:
     """The module of another process, from a file of the same content; raises KindError if there is none."""
     if not origin.folder:
         return importlib.import_module(origin.module)
@@ -267,13 +267,13 @@ def loaded(origin: Origin) -> types.ModuleType:
             continue
         seen = seen or file_of(folder, origin.module)
         states = [each for each in STATES.values() if each.folder == folder.resolve()]
-        for held in (*states, neighbours(folder)):
+        for held in (*states, module_folder(folder)):
             if tuple(held.hashes(origin.module).items()) == origin.hashes:
                 return held.load(origin.module)
-    where = f"is another one in process {os.getpid()} ({seen})" if seen else absent(origin)
+    where = f"is another one in process {os.getpid()} ({seen})" if seen else absence_message(origin)
     raise KindError(f"{origin.module} {where}")
 
 
-def absent(origin: Origin) -> str:
+def absence_message(origin: Origin) -> str:
     """What is said of a module that a process does not find."""
     return f"is not found by process {os.getpid()}, neither in {origin.folder} nor among installed modules"

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from jaxnet.kinds import modules
-from jaxnet.kinds.modules import KindError, Neighbours
+from jaxnet.kinds.modules import KindError, ModuleFolder
 
-PLAIN = (bool, int, float, complex, str)
+PLAIN_TYPES = (bool, int, float, complex, str)
 
 
 class Provenance(NamedTuple):
@@ -23,8 +23,10 @@ class Provenance(NamedTuple):
     version: str | None  # of the distribution that it came with
 
 
-SOURCES: dict[str, Provenance] = {}  # of modules that are imported by their names, as they were then
-HELD: WeakKeyDictionary[Any, Neighbours] = WeakKeyDictionary()  # what a script's classes and metrics are from
+IMPORTED_SOURCES: dict[str, Provenance] = {}  # of modules that are imported by their names, as they were then
+FOLDERS: WeakKeyDictionary[Any, ModuleFolder] = (
+    WeakKeyDictionary()
+)  # what a script's classes and metrics are from
 
 
 def home_of(found: Any) -> str:
@@ -40,23 +42,23 @@ def name_in(found: Any) -> str:
     return next((name for name, each in held if each is found), found.name)
 
 
-def neighbours_of(found: Any) -> Neighbours | None:
+def neighbours_of(found: Any) -> ModuleFolder | None:
     """The files that a class or metric is from; None where its module is installed, or is in no file."""
     module = home_of(found)
     if (held := modules.state_of(module)) is not None:
         return held
-    if found in HELD:
-        return HELD[found]
+    if found in FOLDERS:
+        return FOLDERS[found]
     by_name = module == "__main__" or module.startswith("jaxnet.") or modules.is_installed(module)
     folder = None if by_name else modules.folder_of(module)
     if folder is None or modules.file_of(folder, module) is None:
         return None
-    return HELD.setdefault(found, modules.neighbours(folder))
+    return FOLDERS.setdefault(found, modules.module_folder(folder))
 
 
 def origin_of(found: Any) -> modules.Origin:
     """Where another process finds the module of a class or metric."""
-    held, name = neighbours_of(found), modules.public(home_of(found))
+    held, name = neighbours_of(found), modules.public_name(home_of(found))
     if held is None:
         return modules.Origin("", name)
     return modules.Origin(str(held.folder), name, tuple(held.hashes(name).items()))
@@ -77,22 +79,22 @@ def provenance(found: Iterable[Any]) -> dict[str, Provenance]:
             if told.setdefault(module, one) != one:
                 files = f"{told[module].file} and {one.file}"
                 raise KindError(f"two modules are called {module}: rename one of {files}")
-    told |= {module: typed(module, kinds) for module, kinds in without.items()}
+    told |= {module: hash_typed_code(module, kinds) for module, kinds in without.items()}
     return dict(sorted(told.items()))
 
 
 def made_of(found: Any) -> dict[str, Provenance]:
     """What one class or metric is made of, by module; of what is in no file the module alone."""
-    held, name = neighbours_of(found), modules.public(home_of(found))
+    held, name = neighbours_of(found), modules.public_name(home_of(found))
     if held is None:
-        return {name: SOURCES.setdefault(name, source_of(name))}
+        return {name: IMPORTED_SOURCES.setdefault(name, read_source(name))}
     hashes = held.hashes(name)
     return {
         each: Provenance(str(file), hashes[each], None) for each, file in modules.closure(held, name).items()
     }
 
 
-def source_of(module: str) -> Provenance:
+def read_source(module: str) -> Provenance:
     """What a module's file holds now; what is typed into a notebook or a shell has none."""
     file = getattr(sys.modules[module], "__file__", None) or ""
     if not Path(file).is_file():  # a shell may say "<stdin>"
@@ -103,18 +105,18 @@ def source_of(module: str) -> Provenance:
 def refuse_changed(found: Any, name: str) -> None:
     """Raise KindError if the file of what was imported by its name is no longer what it was."""
     module = home_of(found)
-    if found in HELD:
-        held = HELD[found]
+    if found in FOLDERS:
+        held = FOLDERS[found]
         file = modules.file_of(held.folder, module)
-        changed = modules.neighbours(held.folder).hashes(module) != held.hashes(module)
+        changed = modules.module_folder(held.folder).hashes(module) != held.hashes(module)
     else:
-        file = SOURCES[module].file if module in SOURCES else ""
-        changed = file and source_of(module).sha256 != SOURCES[module].sha256
+        file = IMPORTED_SOURCES[module].file if module in IMPORTED_SOURCES else ""
+        changed = file and read_source(module).sha256 != IMPORTED_SOURCES[module].sha256
     if changed:
         raise KindError(f"{name} was changed since it was imported ({file}): import it again")
 
 
-def typed(module: str, kinds: list[Any]) -> Provenance:
+def hash_typed_code(module: str, kinds: list[Any]) -> Provenance:
     """What kinds without a file are made of now: their functions, and what of their module these use."""
     held = vars(sys.modules[module])
     told: dict[str, Any] = {}
@@ -159,7 +161,7 @@ def defaults_of(thing: Any) -> Any:
 
 def as_words(value: Any) -> str:
     """Numbers and text, also in containers and arrays, in full; nothing of what else there is."""
-    if isinstance(value, PLAIN):
+    if isinstance(value, PLAIN_TYPES):
         return repr(value)
     if isinstance(value, dict):
         return as_words([*value.items()])

@@ -32,7 +32,7 @@ class Shape(NamedTuple):
     settings: Settings
 
 
-KNOWN: set[type] = set()
+REGISTERED_CLASSES: set[type] = set()
 
 
 def as_pytree(drawn: Any) -> Any:
@@ -43,14 +43,16 @@ def as_pytree(drawn: Any) -> Any:
         return drawn
     cls = type(drawn)
     values = {key: as_pytree(each) for key, each in vars(drawn).items() if key not in drawn.untraced}
-    if cls not in KNOWN:
-        KNOWN.add(cls)
-        jax.tree_util.register_pytree_node(cls, flatten, lambda shape, leaves: unflatten(cls, shape, leaves))
+    if cls not in REGISTERED_CLASSES:
+        REGISTERED_CLASSES.add(cls)
+        jax.tree_util.register_pytree_node(
+            cls, flatten_kind, lambda shape, leaves: unflatten_kind(cls, shape, leaves)
+        )
     leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
     return cls.filled({**values, "_leaves": leaves})
 
 
-def flatten(kind: Any) -> tuple[tuple[Any, ...], Shape]:
+def flatten_kind(kind: Any) -> tuple[tuple[Any, ...], Shape]:
     """Its numbers, and its shape."""
     values = dict(vars(kind))
     leaves = values.pop("_leaves")
@@ -58,7 +60,7 @@ def flatten(kind: Any) -> tuple[tuple[Any, ...], Shape]:
     return tuple(values[key] for key in leaves), Shape(leaves, Settings(settings))
 
 
-def unflatten(cls: type[Kind], shape: Shape, leaves: Any) -> Kind:
+def unflatten_kind(cls: type[Kind], shape: Shape, leaves: Any) -> Kind:
     """A kind of this shape."""
     numbers = dict(zip(shape.leaves, leaves, strict=True))
     return cls.filled({**shape.settings.values, **numbers, "_leaves": shape.leaves})

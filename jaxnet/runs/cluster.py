@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upath import UPath
 
-from jaxnet.kinds import registry
+from jaxnet.kinds import blame
 from jaxnet.kinds.registry import Scope
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
@@ -271,7 +271,7 @@ def by_worker(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     with SETTLING:
         said = settle_in(worker.state.nthreads)
     refuse(worker.address, versions(), needed)
-    with registry.blaming():
+    with blame.blaming():
         task, _ = pickle.loads(work)
         found = task(pickle.loads(item))
     return Answer(found, list(drained(said)))

@@ -16,7 +16,7 @@ import pandas as pd
 from jaxtyping import Bool
 from scipy import special
 
-from jaxnet.config.cells import Cell, plain
+from jaxnet.config.cells import Cell, to_plain
 from jaxnet.statistics import means
 from jaxnet.statistics.curves import alike
 from jaxnet.statistics.limits import ceilings
@@ -208,7 +208,7 @@ def listed_lanes(pairs: Sequence[Pair], lanes: Sequence[Any], columns: list[str]
 
 def settings(first: Results, second: Results) -> pd.DataFrame:
     """The keys in which two studies differ, but those that both sweep: cells say these."""
-    a, b = (by_dotted_key(plain(results.study.config)) for results in (first, second))
+    a, b = (by_dotted_key(to_plain(results.study.config)) for results in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     rows = [
         {"key": key, "A": a.get(key, "-"), "B": b.get(key, "-")}

@@ -22,9 +22,9 @@ import yaml
 from upath import UPath
 
 import jaxnet
-from jaxnet.config.cells import plain
+from jaxnet.config.cells import to_plain
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import Dumper
+from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
 from jaxnet.store.looking import described
@@ -75,7 +75,7 @@ def unhashed(config: Config) -> tuple[str, ...]:
 
 def digest(config: Config) -> str:
     """Hash of everything in a config that changes rows, and of what kinds from outside are made of."""
-    data = plain(config)
+    data = to_plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
     if made_of := made_from(config):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
@@ -85,12 +85,12 @@ def digest(config: Config) -> str:
 
 def made_from(config: Config) -> dict[str, Provenance]:
     """What the kinds from outside that a config names are made of, by module."""
-    return provenance(config.scope.named_in(plain(config)))
+    return provenance(config.scope.named_in(to_plain(config)))
 
 
 def said_of_kinds(config: Config) -> dict[str, Any]:
     """What the manifest says of the kinds from outside that a config names."""
-    return described(config.scope.known, config.scope.named_in(plain(config)))
+    return described(config.scope.known, config.scope.named_in(to_plain(config)))
 
 
 def versions() -> dict[str, str]:
@@ -306,9 +306,9 @@ class Folder:
 
     def write_study(self, config: Config) -> None:
         """`study.yaml`, the study with every default written out, runnable as it is."""
-        data = plain(config)
+        data = to_plain(config)
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
-        body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
+        body = yaml.dump(ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100)
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write(text.encode()))
 

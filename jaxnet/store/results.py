@@ -12,7 +12,7 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.config.document import Document
-from jaxnet.config.study import Study, read
+from jaxnet.config.study import Study, read_study
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules
 from jaxnet.store.folder import Folder, FolderError
@@ -40,7 +40,7 @@ class Results:
     def study(self) -> Study:
         """The study that was run; kinds from outside whose code is not here are named, and no more."""
         local = self.path if isinstance(self.path, Path) else None
-        study = read(
+        study = read_study(
             Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
         )
         for name in changed_modules(Folder(self.path), study.config):

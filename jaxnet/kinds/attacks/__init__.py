@@ -14,8 +14,8 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.announcements.consistent import Consistent
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, member
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, union_member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
@@ -25,7 +25,7 @@ MOMENTS = 1_001  # at which a signal of one's own that is not bounded is looked 
 
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
-Order = Literal[0, 1, 2, 3]
+DerivativeOrder = Literal[0, 1, 2, 3]
 
 
 class DrawnVehicles(Record):
@@ -34,7 +34,7 @@ class DrawnVehicles(Record):
     random: int = Field(ge=1, description="how many")
 
 
-def named_or_drawn(value: Any) -> str:
+def attacked_tag(value: Any) -> str:
     """Whether attacked vehicles are listed or drawn."""
     drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
     return MARK + ("drawn" if drawn else "listed")
@@ -180,8 +180,8 @@ class Attack(AnyAttack):
         default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
     )
     vehicles: Annotated[
-        Annotated[list[int], member("listed")] | Annotated[DrawnVehicles, member("drawn")],
-        Discriminator(named_or_drawn),
+        Annotated[list[int], union_member("listed")] | Annotated[DrawnVehicles, union_member("drawn")],
+        Discriminator(attacked_tag),
     ] = Field(
         default=[2, 5, 8, 11],
         description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
@@ -196,7 +196,7 @@ class Attack(AnyAttack):
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
     )
-    orders: Annotated[list[Order], Len(1)] = Field(
+    orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
         default=[*ORDERS],
         description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
         " 2 acceleration, 3 jerk; the others are true",
@@ -207,7 +207,7 @@ class Attack(AnyAttack):
     sybils: int = Field(
         default=0, ge=0, le=100, description="further sources as which each attacked one appears"
     )
-    announces: Annotated[Announcement, Of("announcement")] = Field(
+    announces: Annotated[Announcement, KindOf("announcement")] = Field(
         default=Consistent(),
         description="what attacked links announce, where the defence has vehicles announce what drives them",
     )
@@ -369,23 +369,23 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Any, bo
             yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
-def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:
+def signal_scale(attack: AnyAttack, sizes: Any) -> np.ndarray:
     """What unit vectors are multiplied with (lanes,) [m]: ā over the greatest size of what is falsified."""
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
 
 
-def along(direction: Any) -> Any:
+def unit_vectors(direction: Any) -> Any:
     """Unit vectors (2, m, lanes) of directions [rad]."""
     xp = direction.__array_namespace__()
     return xp.stack([xp.cos(direction), xp.sin(direction)])
 
 
-def stepwise(time: Any) -> Any:
+def constant_basis(time: Any) -> Any:
     """The one function of what is constant from tick to tick: (4, 1, lanes)."""
     xp = time.__array_namespace__()
     return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
 
 
-def powers(frequency: np.ndarray) -> np.ndarray:
+def harmonic_sizes(frequency: np.ndarray) -> np.ndarray:
     """Sizes of a harmonic, `|ω|^k`: (4, lanes)."""
     return np.abs(frequency)[None] ** np.arange(4.0)[:, None]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
 from jaxnet.model.signal import Harmonic
 
@@ -27,7 +27,7 @@ class Bias(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction, times cos 0."""
-        unit = along(self.direction)
+        unit = unit_vectors(self.direction)
         return np.stack([unit, np.zeros_like(unit)], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:

@@ -8,11 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, bounds, in_step
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
 
-ROUNDING = 1e-12  # relative, of times that are sums
+TIME_ROUNDING = 1e-12  # relative, of times that are sums
 PIECES = 256  # of the rise, in each of which the envelope is bounded
 
 
@@ -25,15 +25,15 @@ class Envelope(Attack):
 
     kind = "envelope"
 
-    of: Annotated[AnyAttack, Of("attack"), Field(description="the other attack")]
+    of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
     start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
     rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
     stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
     def height(self, time: Any) -> Any:
         """The envelope and its first three derivatives: (4, lanes)."""
-        up = step((time - self.start) / self.rise, self.rise)
-        return up if self.stop is None else up - step((time - self.stop) / self.rise, self.rise)
+        up = smooth_rise((time - self.start) / self.rise, self.rise)
+        return up if self.stop is None else up - smooth_rise((time - self.stop) / self.rise, self.rise)
 
     def basis(self, time: Any) -> Any:
         """Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
@@ -49,7 +49,7 @@ class Envelope(Attack):
         there.
         """
         inner = np.asarray(self.of.sizes(horizon))
-        height = GREATEST[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
+        height = RISE_BOUNDS[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
         terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(4)]
         return np.stack([np.sum(each, axis=0).max(axis=0) for each in terms])
 
@@ -62,15 +62,18 @@ class Envelope(Attack):
         ]
         for key in inside if self.of.present else []:
             yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
-        times = [] if self.stop is None else in_step(self.start, self.rise, self.stop)
-        ends = ((bounds(start)[1] + bounds(rise)[1], bounds(stop)[0]) for start, rise, stop in times)
-        if any(stop < top * (1 - ROUNDING) for top, stop in ends):
+        times = [] if self.stop is None else zip_by_vehicle(self.start, self.rise, self.stop)
+        ends = (
+            (value_range(start)[1] + value_range(rise)[1], value_range(stop)[0])
+            for start, rise, stop in times
+        )
+        if any(stop < top * (1 - TIME_ROUNDING) for top, stop in ends):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
         if self.of.strategic or not self.of.bounded:
             yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
 
 
-def step(x: Any, rise: Any) -> Any:
+def smooth_rise(x: Any, rise: Any) -> Any:
     """`35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three derivatives by time (4,
     …).
     """
@@ -92,15 +95,15 @@ def leibniz(order: int) -> list[tuple[int, float]]:
     return [(j, float(math.comb(order, j))) for j in range(order + 1)]
 
 
-def greatest() -> np.ndarray:
+def bound_rise() -> np.ndarray:
     """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
 
     Inside a piece it exceeds the greater end by half its length times the greatest slope at most; S itself
     rises, and does not.
     """
-    ends = np.abs(step(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
+    ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
     slopes = np.array([0.0, *ends[2:].max(axis=1), 840.0])
     return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
 
 
-GREATEST = greatest()
+RISE_BOUNDS = bound_rise()

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis
 from jaxnet.kinds.fields import NotNegative
 from jaxnet.model.plane import length
 
@@ -30,14 +30,14 @@ class Freeze(Attack):
         """
         far = np.maximum(1.0, length(start).max(axis=0))
         axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (*start.shape[:2], 2, start.shape[2]))
-        return Fixed(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
+        return FixedPosition(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
 
     def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
         """The constant and the navigator's path."""
         return navigator.sizes(0.0, horizon)[:, None] + np.eye(4, 1) * signal.far
 
 
-class Fixed(NamedTuple):
+class FixedPosition(NamedTuple):
     """A constant, and where the navigator is."""
 
     navigator: Any
@@ -46,4 +46,6 @@ class Fixed(NamedTuple):
     def basis(self, time: Any) -> Any:
         """Three functions."""
         xp = time.__array_namespace__()
-        return xp.concatenate([self.far[None, None] * stepwise(time), self.navigator.jets(time)], axis=1)
+        return xp.concatenate(
+            [self.far[None, None] * constant_basis(time), self.navigator.jets(time)], axis=1
+        )

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
@@ -23,7 +23,7 @@ class Greedy(Attack):
 
     def basis(self, time: Any) -> Any:
         """Held from tick to tick."""
-        return stepwise(time)
+        return constant_basis(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1, and no derivatives."""
@@ -45,7 +45,7 @@ class Greedy(Attack):
             pulled = seen.errors[0] + share * direction[:, None, None] * seen.amplitude[None, None]
             return length(pulled).sum(axis=0)
 
-        unit = jnp.asarray(along(2 * np.pi * np.arange(self.directions) / self.directions).T)
+        unit = jnp.asarray(unit_vectors(2 * np.pi * np.arange(self.directions) / self.directions).T)
         harms = jax.lax.map(harm, unit)
         first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # of equal ones
         worst = unit[first].T  # (2, lanes)

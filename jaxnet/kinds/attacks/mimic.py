@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 
 
@@ -24,7 +24,7 @@ class Mimic(Attack):
 
     def basis(self, time: Any) -> Any:
         """Held from tick to tick."""
-        return stepwise(time)
+        return constant_basis(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1, and no derivatives."""
@@ -36,7 +36,7 @@ class Mimic(Attack):
         import jax.numpy as jnp
 
         m = seen.errors[0].shape[1]
-        unit = jnp.broadcast_to(along(self.direction), seen.errors[0].shape)
+        unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])
 
         def try_part(greatest: Any, part: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import along
+from jaxnet.kinds.attacks import unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Several
 from jaxnet.kinds.harmonics import Harmonics
 from jaxnet.kinds.kind import Fault
@@ -26,7 +26,7 @@ class Multisine(Harmonics):
 
     def pairs(self) -> np.ndarray:
         """By the rule of the cosine of a sum."""
-        unit, phase = along(np.asarray(self.direction)), np.asarray(self.phase)
+        unit, phase = unit_vectors(np.asarray(self.direction)), np.asarray(self.phase)
         pairs = np.stack([unit * np.cos(phase), -unit * np.sin(phase)], axis=2)  # (2, n, 2, m, lanes)
         return np.moveaxis(pairs.reshape(2, -1, *pairs.shape[3:]), 1, 2)
 

@@ -9,7 +9,7 @@ from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.fields import NotNegative, PositivePerVehicle
 
 
-class Replay(Attack):
+class ReplayAttack(Attack):
     """An attacked link carries the navigator's path of `delay` seconds ago, in place of its source's word.
 
     Before t = delay it carries the path as it would have been before t = 0.
@@ -28,14 +28,14 @@ class Replay(Attack):
 
     def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
         """One function for each axis."""
-        return Delayed(navigator, self.delay), np.eye(2)[:, None, :, None]
+        return DelayedPath(navigator, self.delay), np.eye(2)[:, None, :, None]
 
     def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
         """The difference of two positions of the path."""
         return 2 * navigator.sizes(-float(np.max(signal.delay)), horizon)[:, None]
 
 
-class Delayed(NamedTuple):
+class DelayedPath(NamedTuple):
     """A path of some time ago, relative to where it is now."""
 
     navigator: Any

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, bounds
+from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, value_range
 from jaxnet.model.signal import Harmonic
 
 
@@ -20,7 +20,7 @@ class Rotating(Attack):
 
     def fastest(self) -> float:
         """Its frequency, the greatest that may be drawn."""
-        return max(map(abs, bounds(self.frequency)))
+        return max(map(abs, value_range(self.frequency)))
 
     def signal(self) -> Any:
         """Its harmonic."""
@@ -32,10 +32,10 @@ class Rotating(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """`|ω|^k`."""
-        return powers(self.frequency)  # pyright: ignore[reportArgumentType]
+        return harmonic_sizes(self.frequency)  # pyright: ignore[reportArgumentType]
 
 
 def turned(phase: Any) -> np.ndarray:
     """Vectors (2, m, 2, lanes) with which cos and sin of an angle turn to that angle plus the phase."""
-    cosine, sine = along(phase)
+    cosine, sine = unit_vectors(phase)
     return np.stack([np.stack([cosine, sine]), np.stack([-sine, cosine])], axis=2)

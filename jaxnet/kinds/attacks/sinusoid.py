@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, bounds
+from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, value_range
 from jaxnet.model.signal import Harmonic
 
 
@@ -21,7 +21,7 @@ class Sinusoid(Attack):
 
     def fastest(self) -> float:
         """Its frequency, the greatest that may be drawn."""
-        return max(map(abs, bounds(self.frequency)))
+        return max(map(abs, value_range(self.frequency)))
 
     def signal(self) -> Any:
         """Its harmonic."""
@@ -29,9 +29,9 @@ class Sinusoid(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction times sin φ and cos φ."""
-        unit, phase = along(self.direction), np.asarray(self.phase)
+        unit, phase = unit_vectors(self.direction), np.asarray(self.phase)
         return np.stack([np.sin(phase) * unit, np.cos(phase) * unit], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """`|ω|^k`."""
-        return powers(self.frequency)  # pyright: ignore[reportArgumentType]
+        return harmonic_sizes(self.frequency)  # pyright: ignore[reportArgumentType]

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
 
 
@@ -33,7 +33,7 @@ class Spoof(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction."""
-        return along(self.direction)[:, :, None]
+        return unit_vectors(self.direction)[:, :, None]
 
     def sizes(self, horizon: float) -> np.ndarray:
         """1 in every order."""

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, member
+from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, union_member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
@@ -149,7 +149,7 @@ class NearestSources(Record):
         return least(graph.heard, far[graph.sources], self.nearest)
 
 
-def way_trusted(value: Any) -> str | None:
+def trusted_tag(value: Any) -> str | None:
     """How it is said who is trusted."""
     if isinstance(value, Record):
         return MARK + next(iter(type(value).model_fields))
@@ -170,12 +170,12 @@ class Defence(AnyDefence):
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
     trusted: Annotated[
-        Annotated[Literal["none"], member("word")]
-        | Annotated[dict[int, list[int]], member("listed")]
-        | Annotated[ShareOfLinks, member("share")]
-        | Annotated[NearestSources, member("nearest")],
+        Annotated[Literal["none"], union_member("word")]
+        | Annotated[dict[int, list[int]], union_member("listed")]
+        | Annotated[ShareOfLinks, union_member("share")]
+        | Annotated[NearestSources, union_member("nearest")],
         Discriminator(
-            way_trusted,
+            trusted_tag,
             custom_error_type="trusted",
             custom_error_message="must be none, {vehicle: [sources]}, {share: s} or {nearest: n}",
         ),

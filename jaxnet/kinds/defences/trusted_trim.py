@@ -8,8 +8,8 @@ from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
-from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
+from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member
+from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
 from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
@@ -21,7 +21,7 @@ Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
-def whole_or_each(value: Any) -> str:
+def theta_tag(value: Any) -> str:
     """Whether ϑ means to be one number or one for each vehicle."""
     each = isinstance(value, dict) and not names_distribution(value)
     return MARK + ("each" if each else "all")
@@ -70,8 +70,8 @@ class TrustedTrim(Sparing):
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
-        Annotated[Theta, member("all")] | Annotated[dict[int, Theta], member("each")],
-        Discriminator(whole_or_each),
+        Annotated[Theta, union_member("all")] | Annotated[dict[int, Theta], union_member("each")],
+        Discriminator(theta_tag),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     tolerance: NotNegative = Field(
         default=1e-9, description="[m], by which who was dropped last counts as farther (SCIENCE O8)"
@@ -217,10 +217,12 @@ class TrustedTrim(Sparing):
             return {"trimming": line + "nobody is protected, so everybody keeps whom they hear"}
         line += "holds for every vehicle"
         if not meets.all():
-            line = line.removesuffix("every vehicle") + f"{ranges(numbered(meets))} only"
-            line += f"; {ranges(numbered(~meets))} unprotected"
+            line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
+            line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
         if outnumbered.any():
-            line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(numbered(outnumbered))}"
+            line += (
+                f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
+            )
         return {"trimming": line}
 
     def faults(self, scenario: Any) -> Iterator[Fault]:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Discriminator, Field
 from scipy import sparse
 
-from jaxnet.kinds.fields import MARK, Number, Record, Within, bounds, is_drawn, median, member
+from jaxnet.kinds.fields import MARK, Number, Record, Within, is_drawn, median, union_member, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
@@ -84,7 +84,7 @@ class Graph(Kind):
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """The navigator must reach everybody, otherwise L is singular."""
-        lost, least = reached(Itself(self), scenario.vehicles)
+        lost, least = check_reach(ByIdentity(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))
             yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
@@ -98,7 +98,7 @@ class Graph(Kind):
         return None
 
 
-class Itself:
+class ByIdentity:
     """An object that equals no other one, as a key of a cache."""
 
     def __init__(self, one: Any):
@@ -106,7 +106,7 @@ class Itself:
 
     def __eq__(self, other: object) -> bool:
         """Whether both are one object."""
-        return isinstance(other, Itself) and self.one is other.one
+        return isinstance(other, ByIdentity) and self.one is other.one
 
     def __hash__(self) -> int:
         """By identity."""
@@ -114,7 +114,7 @@ class Itself:
 
 
 @functools.lru_cache(maxsize=16)
-def reached(itself: Itself, vehicles: int) -> tuple[list[int], float]:
+def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
     """Vehicles that the navigator does not reach, and the least weight of a link.
 
     Remembered, because cells of a sweep share their graph.
@@ -129,16 +129,16 @@ class ShareOfVehicles(Record):
     share: float = Field(gt=0, le=1, description="of the vehicles")
 
 
-def way_informed(value: Any) -> str | None:
+def informed_tag(value: Any) -> str | None:
     """How it is said who hears the navigator."""
     if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
         return MARK + "share"
     return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
 
 
-def leaves_neighbours(weight: Any) -> Any:
+def check_navigator_weight(weight: Any) -> Any:
     """The navigator's weight, if everybody hears the same sources whatever is drawn."""
-    if is_drawn(weight) and bounds(weight)[1] >= 1:
+    if is_drawn(weight) and value_range(weight)[1] >= 1:
         raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
     return weight
 
@@ -154,17 +154,20 @@ class Unweighted(Graph):
     linked_by: ClassVar[str] = "topology.navigator"
 
     navigator: Annotated[
-        Annotated[Literal["all"], member("word")]
-        | Annotated[list[int], member("listed")]
-        | Annotated[ShareOfVehicles, member("share")],
+        Annotated[Literal["all"], union_member("word")]
+        | Annotated[list[int], union_member("listed")]
+        | Annotated[ShareOfVehicles, union_member("share")],
         Discriminator(
-            way_informed,
+            informed_tag,
             custom_error_type="navigator",
             custom_error_message="must be all, a list of vehicles or {share: s}",
         ),
     ] = Field(default="all", description="who hears the navigator: all, those listed, or a {share} drawn")
-    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = Field(
-        default=0.1, description="of the navigator's word where it is heard, the neighbours share the rest"
+    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)] = (
+        Field(
+            default=0.1,
+            description="of the navigator's word where it is heard, the neighbours share the rest",
+        )
     )
     weighting: Literal["uniform", "metropolis"] = Field(
         default="uniform",
@@ -221,7 +224,7 @@ class Unweighted(Graph):
     def weighted(self, links: Digraph, navigator_weight: Any) -> Digraph:
         """Links with weights by the rule."""
         parts, total = self.parts(links)
-        navigator, rest = shared_out(informed_in(links), total, navigator_weight)
+        navigator, rest = weight_shares(hears_navigator(links), total, navigator_weight)
         weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
         return links._replace(weights=weights)
 
@@ -230,7 +233,7 @@ class Unweighted(Graph):
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
-        navigator, rest = shared_out(informed_in(links), total, numbers)
+        navigator, rest = weight_shares(hears_navigator(links), total, numbers)
         by_slot = hearing.by_slot(links, parts, sources)
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
@@ -244,12 +247,12 @@ class Unweighted(Graph):
         yield from found or super().faults(scenario)
 
 
-def informed_in(links: Digraph) -> Bool[np.ndarray, " m"]:
+def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
     """Who hears the navigator."""
     return (links.heard & (links.sources == 0)).any(axis=1)
 
 
-def shared_out(informed: Any, total: Any, navigator_weight: Any) -> tuple[Any, Any]:
+def weight_shares(informed: Any, total: Any, navigator_weight: Any) -> tuple[Any, Any]:
     """The navigator's weight in each row, and by what those of neighbours are multiplied, whose sum is
     `total`.
 

@@ -15,9 +15,9 @@ from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-GREATEST = 1e9  # weight of an edge
+GREATEST_EDGE_WEIGHT = 1e9  # weight of an edge
 Edge = Annotated[
-    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST)]],
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
     Field(strict=False),
 ]
 
@@ -86,8 +86,10 @@ def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[Any]:
 def weight_of(given: Any, ends: tuple[int, int]) -> float:
     """The weight of an edge; raises KindError."""
     number = isinstance(given, numbers.Real) and not isinstance(given, bool)
-    if not number or not given <= GREATEST or not float(given) > 0:
-        raise KindError(f"edge {ends}: a weight is a number > 0, at most {GREATEST:g} (got {given!r})")
+    if not number or not given <= GREATEST_EDGE_WEIGHT or not float(given) > 0:
+        raise KindError(
+            f"edge {ends}: a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g} (got {given!r})"
+        )
     return float(given)
 
 

@@ -8,7 +8,7 @@ from jaxnet.kinds.kind import Fault
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-HEARD = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
+FIGURE1_LINKS = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
 
 
 class Figure1(Graph):
@@ -18,7 +18,7 @@ class Figure1(Graph):
 
     def weights(self, vehicles: int) -> Digraph:
         """Equal weights."""
-        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in HEARD])
+        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS])
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
         """It has five vehicles."""

@@ -13,14 +13,14 @@ from pydantic import AfterValidator, Field
 from upath import UPath
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.graphs.edges import GREATEST, edge_faults, edges_of, size_faults
+from jaxnet.kinds.graphs.edges import GREATEST_EDGE_WEIGHT, edge_faults, edges_of, size_faults
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-Edges = Iterator[tuple[int, int, float]]
+EdgeIterator = Iterator[tuple[int, int, float]]
 LARGEST_FILE = 50_000_000  # of a file
-NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+DECIMAL_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 NODE_ID = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
 CALLED = ("name", "label", "id")  # attributes of a node that may number it otherwise
 NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
@@ -28,15 +28,15 @@ AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
 READ = "no header; commas, semicolons or blanks between them"
 
 
-def edges_in(content: str) -> list[tuple[int, int, float]]:
+def parse_edges(content: str) -> list[tuple[int, int, float]]:
     """Edges i,j,w between blanks; raises ValueError."""
-    return [edge(*row.split(",")) for row in content.split()]
+    return [parse_edge(*row.split(",")) for row in content.split()]
 
 
-def edges_told(content: str) -> str:
+def check_edges(content: str) -> str:
     """The content of a file as a study stores it, if that is edges; raises ValueError."""
     try:
-        edges = edges_in(content)
+        edges = parse_edges(content)
     except (TypeError, ValueError):
         edges = []
     if not edges:
@@ -56,7 +56,7 @@ class File(Graph):
     linked_by: ClassVar[str] = "topology.path"
 
     path: str = Field(description="of the file, from the config's folder; GraphML if it ends with .graphml")
-    content: dict[str, Annotated[str, AfterValidator(edges_told)]] = Field(
+    content: dict[str, Annotated[str, AfterValidator(check_edges)]] = Field(
         default={}, description="edges i,j,w of the file at a path, as read by jaxnet"
     )
 
@@ -66,14 +66,14 @@ class File(Graph):
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):
             return given
-        edges = (",".join(map(str, edge)) for edge in read(UPath(folder) / path, path))
+        edges = (",".join(map(str, edge)) for edge in read_edges(UPath(folder) / path, path))
         return given | {"content": {path: " ".join(edges)}}
 
     def edges(self) -> list[tuple[int, int, float]]:
         """What the file held when the study was loaded; raises KindError if that is not known."""
         if self.path not in self.content:
             raise KindError(f"{self.path} was not read: a study reads it where topology names it")
-        return edges_in(self.content[self.path])
+        return parse_edges(self.content[self.path])
 
     def weights(self, vehicles: int) -> Digraph:
         """The edges' weights."""
@@ -94,7 +94,7 @@ class File(Graph):
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
 
 
-def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
+def read_edges(file: UPath, name: str) -> list[tuple[int, int, float]]:
     """The edges (i, j, w) that a file holds; raises KindError."""
     try:
         with file.open("rb") as stream:
@@ -104,13 +104,13 @@ def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
         raise KindError(f"{name} cannot be read: {reason}") from error
     if len(content) > LARGEST_FILE:
         raise KindError(f"{name} has more than {LARGEST_FILE:,} bytes")
-    edges = list(graphml(content, name) if name.endswith(".graphml") else table(content, name))
+    edges = list(read_graphml(content, name) if name.endswith(".graphml") else read_edge_table(content, name))
     if not edges:
         raise KindError(f"{name} has no edge")
     return edges
 
 
-def table(content: bytes, name: str) -> Edges:
+def read_edge_table(content: bytes, name: str) -> EdgeIterator:
     """The edges in the rows of a table. Empty rows and rows that begin with # do not count."""
     try:
         lines = content.decode("utf-8-sig").splitlines()
@@ -119,16 +119,16 @@ def table(content: bytes, name: str) -> Edges:
     rows = [
         (number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"
     ]
-    fields = fields_by(next((line for _, line in rows), ""))
+    fields = row_splitter(next((line for _, line in rows), ""))
     for place, line in rows:
         try:
-            yield edge(*fields(line))
+            yield parse_edge(*fields(line))
         except (TypeError, ValueError) as error:
             got = shorten(line, 60, placeholder=" …")
             raise KindError(f"{name}:{place}: must be {AN_EDGE}; {READ} (got {got})") from error
 
 
-def fields_by(first: str) -> Callable[[str], list[str]]:
+def row_splitter(first: str) -> Callable[[str], list[str]]:
     """What parts the rows of a table into numbers, as its first row shows.
 
     Where semicolons do, a comma is a decimal point.
@@ -140,22 +140,22 @@ def fields_by(first: str) -> Callable[[str], list[str]]:
     return str.split
 
 
-def edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
+def parse_edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
     """An edge of numbers as text; raises ValueError."""
-    given = [number(listener), number(source)]
-    if not all(map(float.is_integer, given)) or not 0 < number(weight) <= GREATEST:
+    given = [parse_number(listener), parse_number(source)]
+    if not all(map(float.is_integer, given)) or not 0 < parse_number(weight) <= GREATEST_EDGE_WEIGHT:
         raise ValueError("ends are whole, and a weight is positive")
-    return int(given[0]), int(given[1]), number(weight)
+    return int(given[0]), int(given[1]), parse_number(weight)
 
 
-def number(text: str) -> float:
+def parse_number(text: str) -> float:
     """A decimal number; raises ValueError."""
-    if not NUMBER.fullmatch(text.strip()):
+    if not DECIMAL_NUMBER.fullmatch(text.strip()):
         raise ValueError("no number")
     return float(text)
 
 
-def graphml(content: bytes, name: str) -> Edges:
+def read_graphml(content: bytes, name: str) -> EdgeIterator:
     """The edges of a GraphML file, those of an undirected graph both ways."""
     try:
         networkx = importlib.import_module("networkx")

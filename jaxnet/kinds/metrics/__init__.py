@@ -27,12 +27,12 @@ class Metric:
 
     def __reduce__(self) -> Any:
         """Another process is told in which file the metric is, and what that file must hold."""
-        return rebuilt, (provenance.origin_of(self), provenance.name_in(self))
+        return restore_metric, (provenance.origin_of(self), provenance.name_in(self))
 
 
-def rebuilt(origin: Any, name: str) -> Metric:
+def restore_metric(origin: Any, name: str) -> Metric:
     """A metric that another process has sent; raises KindError if its module is not the same here."""
-    return modules.attribute(modules.loaded(origin), name)
+    return modules.attribute(modules.load_origin(origin), name)
 
 
 CONTRACT = (

@@ -33,7 +33,7 @@ class Lissajous(Navigator):
 
     def slowest(self, horizon: float) -> tuple[float, float]:
         """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s]."""
-        return slowest(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
+        return slowest_instant(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
 
     def sizes(self, start: float, end: float) -> np.ndarray:
         """Bounds at all times."""
@@ -41,11 +41,13 @@ class Lissajous(Navigator):
         return np.stack([np.linalg.norm(amplitude * frequency**k, axis=0) for k in range(4)])
 
 
-Pair = tuple[float, float]
+AxisPair = tuple[float, float]
 
 
 @functools.lru_cache
-def slowest(amplitude: Pair, frequency: Pair, phase: Pair, horizon: float) -> tuple[float, float]:
+def slowest_instant(
+    amplitude: AxisPair, frequency: AxisPair, phase: AxisPair, horizon: float
+) -> tuple[float, float]:
     """The same, remembered, for the cells of a study mostly share their navigator.
 
     Branch and bound on v²: from an interval's middle it falls by no more than its slope and the bound on its

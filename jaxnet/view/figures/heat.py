@@ -12,7 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patches import Patch, Rectangle
 
-from jaxnet.config.naming import bare, quantity
+from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import decades
 from jaxnet.statistics.tiles import ROUNDING, Tiling, blanks, digits, notes, outcomes
 from jaxnet.store.results import Results
@@ -91,7 +91,7 @@ def figure(results: Results, tiles: Tiling, metric: str, width: float = style.WI
 
 def in_lines(key: str, value: Any, letters: int) -> str:
     """A swept value beside its axis, in lines of so many letters."""
-    return textwrap.fill(multiples.as_text(bare(key, value)), letters)
+    return textwrap.fill(multiples.as_text(value_alone(key, value)), letters)
 
 
 def draw_tiles(panel: Axes, numbers: Int[np.ndarray, "rows columns"], look: Look) -> None:

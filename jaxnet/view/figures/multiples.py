@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jaxnet.config.naming import title
+from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
@@ -73,13 +73,13 @@ def shared_labels(labels: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def told_apart(labels: Sequence[dict[str, Any]]) -> list[str]:
     """A name of each by what tells it from the others."""
     common = shared_labels(labels)
-    return [title({key: value for key, value in each.items() if key not in common}) for each in labels]
+    return [labels_title({key: value for key, value in each.items() if key not in common}) for each in labels]
 
 
 def note_shared(drawn: Figure, labels: Sequence[dict[str, Any]]) -> None:
     """Have a figure say what its panels or rows have in common, if they are several."""
     if common := shared_labels(labels):
-        note(drawn, f"all with {as_text(title(common))}")
+        note(drawn, f"all with {as_text(labels_title(common))}")
 
 
 def panels_across(width: float) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.naming import title
+from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, failed_kinds, scales, shares
@@ -47,7 +47,7 @@ def named(results: Results, numbers: Sequence[int]) -> str:
     """The first of these cells by what is swept, and how many more."""
     labels = results.study.cells[numbers[0]].labels
     more = f" and {count(len(numbers) - 1, 'other')}" if len(numbers) > 1 else ""
-    return f"{escape(title(labels))} (cell {numbers[0]}){more}" if labels else "all lanes"
+    return f"{escape(labels_title(labels))} (cell {numbers[0]}){more}" if labels else "all lanes"
 
 
 def extremes(results: Results) -> str:
@@ -119,7 +119,7 @@ def tightest(results: Results, found: Sequence[Curve], fit: str) -> str:
     words = []
     if over:
         ratio, name, slope, curve = min(over, key=lambda each: each[0])
-        where = f" in {escape(title(curve.group.labels))}" if curve.group.labels else ""
+        where = f" in {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         words.append(
             f"The tightest bound over the worst found is <b>{number(ratio)}</b>{where}: {BOUND_NAMES[name]},"
             f" {number(slope)} ā, over {number(curve.worst)} ā"

@@ -13,7 +13,7 @@ from jaxnet.config.scenario import Situation, safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
-from jaxnet.kinds.kind import numbered
+from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, dense
 from jaxnet.model.retained import AnySubset
@@ -318,7 +318,7 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
-        reached = numbered(robustness.followers(graph, trusted, leaders) & ~leaders[1:])
+        reached = vehicle_numbers(robustness.followers(graph, trusted, leaders) & ~leaders[1:])
         line += f"; led by {names}, whom somebody trusts, strongly {robustness.led(graph, leaders)}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
     return line
@@ -326,7 +326,7 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
 
 def cut_off_line(drops: AnySubset) -> dict[str, str]:
     """Who may lose the navigator by whom vehicles drop, if anybody."""
-    lost = numbered(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
+    lost = vehicle_numbers(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
 
 
@@ -336,12 +336,12 @@ def safe_line(reasons: Sequence[Safe]) -> str:
     for why, vehicles, _ in reasons:
         words += [f"{vehicles_named(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
-    return "; ".join(words + [f"not known of {ranges(numbered(left))}"] * bool(left.any()))
+    return "; ".join(words + [f"not known of {ranges(vehicle_numbers(left))}"] * bool(left.any()))
 
 
 def vehicles_named(vehicles: Vehicles) -> str:
     """Vehicles by their numbers."""
-    return "every vehicle" if vehicles.all() else ranges(numbered(vehicles))
+    return "every vehicle" if vehicles.all() else ranges(vehicle_numbers(vehicles))
 
 
 def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
