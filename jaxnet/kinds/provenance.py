@@ -1,4 +1,4 @@
-"""What a class from outside is made of: its module's files, or its code if it was typed into a notebook."""
+"""Provenance of a class from outside: the files of its module, or its bytecode if no file holds the class."""
 
 import hashlib
 import inspect
@@ -6,17 +6,24 @@ import sys
 import types
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from jaxnet.kinds import modules
 from jaxnet.kinds.modules import KindError, ModuleFolder
 
+if TYPE_CHECKING:
+    from jaxnet.kinds.metrics import Metric
+
+    KindOrMetric = type | Metric
+else:
+    KindOrMetric = Any
+
 PLAIN_TYPES = (bool, int, float, complex, str)
 
 
 class Provenance(NamedTuple):
-    """What a class from outside is made of."""
+    """The file, hash and version of a module from outside."""
 
     file: str
     sha256: str  # of the file as it was loaded
@@ -29,21 +36,21 @@ FOLDERS: WeakKeyDictionary[Any, ModuleFolder] = (
 )  # what a script's classes and metrics are from
 
 
-def home_of(found: Any) -> str:
-    """The module that a class, or a metric's function, is written in."""
+def home_of(found: KindOrMetric) -> str:
+    """Return the module that defines a class, or a metric's function."""
     return found.__module__ if isinstance(found, type) else found.of.__module__
 
 
-def name_in(found: Any) -> str:
-    """The dotted name of a class or metric in its module."""
+def name_in(found: KindOrMetric) -> str:
+    """Return the dotted name of a class or metric in its module."""
     if isinstance(found, type):
         return found.__qualname__
     held = vars(sys.modules[home_of(found)]).items()
     return next((name for name, each in held if each is found), found.name)
 
 
-def neighbours_of(found: Any) -> ModuleFolder | None:
-    """The files that a class or metric is from; None where its module is installed, or is in no file."""
+def neighbours_of(found: KindOrMetric) -> ModuleFolder | None:
+    """Return the folder of a class's module; None if the module is installed or has no file."""
     module = home_of(found)
     if (held := modules.state_of(module)) is not None:
         return held
@@ -56,21 +63,21 @@ def neighbours_of(found: Any) -> ModuleFolder | None:
     return FOLDERS.setdefault(found, modules.module_folder(folder))
 
 
-def origin_of(found: Any) -> modules.Origin:
-    """Where another process finds the module of a class or metric."""
+def origin_of(found: KindOrMetric) -> modules.Origin:
+    """Return where another process finds the module of a class or metric."""
     held, name = neighbours_of(found), modules.public_name(home_of(found))
     if held is None:
         return modules.Origin("", name)
     return modules.Origin(str(held.folder), name, tuple(held.hashes(name).items()))
 
 
-def provenance(found: Iterable[Any]) -> dict[str, Provenance]:
-    """What classes and metrics from outside are made of: their modules and what these import, by name.
+def provenance(found: Iterable[KindOrMetric]) -> dict[str, Provenance]:
+    """Return the provenance of classes and metrics by module, with the neighbours that the modules import.
 
-    Raises KindError where two modules have the same name.
+    Raises KindError if two modules have the same name.
     """
     told: dict[str, Provenance] = {}
-    without: dict[str, list[Any]] = {}
+    without: dict[str, list[KindOrMetric]] = {}
     for each in found:
         made = made_of(each)
         if not any(one.file for one in made.values()):
@@ -83,8 +90,10 @@ def provenance(found: Iterable[Any]) -> dict[str, Provenance]:
     return dict(sorted(told.items()))
 
 
-def made_of(found: Any) -> dict[str, Provenance]:
-    """What one class or metric is made of, by module; of what is in no file the module alone."""
+def made_of(found: KindOrMetric) -> dict[str, Provenance]:
+    """Return the provenance of one class or metric by module. A module without a file has an empty
+    provenance.
+    """
     held, name = neighbours_of(found), modules.public_name(home_of(found))
     if held is None:
         return {name: IMPORTED_SOURCES.setdefault(name, read_source(name))}
@@ -95,15 +104,15 @@ def made_of(found: Any) -> dict[str, Provenance]:
 
 
 def read_source(module: str) -> Provenance:
-    """What a module's file holds now; what is typed into a notebook or a shell has none."""
+    """Return the provenance of a module from its present file; a notebook or shell has no file."""
     file = getattr(sys.modules[module], "__file__", None) or ""
     if not Path(file).is_file():  # a shell may say "<stdin>"
         return Provenance("", "", None)
     return Provenance(file, hashlib.sha256(Path(file).read_bytes()).hexdigest(), modules.version_of(module))
 
 
-def refuse_changed(found: Any, name: str) -> None:
-    """Raise KindError if the file of what was imported by its name is no longer what it was."""
+def refuse_changed(found: KindOrMetric, name: str) -> None:
+    """Raise KindError if the file of an imported class or metric has changed since the import."""
     module = home_of(found)
     if found in FOLDERS:
         held = FOLDERS[found]
@@ -116,8 +125,10 @@ def refuse_changed(found: Any, name: str) -> None:
         raise KindError(f"{name} was changed since it was imported ({file}): import it again")
 
 
-def hash_typed_code(module: str, kinds: list[Any]) -> Provenance:
-    """What kinds without a file are made of now: their functions, and what of their module these use."""
+def hash_typed_code(module: str, kinds: list[KindOrMetric]) -> Provenance:
+    """Return a provenance whose hash covers the bytecode of kinds without a file, and of the names that they
+    use.
+    """
     held = vars(sys.modules[module])
     told: dict[str, Any] = {}
     ahead = [(each.__name__ if isinstance(each, type) else each.name, each) for each in kinds]
@@ -133,19 +144,21 @@ def hash_typed_code(module: str, kinds: list[Any]) -> Provenance:
     return Provenance("", hashlib.sha256(repr(sorted(told.items())).encode()).hexdigest(), None)
 
 
-def bases_in(module: str, thing: Any) -> list[type]:
-    """A class and its bases, as far as they are written in this module."""
+def bases_in(module: str, thing: object) -> list[type]:
+    """Return a class and its bases, as far as this module defines them."""
     return [each for each in getattr(thing, "__mro__", ()) if each.__module__ == module]
 
 
-def function_of(thing: Any) -> Any:
-    """What a function, method, property or metric does."""
+def function_of(thing: object) -> object:
+    """Return the function behind a function, method, property or metric; other objects are returned as they
+    are.
+    """
     thing = getattr(thing, "fget", getattr(thing, "of", thing))
     return inspect.unwrap(thing) if callable(thing) else thing
 
 
-def codes_of(thing: Any) -> Iterator[types.CodeType]:
-    """Its code, and that of the functions written inside it."""
+def codes_of(thing: object) -> Iterator[types.CodeType]:
+    """Yield the code of a function and of all functions inside it."""
     code = getattr(function_of(thing), "__code__", None)
     ahead = [code] if code else []
     while ahead:
@@ -153,14 +166,14 @@ def codes_of(thing: Any) -> Iterator[types.CodeType]:
         ahead += [each for each in code.co_consts if isinstance(each, types.CodeType)]
 
 
-def defaults_of(thing: Any) -> Any:
-    """Values of a function's arguments that are left out."""
+def defaults_of(thing: object) -> tuple[object, object]:
+    """Return the default values of a function's arguments."""
     function = function_of(thing)
     return getattr(function, "__defaults__", None), getattr(function, "__kwdefaults__", None)
 
 
-def as_words(value: Any) -> str:
-    """Numbers and text, also in containers and arrays, in full; nothing of what else there is."""
+def as_words(value: object) -> str:
+    """Return numbers and text as text, also inside containers and arrays; any other value gives ""."""
     if isinstance(value, PLAIN_TYPES):
         return repr(value)
     if isinstance(value, dict):
@@ -169,4 +182,5 @@ def as_words(value: Any) -> str:
         return f"[{', '.join(map(as_words, value))}]"
     if isinstance(value, set | frozenset):
         return as_words(sorted(map(as_words, value)))
-    return as_words(value.tolist()) if hasattr(value, "dtype") and hasattr(value, "tolist") else ""
+    numbers = getattr(value, "tolist", None) if hasattr(value, "dtype") else None
+    return as_words(numbers()) if numbers else ""

@@ -15,6 +15,7 @@ from upath import UPath
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.edges import GREATEST_EDGE_WEIGHT, edge_faults, edges_of, size_faults
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
@@ -29,12 +30,12 @@ READ = "no header; commas, semicolons or blanks between them"
 
 
 def parse_edges(content: str) -> list[tuple[int, int, float]]:
-    """Edges i,j,w between blanks; raises ValueError."""
+    """Return the edges in text of items i,j,w between blanks; raise ValueError."""
     return [parse_edge(*row.split(",")) for row in content.split()]
 
 
 def check_edges(content: str) -> str:
-    """The content of a file as a study stores it, if that is edges; raises ValueError."""
+    """Return a file's content in the form that a study stores; raise ValueError if it holds no edges."""
     try:
         edges = parse_edges(content)
     except (TypeError, ValueError):
@@ -45,11 +46,11 @@ def check_edges(content: str) -> str:
 
 
 class File(Graph):
-    """Any weighted digraph from a file: rows i, j or i, j, w of a table, or GraphML, which networkx reads.
+    """Any weighted digraph from a file: a table with rows i, j or i, j, w, or GraphML, which networkx reads.
 
-    Vehicle i hears j, 0 the navigator, with weight w, 1 if there is none; the weights of each listener are
-    normalised to sum 1. What the file holds becomes part of the study, so that its results need no file and
-    are of one version of it.
+    Vehicle i hears source j with weight w, or 1 if there is no weight; source 0 is the navigator. The weights
+    of each listener are normalised to sum 1. The content of the file becomes part of the study, so results
+    need no file and belong to one version of it.
     """
 
     kind = "file"
@@ -61,8 +62,8 @@ class File(Graph):
     )
 
     @classmethod
-    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
-        """With the file's edges, unless they are there already."""
+    def completed(cls, given: dict[Any, Any], folder: UPath) -> dict[Any, Any]:
+        """Return the mapping with the file's edges, unless it has them already."""
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):
             return given
@@ -70,17 +71,19 @@ class File(Graph):
         return given | {"content": {path: " ".join(edges)}}
 
     def edges(self) -> list[tuple[int, int, float]]:
-        """What the file held when the study was loaded; raises KindError if that is not known."""
+        """Return the edges of the file at the time when the study was loaded; raise KindError if it was not
+        read.
+        """
         if self.path not in self.content:
             raise KindError(f"{self.path} was not read: a study reads it where topology names it")
         return parse_edges(self.content[self.path])
 
     def weights(self, vehicles: int) -> Digraph:
-        """The edges' weights."""
+        """Return the weights of the file's edges."""
         return graph.weighted(vehicles, self.edges())
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """As of edges that a config lists; of a file that cannot be read, loading the study has said so."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of the edges. A file that cannot be read is a fault of loading, reported there."""
         if self.path not in self.content:
             if self.content:
                 yield Fault(
@@ -95,7 +98,7 @@ class File(Graph):
 
 
 def read_edges(file: UPath, name: str) -> list[tuple[int, int, float]]:
-    """The edges (i, j, w) that a file holds; raises KindError."""
+    """Return the edges (i, j, w) of a file; raise KindError."""
     try:
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
@@ -111,7 +114,7 @@ def read_edges(file: UPath, name: str) -> list[tuple[int, int, float]]:
 
 
 def read_edge_table(content: bytes, name: str) -> EdgeIterator:
-    """The edges in the rows of a table. Empty rows and rows that begin with # do not count."""
+    """Yield the edges in the rows of a table. Empty rows and rows that begin with # do not count."""
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -129,9 +132,9 @@ def read_edge_table(content: bytes, name: str) -> EdgeIterator:
 
 
 def row_splitter(first: str) -> Callable[[str], list[str]]:
-    """What parts the rows of a table into numbers, as its first row shows.
+    """Return the function that splits a row into fields, by the separator in the first row.
 
-    Where semicolons do, a comma is a decimal point.
+    If the separator is a semicolon, a comma is a decimal point.
     """
     if ";" in first:
         return lambda line: [field.strip(' "').replace(",", ".") for field in line.split(";")]
@@ -141,7 +144,7 @@ def row_splitter(first: str) -> Callable[[str], list[str]]:
 
 
 def parse_edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
-    """An edge of numbers as text; raises ValueError."""
+    """Return an edge from numbers as text; raise ValueError."""
     given = [parse_number(listener), parse_number(source)]
     if not all(map(float.is_integer, given)) or not 0 < parse_number(weight) <= GREATEST_EDGE_WEIGHT:
         raise ValueError("ends are whole, and a weight is positive")
@@ -149,14 +152,14 @@ def parse_edge(listener: str, source: str, weight: str = "1") -> tuple[int, int,
 
 
 def parse_number(text: str) -> float:
-    """A decimal number; raises ValueError."""
+    """Return a decimal number; raise ValueError."""
     if not DECIMAL_NUMBER.fullmatch(text.strip()):
         raise ValueError("no number")
     return float(text)
 
 
 def read_graphml(content: bytes, name: str) -> EdgeIterator:
-    """The edges of a GraphML file, those of an undirected graph both ways."""
+    """Yield the edges of a GraphML file; an undirected edge counts in both directions."""
     try:
         networkx = importlib.import_module("networkx")
     except ImportError as error:
@@ -180,7 +183,7 @@ def read_graphml(content: bytes, name: str) -> EdgeIterator:
 def refuse_entities(content: bytes) -> None:
     """Raise ValueError for XML that declares entities, which may stand for gigabytes or other files."""
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: object) -> None:
         raise ValueError("entities are not read")
 
     parser = expat.ParserCreate()
@@ -188,8 +191,8 @@ def refuse_entities(content: bytes) -> None:
     parser.Parse(content, True)
 
 
-def node_of(node: str, data: dict[str, Any]) -> int:
-    """The number of a node by its id, as 3 or n3; raises ValueError."""
+def node_of(node: str, data: dict[str, object]) -> int:
+    """Return the number of a node with an id such as 3 or n3; raise ValueError."""
     found = NODE_ID.fullmatch(node)
     if not found:
         raise ValueError(f"a node is called 3 or n3, got {node!r}")
