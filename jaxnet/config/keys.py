@@ -10,7 +10,7 @@ import re
 from typing import Annotated, Any, Literal
 
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Discriminator, Field, PrivateAttr
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, GetCoreSchemaHandler, PrivateAttr
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.engine.methods import Engine
@@ -43,7 +43,7 @@ class Initial(Record):
 
 
 def known_metric(name: str) -> Metric:
-    """The metric of this name."""
+    """Return the metric of a name; raise PydanticCustomError."""
     try:
         return registry.find("metrics", name)
     except KindError as error:
@@ -53,15 +53,17 @@ def known_metric(name: str) -> Metric:
 class NamedMetric:
     """The type of a metric that a config gives by its name."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Validate a name, and write the name."""
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Validate a name to a metric, and serialise a metric to its name."""
         named = core_schema.no_info_after_validator_function(known_metric, core_schema.str_schema())
         written = core_schema.plain_serializer_function_ser_schema(registry.metric_name)
         return core_schema.json_or_python_schema(named, named, serialization=written)
 
 
 class Scenario(Record):
-    """What one cell is: everything that a lane depends on but its random draw."""
+    """The keys of one cell: everything that determines a lane, except its random draw."""
 
     vehicles: int = Field(default=12, ge=1, le=10_000, description="how many, besides the navigator")
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
@@ -94,22 +96,22 @@ class Scenario(Record):
     )
 
     def measured(self) -> tuple[Metric, ...]:
-        """All metrics of a row."""
+        """Return all metrics of a row."""
         return (*CONTRACT, *self.metrics)
 
 
-RANDOMISATIONS = 16  # of Sobol's sequences, that stand for independent samples
+RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "engine")  # keys that take a kind
 
 
 class Linspace(Record):
-    """n evenly spaced values."""
+    """n evenly spaced values from a to b."""
 
     linspace: Annotated[tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)]
 
 
 class Geomspace(Record):
-    """n values in constant ratio."""
+    """n values from a to b with a constant ratio."""
 
     geomspace: Annotated[
         tuple[
@@ -133,8 +135,8 @@ class WorstLanes(Record):
     worst: int = Field(ge=1)
 
 
-def stored_lanes_tag(value: Any) -> str | None:
-    """Which way lanes are chosen for their trajectories."""
+def stored_lanes_tag(value: object) -> str | None:
+    """Return the tag of the form in which lanes with stored trajectories are chosen."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -158,8 +160,8 @@ class Save(Record):
     ] = Field(default="none", description="lanes whose states are stored over time, in trajectories.zarr")
 
 
-def spacing_tag(value: Any) -> str | None:
-    """Which way swept values are given."""
+def spacing_tag(value: object) -> str | None:
+    """Return the tag of the form in which swept values are given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -180,7 +182,7 @@ SweptValues = Annotated[
 
 
 def plain_file_name(name: str) -> str:
-    """The name, if it can name a folder anywhere."""
+    """Return the name; raise ValueError if some file system cannot have a folder of this name."""
     if not re.fullmatch(r"\w[\w.-]{0,99}", name) or name.endswith("."):
         raise ValueError("must be a plain file name: letters, digits, '_', '-' and '.' inside, at most 100")
     return name
@@ -208,8 +210,8 @@ class EachIn(Record):
     each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
 
 
-def range_tag(value: Any) -> str | None:
-    """Which way the range of a search is given."""
+def range_tag(value: object) -> str | None:
+    """Return the tag of the form in which the range of a search is given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -276,8 +278,8 @@ class Sequential(Record):
     until: Criterion
 
 
-def samples_tag(value: Any) -> str:
-    """Whether a number of samples or a criterion is given."""
+def samples_tag(value: object) -> str:
+    """Return the tag of the samples: a number, or a criterion."""
     return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
 
 
@@ -312,16 +314,16 @@ class Config(Scenario):
 
     @property
     def scope(self) -> registry.Scope:
-        """What the names of kinds from outside mean in this study."""
+        """Return the scope of names of kinds from outside in this study."""
         return self._scope
 
     def within(self, scope: registry.Scope) -> "Config":
-        """The same config, whose names mean what they do there."""
+        """Return the same config with another scope."""
         found = self.model_copy()
         found._scope = scope
         return found
 
     @property
     def most_samples(self) -> int:
-        """How many samples it takes at most."""
+        """Return the greatest possible number of samples."""
         return self.samples.until.at_most if isinstance(self.samples, Sequential) else self.samples

@@ -1,9 +1,11 @@
-"""What figures, tables and pages call swept keys and their values."""
+"""Names of swept keys and their values in figures, tables and pages."""
 
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
+
+from pydantic import BaseModel
 
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds.families import base_of
@@ -12,13 +14,13 @@ MAGNITUDE = "attack.magnitude"
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def labels_title(labels: dict[str, Any]) -> str:
-    """A panel's or row's name: the values that it is about, with their keys where they do not say which."""
+def labels_title(labels: Mapping[str, object]) -> str:
+    """Return the title of a panel or row: its swept values, with keys where a value alone is unclear."""
     return ", ".join(value_name(key, value) for key, value in labels.items())
 
 
-def value_name(key: str, value: Any) -> str:
-    """One swept value, with its unit if it has one; the two are never on different lines."""
+def value_name(key: str, value: object) -> str:
+    """Return the name of one swept value with its unit. Non-breaking spaces join number and unit."""
     if value == "none":
         return f"no{NO_BREAK}{key}"
     if key in KINDS:
@@ -27,25 +29,25 @@ def value_name(key: str, value: Any) -> str:
     return NO_BREAK.join(filter(None, [name, format_value(value), unit(key)]))
 
 
-def format_value(value: Any) -> str:
-    """A number to four digits, words as they are."""
+def format_value(value: object) -> str:
+    """Return a number with four digits; text stays as it is."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def value_alone(key: str, value: Any) -> str:
-    """A swept value where its key and unit are told already."""
+def value_alone(key: str, value: object) -> str:
+    """Return a swept value without its key and unit."""
     return value_name(key, value) if key in KINDS else format_value(value)
 
 
 def quantity(key: str) -> str:
-    """What an axis of a swept key is called."""
+    """Return the label of the axis of a swept key."""
     name = "attack magnitude ā" if key == MAGNITUDE else key
     return f"{name} [{unit(key)}]" if unit(key) else name
 
 
 @functools.cache
 def unit(key: str) -> str:
-    """The unit that the config's models give a dotted key in brackets; nothing where none of them does.
+    """Return the unit in brackets in a key's description, "" if there is none.
 
     An entry of a list has the unit of the list.
     """
@@ -60,8 +62,8 @@ def unit(key: str) -> str:
     return next((match[1] for match in found if match), "")
 
 
-def family(model: Any) -> Iterator[Any]:
-    """A model and all that are made from it."""
+def family(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield a model and all its subclasses."""
     yield model
     for each in model.__subclasses__():
         yield from family(each)

@@ -23,8 +23,8 @@ from pydantic_core import core_schema
 
 PI = 3.141592653589793
 
-# A union's members are told apart by a word that no key of a user can be: pydantic puts it into the
-# location of an error, from where `config.cells.keys_of` removes it.
+# First character of the tags that identify members of a union. No key of a user has it. pydantic puts tags
+# into the location of an error, and `config.cells.keys_of` removes them.
 MARK = "\0"
 
 
@@ -144,7 +144,7 @@ def table_tag(value: object) -> str | None:
 
 
 if TYPE_CHECKING:
-    Several = Any  # numbers that each attacked vehicle has several of
+    Several = Any  # several numbers for each attacked vehicle
 else:
     Several = Annotated[
         Members | Annotated[Table, union_member("table")],
@@ -166,7 +166,7 @@ def vehicle_number_tag(value: object) -> str | None:
 
 
 if TYPE_CHECKING:
-    PerVehicle = Any  # a number that attacked vehicles share, or that each has for itself
+    PerVehicle = Any  # one number for all attacked vehicles, or one for each
 else:
     PerVehicle = Annotated[
         Members
@@ -192,7 +192,7 @@ def differs(number: object) -> bool:
     return isinstance(number, Apiece | Listed)
 
 
-def zip_by_vehicle(*numbers: Any) -> Iterator[tuple[Any, ...]]:
+def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
     """Yield several numbers vehicle by vehicle; a number that is not listed repeats."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
@@ -227,7 +227,7 @@ def median(number: Any) -> float:
     return number
 
 
-# Which of the bounds is compared, how, in what words, and the schema's keyword for it.
+# For each limit: index of the bound to compare, comparison, words, keyword of the JSON schema.
 LIMITS = {
     "gt": (0, operator.gt, "greater than", "exclusiveMinimum"),
     "ge": (0, operator.ge, "at least", "minimum"),

@@ -13,8 +13,8 @@ from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.signal import ORDERS, Harmonic
 
-FINENESS = 32  # instants of a grid in a period of the highest harmonic
-SIGNALS = 1_024  # signals whose size is found at once
+FINENESS = 32  # points of the grid in a period of the highest harmonic
+SIGNALS = 1_024  # signals in one batch of Fourier transforms
 
 
 class Harmonics(Attack):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, model_serializer
 from upath import UPath
 
 from jaxnet.kinds import modules, provenance
@@ -32,9 +32,7 @@ class Kind(Record):
     """
 
     kind: ClassVar[str]
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label"}
-    )  # fields that no method asks for while lanes run
+    untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
@@ -45,7 +43,7 @@ class Kind(Record):
             cls.kind = cls.__name__
 
     @model_serializer(mode="wrap")
-    def _plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _plain(self, handler: Callable[["Kind"], dict[str, Any]]) -> dict[str, Any]:
         return {"kind": self.reference(), **handler(self)}
 
     @classmethod
@@ -109,7 +107,7 @@ def restore_kind(origin: modules.Origin, name: str, values: dict[str, Any]) -> K
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
-REFERENCES: dict[type[Kind], str] = {}  # of the classes that `registry` has found
+REFERENCES: dict[type[Kind], str] = {}  # names of the classes that `registry` has found
 
 
 def is_number(value: object) -> bool:

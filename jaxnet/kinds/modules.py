@@ -70,7 +70,7 @@ class ModuleFolder:
 
     def load(self, module: str) -> types.ModuleType:
         """Import the module of this name from the folder. Any error of its code passes through."""
-        closure(self, module)  # what it imports is read now, even if it is imported later
+        closure(self, module)  # reads all neighbours now, also those that are imported later
         return importlib.import_module(f"{self.name}.{module}")
 
 
@@ -127,7 +127,7 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
     """Yield the names of all modules that a source may import; a source that is not Python yields none."""
     try:
         tree = ast.parse(source)
-    except (SyntaxError, ValueError):  # told when it is imported
+    except (SyntaxError, ValueError):  # the import reports the error
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -261,7 +261,7 @@ def attribute(module: types.ModuleType, name: str) -> Any:
 
 @functools.cache
 def load_origin(origin: Origin) -> types.ModuleType:
-    """Return the module of another process from a file of the same content; raise KindError if there is none."""
+    """Return another process's module from a file of the same content; raise KindError if there is none."""
     if not origin.folder:
         return importlib.import_module(origin.module)
     seen = None

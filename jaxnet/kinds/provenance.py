@@ -26,14 +26,14 @@ class Provenance(NamedTuple):
     """The file, hash and version of a module from outside."""
 
     file: str
-    sha256: str  # of the file as it was loaded
-    version: str | None  # of the distribution that it came with
+    sha256: str  # of the file at the time of loading
+    version: str | None  # of the module's distribution
 
 
-IMPORTED_SOURCES: dict[str, Provenance] = {}  # of modules that are imported by their names, as they were then
+IMPORTED_SOURCES: dict[str, Provenance] = {}  # of modules imported by their names, at the time of import
 FOLDERS: WeakKeyDictionary[Any, ModuleFolder] = (
     WeakKeyDictionary()
-)  # what a script's classes and metrics are from
+)  # folders of a script's classes and metrics
 
 
 def home_of(found: KindOrMetric) -> str:

@@ -21,7 +21,7 @@ from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.families import FAMILIES, base_of, family_of, is_member
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
 from jaxnet.kinds.outside import entry_points, import_reference
-from jaxnet.kinds.provenance import home_of, name_in
+from jaxnet.kinds.provenance import KindOrMetric, home_of, name_in
 
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 
@@ -33,7 +33,7 @@ class Scope:
 
     judges = True  # whether the study is new: kinds then read their files and report faults
 
-    def __init__(self, folder: Path | None = None, known: Mapping[FamilyName, Any] | None = None):
+    def __init__(self, folder: Path | None = None, known: Mapping[FamilyName, KindOrMetric] | None = None):
         self.folder, self.known = folder, dict(known or {})
 
     def __eq__(self, other: object) -> bool:
@@ -63,7 +63,7 @@ class Scope:
             return import_reference(point.value, name, None)
         return import_reference(name, name, self.folder) if ":" in name else None
 
-    def named_in(self, data: object) -> list[Any]:
+    def named_in(self, data: object) -> list[KindOrMetric]:
         """Return the classes and metrics from outside that plain data names."""
         named = set(text_in(data))
         return [found for (_, name), found in self.known.items() if name in named]
@@ -121,7 +121,7 @@ def find(family: str, name: str) -> Any:
     return found
 
 
-def record_found(family: str, name: str, found: Any) -> None:
+def record_found(family: str, name: str, found: KindOrMetric) -> None:
     """Record that this process has found a class or metric by a name."""
     held = LOADED.setdefault((family, name), [])
     if found not in held:
@@ -143,7 +143,7 @@ def unknown_kind(family: str, given: object) -> KindError:
     return KindError(f"must be one of {known}, or module:Class (got {shown})")
 
 
-def adopt(given: Any) -> str:
+def adopt(given: KindOrMetric) -> str:
     """Return the reference of a class or metric that a script passes; `find` knows the reference from now on.
 
     Raises KindError if the class's file has changed, or if two classes have one reference.

@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Len
-from jaxtyping import Float
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.announcements import Announcement
@@ -28,12 +27,20 @@ from jaxnet.kinds.fields import (
 )
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, NavigatorPath, ScenarioView, Signal, TickView
-from jaxnet.kinds.shapes import AnyTimes, Memory, PlaneVectors, SignalBasis, SignalSizes, SignalVectors
+from jaxnet.kinds.shapes import (
+    AnyNumbers,
+    AnyTimes,
+    Memory,
+    PlaneVectors,
+    SignalBasis,
+    SignalSizes,
+    SignalVectors,
+)
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges
 
-MOMENTS = 1_001  # at which a signal of one's own that is not bounded is looked at
+MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
@@ -56,9 +63,9 @@ class AnyAttack(Kind):
     """Base class of all attacks. The base class itself attacks no vehicle."""
 
     present: ClassVar[bool] = False
-    strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
-    derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
-    bounded: ClassVar[bool] = True  # whether no derivative of its signal is greater than ā
+    strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
+    derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
+    bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
         """Return the numbers of the attacked vehicles, from 1."""
@@ -72,7 +79,7 @@ class AnyAttack(Kind):
         """Return the attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
-    def amplitude(self) -> Number:
+    def amplitude(self) -> Any:
         """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
 
@@ -280,7 +287,7 @@ class Attack(AnyAttack):
         """Return whether vehicles are drawn and their links replaced."""
         return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
 
-    def amplitude(self) -> Number:
+    def amplitude(self) -> Any:
         """Return the key `magnitude`."""
         return self.magnitude
 
@@ -416,7 +423,7 @@ class Attack(AnyAttack):
                 yield Fault((key, "attack"), "must be one number for all vehicles here")
 
 
-def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Any, bool]]:
+def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number, bool]]:
     """Yield the numbers that each vehicle has for itself, also of kinds inside this one.
 
     Each item is the dotted key, the number, and whether the scalar functions depend on it.
@@ -434,7 +441,7 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes) -> np.ndarray:
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
 
 
-def unit_vectors(direction: Float[Any, "..."]) -> PlaneVectors:
+def unit_vectors(direction: AnyNumbers) -> PlaneVectors:
     """Return the unit vectors (2, m, lanes) of directions [rad]."""
     xp = direction.__array_namespace__()
     return xp.stack([xp.cos(direction), xp.sin(direction)])

@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
@@ -13,10 +12,10 @@ from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import AnyTimes, SignalBasis
+from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets, SignalBasis
 
-TIME_ROUNDING = 1e-12  # relative, of times that are sums
-PIECES = 256  # of the rise, in each of which the envelope is bounded
+TIME_ROUNDING = 1e-12  # relative rounding of sums of times
+PIECES = 256  # pieces of the rise, each with its own bound on the envelope
 
 
 class Envelope(Attack):
@@ -33,7 +32,7 @@ class Envelope(Attack):
     rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
     stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
-    def height(self, time: AnyTimes) -> Float[Any, "4 ..."]:
+    def height(self, time: AnyTimes) -> NumberJets:
         """Return the envelope and its first three derivatives: (4, lanes)."""
         up = smooth_rise((time - self.start) / self.rise, self.rise)
         return up if self.stop is None else up - smooth_rise((time - self.stop) / self.rise, self.rise)
@@ -78,7 +77,7 @@ class Envelope(Attack):
             yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
 
 
-def smooth_rise(x: Float[Any, "..."], rise: float | Float[Any, "..."]) -> Float[Any, "4 ..."]:
+def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers) -> NumberJets:
     """Return `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three time derivatives: (4,
     …).
     """

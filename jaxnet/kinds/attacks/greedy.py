@@ -1,14 +1,13 @@
 """The greedy attack: at every tick the direction that increases the fleet's error most."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, Memory, SignalBasis, SignalVectors
+from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, Memory, PlaneVectors, SignalBasis, SignalVectors
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
@@ -39,10 +38,10 @@ class Greedy(Attack):
 
         shape = (2, *seen.errors[0].shape[1:])
 
-        def vectors_of(direction: Float[Any, " 2"]) -> SignalVectors:
+        def vectors_of(direction: PlaneVectors) -> SignalVectors:
             return jnp.broadcast_to(direction[:, None, None], shape)[:, :, None]
 
-        def harm(direction: Float[Any, " 2"]) -> LaneNumbers:
+        def harm(direction: PlaneVectors) -> LaneNumbers:
             weights = seen.in_force(vectors_of(direction))
             share = jnp.where(seen.attacked[None, :, :, None], weights, 0.0).sum(axis=1)
             pulled = seen.errors[0] + share * direction[:, None, None] * seen.amplitude[None, None]
@@ -50,6 +49,6 @@ class Greedy(Attack):
 
         unit = jnp.asarray(unit_vectors(2 * np.pi * np.arange(self.directions) / self.directions).T)
         harms = jax.lax.map(harm, unit)
-        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # of equal ones
+        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # the first of equal values
         worst = unit[first].T  # (2, lanes)
         return jnp.broadcast_to(worst[:, None], shape)[:, :, None], memory

@@ -1,15 +1,14 @@
 """The mimic: the greatest offset that listeners still believe."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.protocols import TickView
-from jaxnet.kinds.shapes import AnyTimes, Memory, SignalBasis, SignalVectors, VehicleNumbers
+from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, Memory, SignalBasis, SignalVectors, VehicleNumbers
 
 
 class Mimic(Attack):
@@ -42,7 +41,7 @@ class Mimic(Attack):
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])
 
-        def try_part(greatest: VehicleNumbers, part: Float[Any, ""]) -> tuple[VehicleNumbers, None]:
+        def try_part(greatest: VehicleNumbers, part: AnyNumbers) -> tuple[VehicleNumbers, None]:
             weights = seen.in_force((part * unit)[:, :, None])
             dropped = seen.attacked[:, :, None] & (seen.weights > 0) & ~(weights > 0).all(axis=0)
             refused = jnp.zeros(greatest.shape, int).at[attacker].add(dropped.astype(int))

@@ -1,14 +1,12 @@
 """The rotating attack, the paper's."""
 
-from typing import Any
-
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, value_range
 from jaxnet.kinds.protocols import Signal
+from jaxnet.kinds.shapes import AnyNumbers
 from jaxnet.model.signal import Harmonic
 
 
@@ -37,7 +35,7 @@ class Rotating(Attack):
         return harmonic_sizes(self.frequency)  # pyright: ignore[reportArgumentType]
 
 
-def turned(phase: Float[Any, "..."]) -> np.ndarray:
+def turned(phase: AnyNumbers) -> np.ndarray:
     """Return vectors (2, m, 2, lanes) that turn cos and sin of an angle to the angle plus a phase [rad]."""
     cosine, sine = unit_vectors(phase)
     return np.stack([np.stack([cosine, sine]), np.stack([-sine, cosine])], axis=2)

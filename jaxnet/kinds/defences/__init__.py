@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Shaped
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, union_member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
+    AnyMask,
     Decision,
     LaneTimes,
     Memory,
@@ -127,8 +127,8 @@ class AnyDefence(Kind):
 
         Returns
         -------
-            The decision and the memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It
-            is boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
+            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It is
+            boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
         """
         raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
 
@@ -296,7 +296,7 @@ class Sparing(Defence):
         default=False, description="whether trusted sources are judged, and dropped, as others are"
     )
 
-    def spares(self, trusted: Shaped[Any, "..."]) -> Shaped[Any, "..."]:
+    def spares(self, trusted: AnyMask) -> AnyMask:
         """Return those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 

@@ -4,7 +4,7 @@ from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 
-HALF = 0.5 + 1e-12  # of the weight, and what adding it up may be off
+HALF = 0.5 + 1e-12  # half of the weight, plus the rounding of its sum
 
 
 class CoordinateMedian(Sparing):

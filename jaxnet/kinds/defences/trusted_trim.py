@@ -4,15 +4,25 @@ from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
 from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member
 from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets, VehicleVectors
-from jaxnet.model import hearing, safety
+from jaxnet.kinds.shapes import (
+    AnyCounts,
+    AnyMask,
+    AxisSlotNumbers,
+    Decision,
+    LaneGains,
+    Memory,
+    SlotJets,
+    VehicleJets,
+    VehicleVectors,
+)
+from jaxnet.model import hearing, retained, safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset
@@ -160,7 +170,7 @@ class TrustedTrim(Sparing):
         `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
         decision (SCIENCE O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
         """
-        from jaxnet.model import retained, trimming
+        from jaxnet.model import trimming
 
         if self.announcing():
             score = length(around.announced)
@@ -177,15 +187,13 @@ class TrustedTrim(Sparing):
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))
         return decision, memory
 
-    def trims(
-        self, heard: Int[Any, "..."], trusted: Int[Any, "..."], theta: Int[Any, "..."]
-    ) -> Bool[Any, "..."]:
+    def trims(self, heard: AnyCounts, trusted: AnyCounts, theta: AnyCounts) -> AnyMask:
         """Return which vehicles trim, from the numbers of sources and of trusted sources that they hear."""
         if self.announcing():
             return heard > theta
         return (heard >= 2 * theta + 1) & (trusted >= theta)
 
-    def compared(self, received: SlotJets, gain: Float[Any, "3 *lanes"]) -> Float[Any, "axes slots m *lanes"]:
+    def compared(self, received: SlotJets, gain: LaneGains) -> AxisSlotNumbers:
         """Return the vectors that scores compare: (axes, slots, m, lanes)."""
         from jaxnet.model import control
 

@@ -1,12 +1,9 @@
 """W-MSR, the weighted mean-subsequence-reduced rule, axis by axis."""
 
-from typing import Any
-
-from jaxtyping import Bool
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.shapes import AxisSlotMask, Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, any_untrusted
@@ -44,7 +41,7 @@ class WMSR(Sparing):
         side = xp.where(candidate, sides, 0.0)
         order = xp.arange(above.shape[1])[None, :, None, None]
 
-        def beyond(k: int) -> Bool[Any, "2 slots m *lanes"]:
+        def beyond(k: int) -> AxisSlotMask:
             """Who has the one in this slot farther out on the same side."""
             other = slice(k, k + 1)
             first = ~ties.over(size, size[:, other]) & (k < order)

@@ -20,8 +20,8 @@ from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 
-LEAST_WEIGHT = 1e-15  # of a link, in proportion: with less, 1 - w is 1 and L is singular
-TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
+LEAST_WEIGHT = 1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
 
 GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
 

@@ -20,10 +20,10 @@ from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
 EdgeIterator = Iterator[tuple[int, int, float]]
-LARGEST_FILE = 50_000_000  # of a file
+LARGEST_FILE = 50_000_000  # bytes
 DECIMAL_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 NODE_ID = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
-CALLED = ("name", "label", "id")  # attributes of a node that may number it otherwise
+CALLED = ("name", "label", "id")  # attributes of a node that may give it another number
 NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
 AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
 READ = "no header; commas, semicolons or blanks between them"
@@ -167,7 +167,7 @@ def read_graphml(content: bytes, name: str) -> EdgeIterator:
     try:
         refuse_entities(content)
         with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)  # of networkx, for what it passes over
+            warnings.simplefilter("error", UserWarning)  # networkx warns of content that it ignores
             network = networkx.read_graphml(io.BytesIO(content))
         numbers = {node: node_of(node, data) for node, data in network.nodes(data=True)}
         if len({*numbers.values()}) < len(numbers):

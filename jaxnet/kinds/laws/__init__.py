@@ -15,9 +15,9 @@ class Law(Kind):
     `exchange`.
     """
 
-    holds: ClassVar[bool] = True  # whether q is chosen at ticks and held between them
+    holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     jacobi: ClassVar[bool] = (
-        False  # whether it makes rounds of Jacobi's iteration, of which it is known how many do
+        False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )
 
     def exchange(

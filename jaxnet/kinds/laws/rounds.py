@@ -1,15 +1,14 @@
 """The law solved by rounds of exchanges with neighbours."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Int
 from pydantic import Field
 
 from jaxnet.kinds.laws import Law
 from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.kinds.shapes import VehicleVectors
+from jaxnet.kinds.shapes import AnyCounts, VehicleVectors
 
 
 class Rounds(Law):
@@ -35,7 +34,7 @@ class Rounds(Law):
         import jax
         import jax.numpy as jnp
 
-        def once(number: Int[Any, ""], jerk: VehicleVectors) -> VehicleVectors:
+        def once(number: AnyCounts, jerk: VehicleVectors) -> VehicleVectors:
             return jnp.where((number < self.rounds)[None, None], heard(jerk) + demand, jerk)
 
         return jax.lax.fori_loop(0, self.rounds.max(), once, last)  # pyright: ignore[reportAttributeAccessIssue]

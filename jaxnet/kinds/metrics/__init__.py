@@ -33,13 +33,13 @@ class Metric:
         Meaning of the metric in tables and on axes.
     """
 
-    name: str  # of the column
+    name: str  # name of the column
     unit: str
     of: Callable[["FleetView"], Any]
     over: Literal["run", "tail"] = "run"
     time: Reduction = "max"
     vehicles: Reduction = "max"
-    words: str = ""  # what it is, for tables and axes
+    words: str = ""  # meaning, for tables and axes
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
         """Pickle the file of the metric with its hash, so that another process loads the same metric."""

@@ -9,7 +9,7 @@ from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, PathJets
 
 LEAST_NAVIGATOR_SPEED = 0.05  # [m/s]
-SPEED_SAMPLES = 100_001  # at which the speed of a path of one's own is looked at
+SPEED_SAMPLES = 100_001  # times at which a path's speed is sampled
 
 
 class Navigator(Kind):

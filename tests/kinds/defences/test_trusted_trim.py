@@ -68,7 +68,8 @@ def decide(weights, received, trusted, memory, shared):
     rule = TrustedTrim.filled(keys)
     around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, None, None, shared)
     jets = (received[..., None],) * 3
-    decision, _ = rule.decide(jets, jets, ~memory[..., None], rule.start(around), around)
+    own = (received[:, 0, :, None],) * 3
+    decision, _ = rule.decide(own, jets, ~memory[..., None], rule.start(around), around)
     return retained.in_force(around.weights, decision)[0, ..., 0], ~decision[..., 0]
 
 
