@@ -1,9 +1,7 @@
-"""What a config may hold: every key with its type, unit, range, default and meaning.
+"""The keys of a config, each with type, unit, range, default and meaning.
 
-`docs/config.md` has them in tables, which are made from these models.
-
-The models know one key at a time; what several keys must fulfil together is said by the kinds, and in
-`faults`.
+The tables of `docs/config.md` are made from these models. A model checks one key at a time. The kinds, and
+`faults`, check several keys together.
 """
 
 import re
@@ -35,7 +33,7 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 
 
 class Initial(Record):
-    """Where the vehicles start; they start with ω = F = 0."""
+    """The initial position, heading and speed of the vehicles; turn rate and force are 0."""
 
     position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], of both axes")
     heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
@@ -124,13 +122,13 @@ class Geomspace(Record):
 
 
 class Samples(Record):
-    """Lanes of these samples."""
+    """The lanes of the listed samples."""
 
     samples: list[Annotated[int, Field(ge=0)]]
 
 
 class WorstLanes(Record):
-    """The K lanes of each cell that end farthest off."""
+    """The K lanes of each cell with the greatest final errors."""
 
     worst: int = Field(ge=1)
 
@@ -189,14 +187,14 @@ def plain_file_name(name: str) -> str:
 
 
 class Recovery(Record):
-    """When a lane counts as saved by its defence."""
+    """The criterion by which a lane has recovered from its attack."""
 
     tau: float = Field(default=0.01, gt=0, description="a lane with tail_mean > tau · ā has not recovered")
     worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
 
 
 class ChosenVehicles(Record):
-    """So many vehicles, whom a search chooses."""
+    """A number of vehicles, which a search chooses."""
 
     choose: int = Field(ge=1, description="how many")
 
@@ -236,7 +234,7 @@ SearchRange = Annotated[
 
 
 class SearchSettings(Record):
-    """What an attacker, or a designer, may choose, and how the worst choice is searched for."""
+    """The keys that a search chooses, and how it searches for the worst choice."""
 
     over: Annotated[dict[str, SearchRange], Len(1)] = Field(
         description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
@@ -264,7 +262,7 @@ class SearchSettings(Record):
 
 
 class Criterion(Record):
-    """When enough lanes were simulated."""
+    """The criterion that ends the sampling of a cell."""
 
     half_width: float = Field(gt=0, lt=0.5, description="of the widest interval over the cells")
     of: Literal["unrecovered"] = Field(default="unrecovered", description="the share whose interval it is")
@@ -273,7 +271,7 @@ class Criterion(Record):
 
 
 class Sequential(Record):
-    """As many lanes as it takes."""
+    """Samples until a criterion holds."""
 
     until: Criterion
 
@@ -287,7 +285,7 @@ Sweep = Annotated[dict[str, SweptValues], Field(description="dotted key: values;
 
 
 class Config(Scenario):
-    """A whole study."""
+    """All keys of a study."""
 
     name: Annotated[
         str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")

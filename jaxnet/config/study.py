@@ -81,9 +81,9 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
 
     Examples
     --------
-    >>> study = load({"vehicles": 5, "sweep": {"attack.magnitude": [1, 5]}})
+    >>> study = load({"samples": 3, "sweep": {"attack.magnitude": [1, 5]}})
     >>> len(study.cells), study.lanes
-    (2, 2)
+    (2, 6)
     """
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]

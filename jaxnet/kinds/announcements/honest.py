@@ -5,9 +5,7 @@ from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Honest(Announcement):
-    """An attacked link announces what its source would announce without the attack, whatever the link
-    carries.
-    """
+    """An attacked link announces what its source would announce without the attack."""
 
     kind = "honest"
 

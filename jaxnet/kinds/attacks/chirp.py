@@ -13,7 +13,7 @@ from jaxnet.model.circle import circle
 
 
 class Chirp(Attack):
-    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that grows faster or slower."""
+    """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or slower."""
 
     kind = "chirp"
 

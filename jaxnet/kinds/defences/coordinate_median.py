@@ -8,8 +8,7 @@ HALF = 0.5 + 1e-12  # half of the weight, plus the rounding of its sum
 
 
 class CoordinateMedian(Sparing):
-    """Retain, axis by axis, the sources at the weighted median of the received positions, and trusted
-    sources.
+    """Retain trusted sources, and axis by axis those at the weighted median of the received positions.
 
     At the median at most half of the weight is below and at most half above. Positions that are equal except
     for rounding count as neither below nor above. Without trusted sources a vehicle would soon hear no source

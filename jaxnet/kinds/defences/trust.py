@@ -24,8 +24,7 @@ from jaxnet.model.safety import Safe
 
 
 class Trust(Sparing):
-    """Retain the sources whose sum β of `α - 1/2` over the ticks is not negative, or else the source with the
-    greatest β.
+    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of greatest β.
 
     α is an observation of a source at a tick, in one of two ways:
 

@@ -12,9 +12,7 @@ FIGURE1_LINKS = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
 
 
 class Figure1(Graph):
-    """The paper's Fig. 1 with five vehicles: 1, 4 and 5 hear 0; 2 hears 1; 3 hears 2; 4 and 5 hear each
-    other.
-    """
+    """The paper's Fig. 1: 1, 4 and 5 hear 0; 2 hears 1; 3 hears 2; 4 and 5 hear each other."""
 
     kind = "figure1"
 

@@ -12,9 +12,7 @@ from jaxnet.model.patterns import Neighbours
 
 
 class Grid(Unweighted):
-    """Vehicles in rows and columns, numbered row by row; each hears those to the left and right, before and
-    behind.
-    """
+    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind it."""
 
     kind = "grid"
 

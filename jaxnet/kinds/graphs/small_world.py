@@ -13,9 +13,7 @@ from jaxnet.model.patterns import Neighbours
 
 
 class SmallWorld(Random):
-    """A small world of Watts and Strogatz: a ring lattice with mutual links, of which each is rewired at
-    random with a probability.
-    """
+    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at random."""
 
     kind = "small_world"
 

@@ -22,9 +22,7 @@ STEERING, ACCELERATION = 4, 5
 
 
 class Car(Vehicle):
-    """State `[x, y, θ, v, δ, a]` with steering angle δ in (-π/2, π/2), input `u = [ȧ, δ̇]`; singular at v =
-    0.
-    """
+    """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v = 0."""
 
     kind = "car"
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
