@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxnet
-from jaxnet.kinds.attacks import Attack, along, powers
+from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.registry import find
 from jaxnet.model.signal import Harmonic
@@ -49,13 +49,13 @@ class Harmonics(Attack):
 
     def vectors(self) -> np.ndarray:
         """The direction, and what is a quarter turn on."""
-        cosine, sine = along(self.direction)
+        cosine, sine = unit_vectors(self.direction)
         across = np.stack([-sine, cosine]) * self.across
         return np.stack([np.stack([cosine, sine]), across], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:
         """The sums of what the harmonics come to, or more."""
-        each = [np.hypot(re, im) * powers(np.atleast_1d(rate)) for re, im, rate in self.terms()]
+        each = [np.hypot(re, im) * harmonic_sizes(np.atleast_1d(rate)) for re, im, rate in self.terms()]
         return np.sum(each, axis=0)
 
 

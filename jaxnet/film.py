@@ -20,7 +20,7 @@ from PIL import Image
 from upath import UPath
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import MAGNITUDE, title
+from jaxnet.config.naming import MAGNITUDE, labels_title
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
@@ -132,7 +132,7 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artis
     )
     clock = plane.text(0.98, 0.98, "", transform=plane.transAxes, ha="right", va="top", fontsize=9)
     size = [] if MAGNITUDE in cell.labels else [magnitude_words(cell)]
-    named = ", ".join(filter(None, [title(cell.labels), *size, f"sample {sample}"]))
+    named = ", ".join(filter(None, [labels_title(cell.labels), *size, f"sample {sample}"]))
     plane.set_title(multiples.escape_dollars(named), loc="left")
     drawn.legend(handles=film_legend(film), loc="outside lower center", ncols=3, handlelength=2.2)
 

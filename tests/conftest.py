@@ -43,6 +43,7 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 @pytest.fixture(scope="session", autouse=True)
 def few_side_by_side():
     """Tests have few lanes, and those that fill a chunk up would be simulated too."""
+    import jaxnet.engine.methods  # noqa: F401 (adds the family of engines)
     from jaxnet.kinds import registry
 
     with pytest.MonkeyPatch.context() as patch:

@@ -229,9 +229,9 @@ def test_the_tables_of_keys_are_current():
     page = (ROOT / "docs" / "config.md").read_text()
     assert runpy.run_path(str(ROOT / "docs" / "site" / "keys.py"))["current"](page) == page
     whole = json.loads(schema_text())
-    spelled = {"Uniform", "Normal", "Choice", "Linspace", "Geomspace", "Samples", "Worst", "Sequential"}
+    spelled = {"Uniform", "Normal", "DiscreteChoice", "Linspace", "Geomspace", "Samples", "WorstLanes"}
     spelled |= {"DrawnVehicles", "Apiece", "Shared", "NearestSources", "ShareOfLinks", "ShareOfVehicles"}
-    spelled |= {"Chosen", "EachIn"}
+    spelled |= {"ChosenVehicles", "EachIn", "Sequential"}
     models = [whole, *(model for name, model in whole["$defs"].items() if name not in spelled)]
     for model in models:
         for key, node in model.get("properties", {}).items():

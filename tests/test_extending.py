@@ -168,7 +168,7 @@ def made_of(cell, monkeypatch):
     module = types.ModuleType("notebook_cells")
     exec(cell.replace("\n", "\n__name__ = 'notebook_cells'\n", 1), vars(module))
     monkeypatch.setitem(sys.modules, "notebook_cells", module)
-    return provenance.typed("notebook_cells", [module.Mine]).sha256
+    return provenance.hash_typed_code("notebook_cells", [module.Mine]).sha256
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,13 @@ import pytest
 import yaml
 
 import jaxnet
-from jaxnet.config.cells import plain
+from jaxnet.config.cells import to_plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import KINDS
 from jaxnet.config.schema import schema_text
 from jaxnet.kinds import kind, registry
+from jaxnet.kinds.families import FAMILIES, base_of
 from jaxnet.kinds.kind import Kind
-from jaxnet.kinds.registry import FAMILIES
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
@@ -119,13 +119,13 @@ def test_an_editor_shows_what_each_key_means():
     assert given["Chirp"]["description"].startswith("`[cos, sin](ψ(t) + phase)`")
     assert given["Chirp"]["properties"]["rate"]["description"].startswith("[rad/s²], ")
     assert given["Chirp"]["properties"]["rate"]["default"] == 0.05
-    assert {"enum": registry.names("attack")} in given["attack"]["anyOf"]
+    assert {"enum": registry.kind_names("attack")} in given["attack"]["anyOf"]
 
 
 def test_the_stored_study_fits_the_schema(tmp_path):
     """With every default written out."""
     study = jaxnet.load(ROOT / "configs" / "paper.yaml")
-    text = yaml.safe_dump(plain(study.config))
+    text = yaml.safe_dump(to_plain(study.config))
     jsonschema.validate(Document(text, "study.yaml").data, json.loads(schema_text()))
 
 
@@ -282,9 +282,9 @@ def test_every_kind_of_ours_has_a_file_named_after_it(family, monkeypatch):
     """One kind a file; it is found, and stored, by that name, whatever was loaded before."""
     monkeypatch.setattr(registry, "entry_points", lambda family: [])
     monkeypatch.setattr(kind, "REFERENCES", {})
-    package, base = importlib.import_module(FAMILIES[family].package), registry.base_of(family)
+    package, base = importlib.import_module(FAMILIES[family].package), base_of(family)
     files = [module.name for module in pkgutil.iter_modules(package.__path__)]
-    assert registry.names(family) == files
+    assert registry.kind_names(family) == files
     for name in files:
         module = importlib.import_module(f"{package.__name__}.{name}")
         here = [each for each in vars(module).values() if belongs(each, base, module)]
@@ -303,9 +303,9 @@ def belongs(found: Any, base: type, module: Any) -> bool:
 def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
     """Defaults are stored by their short names too, so that two processes store the same study."""
     monkeypatch.setattr(kind, "REFERENCES", {})
-    stored = plain(jaxnet.load({}).config)
+    stored = to_plain(jaxnet.load({}).config)
     given = {family: stored[family]["kind"] for family in KINDS}
-    assert plain(jaxnet.load(given | {"name": "study"}).config) == stored
+    assert to_plain(jaxnet.load(given | {"name": "study"}).config) == stored
     assert not any(":" in name for name in given.values()), given
 
 

@@ -7,7 +7,7 @@ from jaxnet.config import starter
 from jaxnet.config.document import ConfigError
 from jaxnet.kinds import registry
 
-PAIRS = [(family, name) for family in starter.ASKED for name in starter.offered(family)]
+PAIRS = [(family, name) for family in starter.ASKED_FAMILIES for name in starter.kinds_without_keys(family)]
 
 
 @pytest.mark.parametrize(("family", "name"), PAIRS)
@@ -16,9 +16,9 @@ def test_what_is_written_loads(tmp_path, family, name):
     file = tmp_path / "my study.yaml"
     answers = {family: name, "samples": 7, "vehicles": 5}
     with pytest.raises(ConfigError, match="must be a plain file name"):
-        starter.written_out(str(file), answers)
+        starter.starter_config(str(file), answers)
     file = tmp_path / "mine.yaml"
-    file.write_text(starter.written_out(str(file), answers))
+    file.write_text(starter.starter_config(str(file), answers))
     study = jaxnet.load(file)
     assert file.read_text().splitlines()[0] == f"# jaxnet run {file}"
     assert study.config.name == "mine"
@@ -33,18 +33,18 @@ def test_what_is_written_loads(tmp_path, family, name):
 def test_kinds_are_offered_by_the_registry(monkeypatch):
     """A new one too, and not those that need more than a name."""
     needing = {"circulant", "edges", "file", "grid"}
-    assert set(registry.names("topology")) - set(starter.offered("topology")) == needing
-    names, find = registry.names, registry.find
-    monkeypatch.setattr(registry, "names", lambda family: [*names(family), "theirs"])
+    assert set(registry.kind_names("topology")) - set(starter.kinds_without_keys("topology")) == needing
+    names, find = registry.kind_names, registry.find
+    monkeypatch.setattr(registry, "kind_names", lambda family: [*names(family), "theirs"])
     monkeypatch.setattr(
         registry, "find", lambda family, name: find(family, "none" if name == "theirs" else name)
     )
-    assert "theirs" in starter.offered("defence")
+    assert "theirs" in starter.kinds_without_keys("defence")
 
 
 def test_comments_are_those_of_the_models():
     """Units and meanings; lines that are too long have them above."""
-    text = starter.written_out("s.yaml", {})
+    text = starter.starter_config("s.yaml", {})
     assert "  frequency: 0.7                # [rad/s], of the turning\n" in text
     assert (
         "  # [m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives\n  magnitude" in text
@@ -64,4 +64,4 @@ def test_comments_are_those_of_the_models():
 def test_answers_that_cannot_be_are_refused(answers, words):
     """With the key, what was given and what is allowed."""
     with pytest.raises(ConfigError, match=words):
-        starter.written_out("s.yaml", answers)
+        starter.starter_config("s.yaml", answers)

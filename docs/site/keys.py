@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxnet.config.keys import Config
-from jaxnet.config.schema import DEFAULT_KINDS, schema
+from jaxnet.config.schema import DEFAULT_KINDS, config_schema
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind
 
@@ -16,11 +16,11 @@ HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
 LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
-DRAWN = ("Uniform", "Normal", "Choice")
+DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 PARTS = {
     "initial": "Initial",
     "recovery": "Recovery",
-    "search": "Search",
+    "search": "SearchSettings",
     "save": "Save",
     "samples.until": "Criterion",
 }
@@ -34,19 +34,19 @@ def main() -> None:
 def current(page: str) -> str:
     """The page with its tables as they should be now."""
     prose, mark, _ = page.partition(MARK)
-    whole = schema()
+    whole = config_schema()
     inner = {key: whole["$defs"][name] for key, name in PARTS.items()}
     parts = [section("Keys of a study", whole, Config.model_fields)]
     parts += [section(key, each, each["properties"]) for key, each in inner.items()]
     parts += [part for family in DEFAULT_KINDS for part in of_family(family, whole["$defs"])]
-    metrics = (registry.find("metrics", name) for name in registry.names("metrics"))
+    metrics = (registry.find("metrics", name) for name in registry.kind_names("metrics"))
     parts += ["## metrics\n", *(f"`{each.name}` [{each.unit}]: {each.words}.\n" for each in metrics)]
     return "\n".join([prose + mark, *parts])
 
 
 def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
     """The kinds of a family: what several share, then each with its own keys."""
-    kinds = {name: registry.find(family, name) for name in registry.names(family)}
+    kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
     yield f"## {family}\n"
     for base in dict.fromkeys(base for kind in kinds.values() for base in kind.__mro__[1:]):
         if keys := own(base):
@@ -117,6 +117,7 @@ def allowed(node: Any) -> str:
 # What a reference says where it is not the name of a heading.
 REFERENCES = {
     **dict.fromkeys(DRAWN, "distribution"),
+    "SearchSettings": "[search](#search)",
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
     **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
@@ -124,8 +125,8 @@ REFERENCES = {
     "Samples": "{samples: […]}",
     "ShareOfLinks": "{share: s, seed: n}",
     "ShareOfVehicles": "{share: s}",
-    "Worst": "{worst: K}",
-    "Chosen": "{choose: n}",
+    "WorstLanes": "{worst: K}",
+    "ChosenVehicles": "{choose: n}",
     "Table": "a list of lists",
     "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",

@@ -16,7 +16,7 @@ from jaxnet.api.writing import (
     write_search,
     write_sensitivity,
 )
-from jaxnet.config.study import Source, load
+from jaxnet.config.study import StudySource, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
@@ -45,7 +45,7 @@ ProgressOption = reports.ReportLanes | bool | None
 
 
 def run(
-    study: Source,
+    study: StudySource,
     out: AnyPath | None = None,
     fresh: bool = False,
     progress: ProgressOption = None,
@@ -115,7 +115,7 @@ def run(
 
 
 def run_part(
-    study: Source,
+    study: StudySource,
     part: int,
     parts: int,
     out: AnyPath | None = None,
@@ -164,7 +164,7 @@ def run_part(
 
 
 def simulate(
-    study: Source,
+    study: StudySource,
     samples: SupportsInt | None = None,
     progress: ProgressOption = None,
     devices: int | None = None,
@@ -210,7 +210,9 @@ def simulate(
     return results
 
 
-def field(study: Source, sample: SupportsInt = 0, cell: SupportsInt = 0) -> "tuple[fields.LaneField, Array]":
+def field(
+    study: StudySource, sample: SupportsInt = 0, cell: SupportsInt = 0
+) -> "tuple[fields.LaneField, Array]":
     """Return the vector field of one lane, and the state from which the lane starts.
 
     `field(t, state, args)`, as diffrax takes it, is pure and jitted. Its arguments are the time [s] and a
@@ -284,7 +286,7 @@ def compare(first: stored.Results | AnyPath, second: stored.Results | AnyPath) -
     return pairs.compare_studies(a, b)
 
 
-def sensitivity(study: Source, samples: SupportsInt = 1024, out: AnyPath | None = None) -> pd.DataFrame:
+def sensitivity(study: StudySource, samples: SupportsInt = 1024, out: AnyPath | None = None) -> pd.DataFrame:
     """Compute Sobol's indices of each metric to each quantity that a study draws, cell by cell.
 
     The function simulates `samples` (d + 2) lanes for a cell that draws d quantities. It writes
@@ -316,7 +318,7 @@ def sensitivity(study: Source, samples: SupportsInt = 1024, out: AnyPath | None 
     return read_table(table)
 
 
-def rare(study: Source, points: SupportsInt = 1000, out: AnyPath | None = None) -> pd.DataFrame:
+def rare(study: StudySource, points: SupportsInt = 1000, out: AnyPath | None = None) -> pd.DataFrame:
     """Estimate a very small share of unrecovered lanes by subset simulation, cell by cell.
 
     The function writes `rare.csv`. Cells that the file already has are not computed again.
@@ -346,7 +348,7 @@ def rare(study: Source, points: SupportsInt = 1000, out: AnyPath | None = None) 
 
 
 def search(
-    study: Source,
+    study: StudySource,
     out: AnyPath | None = None,
     fresh: bool = False,
     progress: ProgressOption = None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from upath import UPath
 
 from jaxnet.config.document import ConfigError, Problem
-from jaxnet.config.study import Source, Study, load
+from jaxnet.config.study import Study, StudySource, load
 from jaxnet.engine.cores import cores
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
@@ -147,7 +147,7 @@ def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]
         yield page.write_page(results)
 
 
-def with_random_lanes(study: Source) -> Study:
+def with_random_lanes(study: StudySource) -> Study:
     """Return the study with as many random lanes as its search takes; raise ConfigError without a search."""
     study = load(study)
     if study.config.search is None:

@@ -15,14 +15,15 @@ from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
     from jaxnet.config import document
-    from jaxnet.kinds import registry
+    from jaxnet.kinds import blame, modules
     from jaxnet.runs import cluster
     from jaxnet.store import folder
 else:
     cluster = LazyModule("jaxnet.runs.cluster")
     document = LazyModule("jaxnet.config.document")
     folder = LazyModule("jaxnet.store.folder")
-    registry = LazyModule("jaxnet.kinds.registry")
+    modules = LazyModule("jaxnet.kinds.modules")
+    blame = LazyModule("jaxnet.kinds.blame")
 
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 REPEAT_AFTER = 0.5  # [s]
@@ -56,7 +57,7 @@ def user_errors() -> Iterator[None]:
     """Exit with status 2 and a message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM."""
     came: list[int] = []
     try:
-        with interrupts() as came, warnings.catch_warnings(), registry.blaming():
+        with interrupts() as came, warnings.catch_warnings(), blame.blaming():
             warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
             yield
     except KeyboardInterrupt:
@@ -69,7 +70,7 @@ def user_errors() -> Iterator[None]:
             raise
         click.echo("; ".join(filter(None, (str(error), remedy()))), err=True)
         sys.exit(2)
-    except (document.ConfigError, folder.FolderError, cluster.ClusterError, registry.KindError) as error:
+    except (document.ConfigError, folder.FolderError, cluster.ClusterError, modules.KindError) as error:
         click.echo(str(error), err=True)
         if isinstance(error, document.ConfigError) and len(error.problems) > 1:
             click.echo(f"{len(error.problems)} errors", err=True)

@@ -87,10 +87,10 @@ def init(file: str, yes: bool, **given: str | int | None) -> None:
             raise folder.FolderError(f"{file} is there already: give another FILE")
         answers: dict[str, KeyAnswer] = {key: value for key, value in given.items() if value is not None}
         if not yes and on_terminal():
-            answers |= {key: ask_user(key) for key in starter.DEFAULTS if key not in answers}
+            answers |= {key: ask_user(key) for key in starter.DEFAULT_ANSWERS if key not in answers}
         if isinstance(words := answers.get("magnitudes"), str):
             answers["magnitudes"] = parse_numbers(words)
-        content = starter.written_out(file, answers)
+        content = starter.starter_config(file, answers)
         with Path(file).open("x", encoding="utf-8") as opened:
             opened.write(content)
         click.echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
@@ -103,9 +103,9 @@ def on_terminal() -> bool:
 
 def ask_user(key: str) -> KeyAnswer:
     """Return the user's answer; Enter takes the default."""
-    default = starter.DEFAULTS[key]
-    if key in starter.ASKED:
-        return click.prompt(key, default, type=click.Choice(starter.offered(key)), err=True)
+    default = starter.DEFAULT_ANSWERS[key]
+    if key in starter.ASKED_FAMILIES:
+        return click.prompt(key, default, type=click.Choice(starter.kinds_without_keys(key)), err=True)
     if isinstance(default, list):
         return click.prompt(f"{key} [m]", ",".join(map(str, default)), err=True)
     return click.prompt(key, default, type=click.IntRange(1), err=True)

@@ -1,5 +1,9 @@
-"""From YAML to cells.
+"""From a YAML file to the cells of a study.
 
-`document` reads text with places, `keys` says what it may hold, `cells` spans the sweep, `faults` refuses
-what cannot be simulated, `wording` says so in words for users, `study` is the whole.
+- `document` reads text and the places of its keys
+- `keys` defines the keys of a config
+- `cells` spans the sweep
+- `faults` refuses scenarios that cannot be simulated
+- `wording` puts errors in a user's words
+- `study` joins these steps
 """

@@ -1,4 +1,4 @@
-"""A document becomes a study: one validated config, and the cells that its sweep spans."""
+"""From a document to a study: one validated config, and the cells of its sweep."""
 
 import contextlib
 import functools
@@ -12,23 +12,34 @@ from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
+from pydantic_core import ErrorDetails
 
 from jaxnet.config import faults, ranges, spacings, wording
-from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted, put, split
-from jaxnet.config.keys import KINDS, Config, Initial, Linspace, Scenario, Sweep
+from jaxnet.config.document import (
+    ConfigError,
+    Document,
+    Keys,
+    Plain,
+    PlainMapping,
+    Problem,
+    dotted_key,
+    set_value,
+    split_key,
+)
+from jaxnet.config.keys import KINDS, Config, Geomspace, Initial, Linspace, Scenario, Sweep
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
 
-Locate = Callable[..., str]  # places of keys: FILE:LINE:COL of the first that was written
+Locate = Callable[..., str]  # from candidate keys to the FILE:LINE:COL of the first that was written
 
-MOST_CELLS = 1_000_000
-DEFAULTS = Scenario()
-ALONE: dict[str, type[BaseModel]] = {  # models of one key each
+MOST_SWEPT_CELLS = 1_000_000
+DEFAULT_SCENARIO = Scenario()
+SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
-UNTOLD = ("kind", "label", "edges", "content")  # keys of kinds that no label tells
+UNLABELLED_KEYS = ("kind", "label", "edges", "content")  # keys of kinds that labels leave out
 
 
 @dataclass(frozen=True)
@@ -40,35 +51,35 @@ class Cell:
     scenario: Scenario
 
     def __str__(self) -> str:
-        """How messages name it."""
+        """Return the name of the cell in messages."""
         return cell_name(self.number, self.labels)
 
 
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
-    """The study that a document describes; raises ConfigError with everything that is wrong."""
+    """Return the config and cells of a document; raise ConfigError with everything that is wrong."""
     judges = registry.scope().judges
     name_kinds(document)
-    if judges:  # else it has been done before the study was stored
+    if judges:  # a stored study has passed these steps
         complete_kinds(document)
-        ranges.widen(document)
+        ranges.write_distributions(document)
     settled, problems = validate(Config, document.data, document.place)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
-    known = Known(document.data, values)
+    known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
     problems += [*document.problems, *idle_overrides(document, list(values))]
     spanned = {key: listed for key, listed in values.items() if known.has(key)}
     cells: tuple[Cell, ...] = ()
-    if math.prod(map(len, values.values())) <= MOST_CELLS:
-        base = document.data if settled is None else plain(settled)
-        with uncollected():
+    if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
+        base = document.data if settled is None else to_plain(settled)
+        with pause_garbage_collection():
             cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None and judges:
         problems += [
             located(fault, document.place)
-            for fault in faults.of_study(settled, [cell.scenario for cell in cells])
+            for fault in faults.study_faults(settled, [cell.scenario for cell in cells])
         ]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
@@ -76,8 +87,8 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
 
 
 @contextlib.contextmanager
-def uncollected() -> Iterator[None]:
-    """Have Python look for no garbage while many objects are made that all stay."""
+def pause_garbage_collection() -> Iterator[None]:
+    """Pause Python's garbage collection, which costs time while many lasting objects are made."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -88,18 +99,18 @@ def uncollected() -> Iterator[None]:
 
 
 def line_order(problem: Problem) -> tuple[int, ...]:
-    """Orders problems as they stand in the file, the command line's last."""
+    """Return the sort key of a problem: its place in the file; problems of the command line come last."""
     match = re.search(r":([0-9]+):([0-9]+)$", problem.place)
     return (int(match[1]), int(match[2])) if match else (2**62,)
 
 
 def idle_overrides(document: Document, swept: Sequence[str]) -> Iterator[Problem]:
-    """Overrides that the sweep would silently replace."""
+    """Yield a problem for each override that the sweep would replace."""
     for key in document.overridden:
         for other in swept:
             if key == other or key.startswith(f"{other}."):
                 message = f"has no effect, {other} is swept; override sweep.{other} instead"
-                yield Problem(document.place(split(key)), key, message)
+                yield Problem(document.place(split_key(key)), key, message)
 
 
 class SweepAlone(BaseModel):
@@ -111,12 +122,12 @@ class SweepAlone(BaseModel):
 
 
 def located(fault: Fault, place: Locate) -> Problem:
-    """A fault with the place of the first of its keys that was written."""
-    return Problem(place(*map(split, fault.keys)), fault.keys[0], fault.message)
+    """Return a fault as a problem at the place of its first key that was written."""
+    return Problem(place(*map(split_key, fault.keys)), fault.keys[0], fault.message)
 
 
 def name_kinds(document: Document) -> None:
-    """Write out what a kind's bare name, or a mapping without one, stands for."""
+    """Replace the bare name of each kind, or a mapping without a name, by a mapping with a name."""
     for field in KINDS:
         if field in document.data:
             document.data[field] = with_kind(field, document.data[field])
@@ -124,8 +135,8 @@ def name_kinds(document: Document) -> None:
             document.places.setdefault((field, "kind"), place)
 
 
-def with_kind(field: str, value: Any) -> Any:
-    """The mapping that a value of a kind's field means."""
+def with_kind(field: str, value: Plain) -> Plain:
+    """Return the mapping that a value of a kind's field means."""
     if isinstance(value, str):
         return {"kind": value}
     if isinstance(value, dict) and "kind" not in value:
@@ -134,7 +145,7 @@ def with_kind(field: str, value: Any) -> Any:
 
 
 def complete_kinds(document: Document) -> None:
-    """Have kinds add what they read from files, in the sweep too."""
+    """Add what kinds read from files, also in the sweep."""
     sweep = document.data.get("sweep")
     for field in KINDS:
         if field in document.data:
@@ -144,30 +155,30 @@ def complete_kinds(document: Document) -> None:
             complete(document, field, listed, ("sweep", field, number))
 
 
-def complete(document: Document, field: str, holder: Any, at: Keys) -> None:
-    """Have the kind at a place of a config, in a mapping or list, add what it reads from a file."""
+def complete(document: Document, field: str, holder: Plain, at: Keys) -> None:
+    """Add what the kind at a place of a mapping or list reads from a file."""
     if model := model_of(field, holder[at[-1]]):
         try:
             holder[at[-1]] = model.completed(holder[at[-1]], document.folder)
         except KindError as error:
             key = (*at, "path")
-            document.problems.append(Problem(document.place(key, at), dotted(key), str(error)))
+            document.problems.append(Problem(document.place(key, at), dotted_key(key), str(error)))
 
 
-def validate(model: type[Any], data: Mapping[Any, Any], place: Locate) -> tuple[Any, list[Problem]]:
-    """The model, or what is wrong with each key."""
+def validate(model: type[Any], data: PlainMapping, place: Locate) -> tuple[Any, list[Problem]]:
+    """Return the model of the data, or None and the problem of each wrong key."""
     try:
         return model.model_validate(dict(data)), []
     except ValidationError as error:
         problems = []
         for one in error.errors(include_url=False):
             keys = keys_of(one)
-            problems.append(Problem(place(keys), dotted(keys), wording.explain(one, data)))
+            problems.append(Problem(place(keys), dotted_key(keys), wording.explain(one, data)))
         return None, problems
 
 
-def keys_of(error: Any) -> Keys:
-    """Keys of an error's place as the user writes them: the marks of unions taken out."""
+def keys_of(error: ErrorDetails) -> Keys:
+    """Return the keys of an error's place as the user writes them, without the tags of unions."""
     keys = tuple(part for part in error["loc"] if not str(part).startswith((MARK, "[key]")))
     if error["type"] == "missing" and isinstance(keys[-1], int):
         return keys[:-1]
@@ -175,8 +186,8 @@ def keys_of(error: Any) -> Keys:
     return (*keys, "kind") if in_mapping else keys
 
 
-def swept_values(given: Any) -> list[Any]:
-    """Values of one swept key; a spacing of whole numbers gives whole numbers."""
+def swept_values(given: list[Plain] | Linspace | Geomspace) -> list[Plain]:
+    """Return the values of a swept key; a spacing whose values are all whole gives ints."""
     if isinstance(given, list):
         return given
     if isinstance(given, Linspace):
@@ -187,11 +198,11 @@ def swept_values(given: Any) -> list[Any]:
 
 
 def refuse_sweep(
-    settled: Config | None, values: Mapping[str, list[Any]], known: "Known"
+    settled: Config | None, values: Mapping[str, list[Plain]], known: "KnownKeys"
 ) -> Iterator[tuple[str, str]]:
-    """What is wrong with a sweep before its cells are looked at: key and message."""
-    if math.prod(map(len, values.values())) > MOST_CELLS:
-        yield list(values)[-1], f"spans more than {MOST_CELLS:,} cells"
+    """Yield the key and message of each fault of a sweep before its cells are validated."""
+    if math.prod(map(len, values.values())) > MOST_SWEPT_CELLS:
+        yield list(values)[-1], f"spans more than {MOST_SWEPT_CELLS:,} cells"
     saves = settled is not None and (settled.save.errors or settled.save.trajectories != "none")
     for number, (key, listed) in enumerate(values.items()):
         root = key.split(".")[0]
@@ -208,24 +219,24 @@ def refuse_sweep(
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
-        twice = [name for name, times in Counter(names(key, listed)).items() if times > 1]
+        twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
         if twice:
             remedy = "; give each a label" if key in KINDS else ""
             remedy += ", a networkx graph a name" if key == "topology" else ""
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
-class Known:
-    """Dotted keys that some cell of a study has: those of the kinds that it names, or sweeps."""
+class KnownKeys:
+    """The dotted keys of a study's cells, which depend on the kinds that the study names or sweeps."""
 
-    def __init__(self, data: Mapping[Any, Any], values: Mapping[str, list[Any]]):
+    def __init__(self, data: PlainMapping, values: Mapping[str, list[Plain]]):
         self.given = {
             root: [with_kind(root, value) for value in (data.get(root, {}), *values.get(root, []))]
             for root in KINDS
         }
 
     def has(self, key: str) -> bool:
-        """Whether there is such a key."""
+        """Return whether a dotted key exists in some cell."""
         root, *inside = key.split(".")
         open_ended = any(
             model.model_config.get("extra") == "allow"
@@ -235,14 +246,14 @@ class Known:
         return root in Scenario.model_fields and (open_ended or not inside or inside[0] in self.inside(root))
 
     def hint(self, root: str, word: str) -> str:
-        """The key inside a key that was probably meant by a word, or all that can be swept."""
+        """Return a hint to the key that a word probably means, or a list of the keys that can be swept."""
         found = self.inside(root)
         if root in KINDS or root == "initial":
             return wording.suggestion(word, found)
         return f" (known here: {', '.join(found or [root])})"
 
     def inside(self, root: str) -> list[str]:
-        """Keys besides `kind` inside a key, of a list its entries; none inside a plain value."""
+        """Return the keys inside a key, without `kind`; the indices if the key is a list."""
         if root == "initial":
             return list(Initial.model_fields)
         if root == "gain":
@@ -251,89 +262,90 @@ class Known:
         return list(dict.fromkeys(key for model in models if model for key in model.model_fields))
 
 
-def model_of(field: str, value: Any) -> type[Kind] | None:
-    """The class that a value of a kind's field names, if there is one."""
+def model_of(field: str, value: object) -> type[Kind] | None:
+    """Return the class of the kind in a field's value, None if there is none."""
     if not isinstance(value, dict) or not isinstance(value.get("kind"), str):
         return None
     with contextlib.suppress(KindError):
         return registry.find(field, value["kind"])
 
 
-def names(key: str, listed: list[Any]) -> list[Any]:
-    """What tables call the values of one swept key: all by a number, or all by text.
+def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
+    """Return the labels of one key's swept values in tables: all numbers, or all text.
 
-    A kind is called by its label, or by its name with whatever tells it apart from others of the kind.
+    A kind is labelled by its `label`, or by its name with the keys that tell it apart from others of that
+    name.
     """
     if key not in KINDS:
         if all(isinstance(value, int | float) for value in listed):
             fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
-            return listed if fits else list(map(float, listed))  # a column of tables holds 64 bits
-        return [value if isinstance(value, str) else wording.in_full(value) for value in listed]
+            return listed if fits else list(map(float, listed))  # integers in columns have 64 bits
+        return [value if isinstance(value, str) else wording.value_text(value) for value in listed]
     kinds = [full_kind(key, with_kind(key, value)) for value in listed]
     telling = telling_keys(kinds)
     return [kind_label(kind, telling) for kind in kinds]
 
 
-def telling_keys(kinds: list[Any]) -> dict[str, list[Any]]:
-    """By name of a kind, the keys by which swept kinds of this name differ."""
-    found: dict[str, list[Any]] = {}
+def telling_keys(kinds: list[Plain]) -> dict[str, list[str]]:
+    """Return, by name of a kind, the keys in which swept kinds of this name differ."""
+    found: dict[str, list[str]] = {}
     first: dict[str, dict[Any, Any]] = {}
     for kind in filter(lambda each: isinstance(each, dict), kinds):
-        name = wording.in_full(kind["kind"])
+        name = wording.value_text(kind["kind"])
         other, keys = first.setdefault(name, kind), found.setdefault(name, [])
         differing = (key for key in {**other, **kind} if other.get(key) != kind.get(key))
-        keys += [key for key in differing if key not in (*UNTOLD, *keys)]
+        keys += [key for key in differing if key not in (*UNLABELLED_KEYS, *keys)]
     return found
 
 
-def full_kind(field: str, value: Any) -> Any:
-    """The mapping of a kind with its defaults written out."""
+def full_kind(field: str, value: Plain) -> Plain:
+    """Return the mapping of a kind with its defaults."""
     model = model_of(field, value)
     if model is None:
         return value
     fields = model.model_fields
     defaults = {key: each.default for key, each in fields.items() if not each.is_required()}
-    return {key: tidy(each) for key, each in (defaults | value).items()}
+    return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
 
 
-def kind_label(kind: Any, telling: Mapping[str, list[Any]]) -> str:
-    """Name of one swept kind, with the keys that tell it apart from others of its name."""
+def kind_label(kind: Plain, telling: Mapping[str, list[str]]) -> str:
+    """Return the label of one swept kind: its own label, or its name with the keys that tell it apart."""
     if not isinstance(kind, dict):
-        return wording.shown(kind)
+        return wording.shorten_value(kind)
     if isinstance(kind.get("label"), str):
         return kind["label"]
-    keys = telling[wording.in_full(kind["kind"])]
-    words = [f"{key}={wording.shown(value)}" for key, value in kind.items() if key in keys]
+    keys = telling[wording.value_text(kind["kind"])]
+    words = [f"{key}={wording.shorten_value(value)}" for key, value in kind.items() if key in keys]
     name = str(kind["kind"]).rpartition(":")[2]
     return name + (f"({', '.join(words)})" if words else "")
 
 
-class Parts:
-    """What the cells of a study are made of. A value of a key is validated once, for all cells that have it.
+class CellParts:
+    """The validated values from which cells are composed. Each value is validated once for all its cells.
 
-    The values are set into the study, with its defaults written out if nothing is wrong with it, as it is
-    stored: so that the stored study has the same cells.
+    Values are set into the study with all defaults written out, in the form in which it is stored. The stored
+    study therefore has the same cells.
     """
 
-    def __init__(self, document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]]):
+    def __init__(self, document: Document, study: PlainMapping, values: Mapping[str, list[Plain]]):
         given = {key: value for key, value in study.items() if key in Scenario.model_fields}
         kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
         self.document, self.values = document, values
-        self.base: dict[str, Any] = plain(DEFAULTS) | given | kinds
+        self.base: dict[str, Any] = to_plain(DEFAULT_SCENARIO) | given | kinds
         self.swept: dict[str, list[str]] = {}
         for key in values:
             self.swept.setdefault(key.split(".")[0], []).append(key)
         self.found: dict[Any, tuple[Any, list[Problem]]] = {}
-        fixed = {root: self.made(root, {}) for root in self.base if root not in self.swept}
+        fixed = {root: self.validated(root, {}) for root in self.base if root not in self.swept}
         self.problems = [problem for _, wrong in fixed.values() for problem in wrong]
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
-        self.shared = DEFAULTS.model_copy(update=right)
+        self.shared = DEFAULT_SCENARIO.model_copy(update=right)
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
-        """A cell's scenario by the indices of its swept values, or all that is wrong with it.
+        """Return a cell's scenario by the indices of its swept values, or None and all problems.
 
-        Where single keys are wrong, what several must fulfil together is still asked of the others.
+        Faults of several keys together are also reported if other keys are wrong.
         """
         problems, wrong, right = list(self.problems), set(self.wrong), {}
         for root, keys in self.swept.items():
@@ -347,20 +359,20 @@ class Parts:
         if registry.scope().judges:
             problems += [
                 located(fault, place)
-                for fault in faults.of_scenario(made)
+                for fault in faults.scenario_faults(made)
                 if not wrong & {key.split(".")[0] for key in fault.keys}
             ]
         return None if wrong else made, problems
 
     def part(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
-        """The value of a key by the indices of the swept values in it, or what is wrong with it."""
+        """Return the value of a key by the indices of the swept values in it, or its problems; cached."""
         mine = root, *chosen.values()
         if mine not in self.found:
-            self.found[mine] = self.made(root, chosen)
+            self.found[mine] = self.validated(root, chosen)
         return self.found[mine]
 
-    def made(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
-        """The same, validated."""
+    def validated(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
+        """Return the value of a key with swept values set into it, or its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():
             try:
@@ -368,16 +380,18 @@ class Parts:
             except LookupError as error:
                 place = self.document.place(("sweep", key))
                 return None, [Problem(place, f"sweep.{key}", str(error.args[0]))]
-        found, problems = validate(ALONE[root], data, functools.partial(place_in_cell, self.document, chosen))
+        found, problems = validate(
+            SINGLE_KEY_MODELS[root], data, functools.partial(place_in_cell, self.document, chosen)
+        )
         return getattr(found, root, None), problems
 
 
 def cells_of(
-    document: Document, study: Mapping[Any, Any], values: Mapping[str, list[Any]], known: set[Problem]
+    document: Document, study: PlainMapping, values: Mapping[str, list[Plain]], known: set[Problem]
 ) -> tuple[tuple[Cell, ...], list[Problem]]:
-    """The cells, first key slowest, and what is wrong with them but was not known, each fault once."""
-    parts = Parts(document, study, values)
-    labels = {key: names(key, listed) for key, listed in values.items()}
+    """Return the cells, the first key slowest, and each new problem once with the first cell that has it."""
+    parts = CellParts(document, study, values)
+    labels = {key: value_labels(key, listed) for key, listed in values.items()}
     cells: list[Cell] = []
     found: dict[Problem, list[str]] = {}
     grid = list(itertools.product(*(range(len(listed)) for listed in values.values())))
@@ -399,43 +413,47 @@ def cells_of(
     ]
 
 
-def cell_name(number: int, labels: Mapping[str, Any]) -> str:
-    """How messages name a cell."""
+def cell_name(number: int, labels: Mapping[str, object]) -> str:
+    """Return the name of a cell in messages."""
     swept = ", ".join(f"{key}={value}" for key, value in labels.items())
     return f"cell {number}" + (f" ({swept})" if swept else "")
 
 
-def set_swept(data: dict[str, Any], key: str, value: Any) -> None:
+def set_swept(data: dict[str, Plain], key: str, value: Plain) -> None:
     """Set one swept key into a cell's data: a kind replaces the whole mapping, a dotted key sets into it.
 
-    Raises LookupError where there is nothing to set into.
+    Raises LookupError if the parent of a dotted key is no mapping or list.
     """
     root = key.split(".")[0]
-    put(data, split(key), value)
+    set_value(data, split_key(key), value)
     if root in KINDS:
         data[root] = with_kind(root, data[root])
 
 
 def place_in_cell(document: Document, chosen: Mapping[str, int], *candidates: Keys) -> str:
-    """Where a cell's fault stands: at the swept value that set the key, else where the key is written."""
+    """Return the place of a cell's fault: the swept value that set the key, or else the key itself."""
     for keys in candidates:
         for key in sorted(chosen, key=lambda key: -key.count(".")):
-            swept, here = split(key), ("sweep", key, chosen[key])
+            swept, here = split_key(key), ("sweep", key, chosen[key])
             if swept[: len(keys)] == keys[: len(swept)]:
                 inside = (*here, *keys[len(swept) :])
                 return document.place(inside, here)
     return document.place(*candidates)
 
 
-def plain(model: BaseModel) -> dict[str, Any]:
-    """A model as plain data, for YAML and JSON."""
-    return tidy(model.model_dump(mode="python"))
+def to_plain(model: BaseModel) -> dict[str, Plain]:
+    """Return a model as plain data for YAML and JSON."""
+    return without_empty_labels(model.model_dump(mode="python"))
 
 
-def tidy(value: Any) -> Any:
-    """Plain data of models, mappings and lists, without labels that nobody gave."""
+def without_empty_labels(value: Plain) -> Plain:
+    """Return models, mappings and lists as plain data, without labels that are None."""
     if isinstance(value, BaseModel):
-        return plain(value)
+        return to_plain(value)
     if isinstance(value, dict):
-        return {key: tidy(each) for key, each in value.items() if not (key == "label" and each is None)}
-    return [tidy(each) for each in value] if isinstance(value, list | tuple) else value
+        return {
+            key: without_empty_labels(each)
+            for key, each in value.items()
+            if not (key == "label" and each is None)
+        }
+    return [without_empty_labels(each) for each in value] if isinstance(value, list | tuple) else value

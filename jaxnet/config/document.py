@@ -1,7 +1,7 @@
-"""YAML 1.2 text as plain data, remembering where every key stands. A repeated key is an error."""
+"""YAML 1.2 text as plain data with the place of every key. A repeated key is an error."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,27 +14,29 @@ from jaxnet.config.yaml12 import (
     SCALARS,
     TOO_DEEP,
     ExcessError,
-    Loader,
-    constructed,
+    Yaml12Loader,
+    parse_scalar,
 )
 
-Keys = tuple[Any, ...]  # where a value stands: keys and list indices from the top
-Spot = tuple[str, ...]  # the same as text, for pydantic tells a key 1.5 by its name
+Keys = tuple[Any, ...]  # place of a value: keys and list indices from the top
+Plain = Any  # null, bool, int, float, text, or a list or mapping of plain data
+PlainMapping = Mapping[Any, Any]
+Spot = tuple[str, ...]  # keys as text, because pydantic reports a key 1.5 as text
 
 LONGEST_PART = 2000  # characters of each part of a problem's line
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # that no file name and no UTF-8 text has
+NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # characters that no file name and no UTF-8 text contains
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong, and where: `place` is FILE:LINE:COL or the command line's word."""
+    """An error and its place: `place` is FILE:LINE:COL, or the word on the command line."""
 
     place: str
     key: str
     message: str
 
     def __str__(self) -> str:
-        """The line a user sees, without control characters."""
+        """Return the line for the user, with control characters escaped."""
         line = ": ".join(
             part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…" for part in self if part
         )
@@ -42,7 +44,7 @@ class Problem(NamedTuple):
 
 
 class ConfigError(ValueError):
-    """A config that cannot be run, with everything that is wrong with it."""
+    """A config that cannot be run, with all its problems."""
 
     def __init__(self, problems: list[Problem]):
         self.problems = problems
@@ -50,9 +52,9 @@ class ConfigError(ValueError):
 
 
 class Reader:
-    """Turns one YAML text into plain data; `places` and `problems` are filled on the way.
+    """Converts one YAML text to plain data, and fills `places` and `problems`.
 
-    A text from the command line has no lines: `within` is then the key that it is the value of.
+    A text from the command line has no lines; `within` is then the key whose value the text is.
     """
 
     def __init__(self, source: str, within: Keys = ()):
@@ -60,16 +62,18 @@ class Reader:
         self.places: dict[Spot, str] = {}
         self.problems: list[Problem] = []
 
-    def read(self, text: str) -> Any:
-        """The value that the text holds, None if it holds nothing; raises ConfigError if it is not YAML."""
+    def read(self, text: str) -> Plain:
+        """Return the value of the text, None if it is empty; raise ConfigError if it is not YAML."""
         if len(text) > MOST_CHARACTERS:
             reason = f"more than {MOST_CHARACTERS:,} characters"
-            raise ConfigError([Problem(self.at(0, 0), dotted(self.within), reason)])
+            raise ConfigError([Problem(self.at(0, 0), dotted_key(self.within), reason)])
         try:
-            node = yaml.compose(text, Loader)
+            node = yaml.compose(text, Yaml12Loader)
             return None if node is None else self.build(node, (), [])
         except ExcessError as error:
-            raise ConfigError([Problem(self.at(*error.place), dotted(self.within), error.excess)]) from error
+            raise ConfigError(
+                [Problem(self.at(*error.place), dotted_key(self.within), error.excess)]
+            ) from error
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self.at(mark.line, mark.column) if mark else self.source
@@ -78,10 +82,10 @@ class Reader:
             before = text[: error.position]
             place = self.at(before.count("\n"), len(before) - before.rfind("\n") - 1)
             reason = f"the character {error.character!r} is not allowed"
-        raise ConfigError([Problem(place, dotted(self.within), f"not YAML: {reason}")])
+        raise ConfigError([Problem(place, dotted_key(self.within), f"not YAML: {reason}")])
 
-    def build(self, node: yaml.Node, keys: Keys, above: list[yaml.Node]) -> Any:
-        """Plain data of a node, noting places; `above` guards against an alias inside its own anchor."""
+    def build(self, node: yaml.Node, keys: Keys, above: list[yaml.Node]) -> Plain:
+        """Return a node's plain data and record places; `above` detects an alias inside its own anchor."""
         self.places.setdefault(spot(keys), self.at_node(node))
         if node in above:
             raise ConfigError([self.problem(node, keys, "an alias inside its own anchor")])
@@ -96,8 +100,10 @@ class Reader:
             return dict(self.items(node, keys, [*above, node]))
         raise ConfigError([self.problem(node, keys, f"the tag {node.tag} has no meaning here")])
 
-    def items(self, node: yaml.MappingNode, keys: Keys, above: list[yaml.Node]) -> Iterator[tuple[Any, Any]]:
-        """Keys and values of a mapping, each key once."""
+    def items(
+        self, node: yaml.MappingNode, keys: Keys, above: list[yaml.Node]
+    ) -> Iterator[tuple[Plain, Plain]]:
+        """Yield the keys and values of a mapping, each key once."""
         seen = set()
         for key_node, value_node in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
@@ -110,35 +116,35 @@ class Reader:
             self.places[spot((*keys, key))] = self.at_node(key_node)
             yield key, self.build(value_node, (*keys, key), above)
 
-    def scalar(self, node: yaml.ScalarNode, keys: Keys) -> Any:
-        """A null, bool, int, float or text by YAML 1.2."""
+    def scalar(self, node: yaml.ScalarNode, keys: Keys) -> Plain:
+        """Return a null, bool, int, float or text by YAML 1.2."""
         kind, text = node.tag.removeprefix("tag:yaml.org,2002:"), node.value
         if found := NO_CHARACTERS.search(text):
             raise ConfigError([self.problem(node, keys, f"the character {found[0]!r} is not allowed")])
         if kind == "str":
             return text
         if kind in SCALARS and SCALARS[kind].fullmatch(text):
-            return constructed(kind, text)
+            return parse_scalar(kind, text)
         message = f"the tag {node.tag} has no meaning here"
         raise ConfigError([self.problem(node, keys, message)])
 
     def at(self, line: int, column: int) -> str:
-        """FILE:LINE:COL, both from 1."""
+        """Return FILE:LINE:COL; lines and columns count from 1."""
         return self.source if self.within else f"{self.source}:{line + 1}:{column + 1}"
 
     def at_node(self, node: yaml.Node) -> str:
-        """Where a node starts."""
+        """Return the place where a node starts."""
         return self.at(node.start_mark.line, node.start_mark.column)
 
     def problem(self, node: yaml.Node, keys: Keys, message: str) -> Problem:
-        """A problem at a node."""
-        return Problem(self.at_node(node), dotted((*self.within, *keys)), message)
+        """Return a problem at a node."""
+        return Problem(self.at_node(node), dotted_key((*self.within, *keys)), message)
 
 
 class Document:
-    """A config as it was written: `data`, the place of everything in it, what is wrong already.
+    """A config as it was written: `data`, the place of each key, and the problems so far.
 
-    What it names by a path is looked for from `folder`.
+    Paths in the config are relative to `folder`.
     """
 
     def __init__(self, text: str, source: str, folder: UPath | None = None):
@@ -154,7 +160,7 @@ class Document:
 
     @classmethod
     def read(cls, path: str | Path | UPath) -> "Document":
-        """The document in a file."""
+        """Read a document from a file; raise ConfigError."""
         try:
             with UPath(path).open(encoding="utf-8") as file:
                 text = file.read(MOST_CHARACTERS + 1)
@@ -165,7 +171,7 @@ class Document:
         return cls(text, str(path), UPath(path).parent)
 
     def place(self, *candidates: Keys) -> str:
-        """Where the first of these stands that was written, or else something in it, or around it."""
+        """Return the place of the first candidate that was written, or of a key inside or around it."""
         for keys in candidates:
             if spot(keys) in self.places:
                 return self.places[spot(keys)]
@@ -178,16 +184,16 @@ class Document:
         return self.places.get(around, f"{self.source}:1:1")
 
     def override(self, word: str) -> None:
-        """Set a value from `KEY=VALUE`, the value in YAML; what is wrong with it is kept in `problems`."""
+        """Set a value from `KEY=VALUE` with the value in YAML; errors are added to `problems`."""
         source = f"command line '{word}'"
         key, equals, text = word.partition("=")
-        keys = split(key)
+        keys = split_key(key)
         if not equals or not key or "" in keys:
             self.problems.append(Problem(source, key, "an override is KEY=VALUE, KEY a dotted name"))
             return
         reader = Reader(source, keys)
         try:
-            put(self.data, keys, reader.read(text))
+            set_value(self.data, keys, reader.read(text))
         except ConfigError as error:
             self.problems += error.problems
             return
@@ -205,8 +211,8 @@ DOTTED = ("sweep", "search.over")  # keys that hold dotted names
 INDEX = re.compile(r"[0-9]{1,9}")
 
 
-def split(key: str) -> Keys:
-    """Keys of a dotted name, whole numbers as such; what follows DOTTED is one key, dotted itself."""
+def split_key(key: str) -> Keys:
+    """Return the keys of a dotted name; digits become ints. The rest after one of DOTTED is a single key."""
     for before in DOTTED:
         if key.startswith(f"{before}."):
             return (*before.split("."), key.removeprefix(f"{before}."))
@@ -214,19 +220,19 @@ def split(key: str) -> Keys:
 
 
 def spot(keys: Keys) -> Spot:
-    """Keys as text."""
+    """Return a tuple of keys with each key as text."""
     return tuple(map(str, keys))
 
 
-def dotted(keys: Keys) -> str:
-    """The dotted name of a place."""
+def dotted_key(keys: Keys) -> str:
+    """Return the dotted name of a tuple of keys."""
     return ".".join(map(str, keys))
 
 
-def put(data: Any, keys: Keys, value: Any) -> None:
-    """Set a value deep in nested mappings and lists, making mappings on the way.
+def set_value(data: Plain, keys: Keys, value: Plain) -> None:
+    """Set a value deep in nested mappings and lists, and create missing mappings.
 
-    The bare name of a kind becomes a mapping. Raises LookupError where there is nothing to set into.
+    The bare name of a kind becomes a mapping. Raises LookupError if a parent is neither mapping nor list.
     """
     if len(keys) > MOST_DEPTH:
         raise LookupError(TOO_DEEP)
@@ -237,9 +243,9 @@ def put(data: Any, keys: Keys, value: Any) -> None:
         elif inner is None:
             inner = {}
         elif not isinstance(inner, dict | list):
-            raise LookupError(f"{dotted(keys[:depth])} is not a mapping")
+            raise LookupError(f"{dotted_key(keys[:depth])} is not a mapping")
         elif isinstance(inner, list) and keys[depth] not in range(len(inner)):
-            raise LookupError(f"{dotted(keys[:depth])} has entries 0 to {len(inner) - 1}")
+            raise LookupError(f"{dotted_key(keys[:depth])} has entries 0 to {len(inner) - 1}")
         data[key] = inner = inner.copy()
         data = inner
     data[keys[-1]] = value

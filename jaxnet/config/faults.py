@@ -1,23 +1,22 @@
-"""What cannot be simulated, and why: faults that only several keys together show (docs/config.md)."""
+"""Faults that only several keys together show: scenarios that cannot be simulated (docs/config.md)."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
-from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, Search, Sequential
-from jaxnet.config.wording import shown
-from jaxnet.kinds import registry
-from jaxnet.kinds.fields import bounds, is_drawn
+from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
+from jaxnet.config.wording import shorten_value
+from jaxnet.kinds import blame
+from jaxnet.kinds.fields import Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 
-MULTIPLE = 1e-9  # relative
+MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8
-LEAST_CHOICES = 100  # that a search tries
+LEAST_CHOICES = 100  # choices that a search tries at least
 
 
-def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """Faults of a study beyond its cells."""
+def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    """Yield the faults of a study beyond those of its cells."""
     chosen = study.save.trajectories
     if isinstance(chosen, Samples):
         yield from chosen_faults(chosen.samples, study.samples)
@@ -35,7 +34,7 @@ def of_study(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 
 
 def metric_faults(study: Config) -> Iterator[Fault]:
-    """Every column of a row has a name of its own."""
+    """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
     own = [metric.name for metric in study.measured()]
     names = ["cell", "sample", "status", "steps", "switches", *study.sweep, *own]
     twice = sorted({name for name in own if names.count(name) > 1})
@@ -44,8 +43,8 @@ def metric_faults(study: Config) -> Iterator[Fault]:
         yield Fault(("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})")
 
 
-def chosen_faults(chosen: list[int], samples: Any) -> Iterator[Fault]:
-    """Samples that are asked for must be simulated."""
+def chosen_faults(chosen: list[int], samples: int | Sequential) -> Iterator[Fault]:
+    """Yield a fault for samples whose trajectories are stored but which are not simulated."""
     key = "save.trajectories.samples"
     if isinstance(samples, Sequential):
         yield Fault((key, "samples"), "asks for a fixed number of samples; {worst: K} does not")
@@ -56,10 +55,12 @@ def chosen_faults(chosen: list[int], samples: Any) -> Iterator[Fault]:
 
 
 def sobol_faults(study: Config) -> Iterator[Fault]:
-    """Sequences are whole where their length is a power of two, and no interval of a share is known."""
+    """Yield faults of a Sobol study: an unsuitable number of samples, or a recovery, whose interval is not
+    known.
+    """
     each, rest = (0, 1) if isinstance(study.samples, Sequential) else divmod(study.samples, RANDOMISATIONS)
     if rest or each & (each - 1):
-        got = "until: …" if isinstance(study.samples, Sequential) else shown(study.samples)
+        got = "until: …" if isinstance(study.samples, Sequential) else shorten_value(study.samples)
         yield Fault(
             ("samples", "draws"),
             f"must be {RANDOMISATIONS} times a power of two where draws is sobol: {RANDOMISATIONS}, 32, 64, …"
@@ -71,8 +72,8 @@ def sobol_faults(study: Config) -> Iterator[Fault]:
         )
 
 
-def search_faults(study: Config, search: Search) -> Iterator[Fault]:
-    """What is searched over is not swept, and what is maximised is measured."""
+def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
+    """Yield faults of a search: swept keys, Sobol draws, an unknown metric, or too small a budget."""
     for key in search.over:
         if swept := [each for each in study.sweep if f"{key}.".startswith(f"{each}.")]:
             yield Fault((f"search.over.{key}",), f"{swept[0]} is swept: search over it, or sweep it")
@@ -95,7 +96,7 @@ def search_faults(study: Config, search: Search) -> Iterator[Fault]:
 
 
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
-    """A share of ā must be a number, and somewhere be asked about."""
+    """Yield a fault if ā is drawn, or if samples depend on recovery and no cell is attacked."""
     magnitudes = [cell.attack.amplitude() for cell in cells if cell.attack.present]
     if any(map(is_drawn, magnitudes)):
         yield Fault(
@@ -109,45 +110,45 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
         )
 
 
-def of_scenario(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of one cell."""
+def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the faults of one cell."""
     yield from time_faults(scenario)
     yield from gain_faults(scenario)
     for key in KINDS:
-        yield from of_kind(key, getattr(scenario, key), scenario)
+        yield from kind_faults(key, getattr(scenario, key), scenario)
 
 
-def of_kind(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
-    """What a kind finds wrong with its scenario, or what went wrong in one from outside."""
+def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
+    """Return the faults that a kind reports, or the error that a kind from outside raised."""
     try:
         return list(kind.faults(scenario))
     except KindError as error:
         return [Fault((key,), str(error))]
     except Exception as error:
-        blamed = registry.blame(error)
+        blamed = blame.blame(error)
         if blamed is None:
             raise
         return [Fault((key,), str(blamed))]
 
 
-def multiple(value: float, of: float) -> bool:
-    """Whether one duration is a whole multiple of another."""
+def is_multiple(value: float, of: float) -> bool:
+    """Return whether one duration is a whole multiple of another, up to rounding."""
     if not of / 2 < value < of * MOST_MULTIPLE:
         return False
-    return abs(value - round(value / of) * of) <= MULTIPLE * value
+    return abs(value - round(value / of) * of) <= MULTIPLE_TOLERANCE * value
 
 
 def time_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Ticks, output times, tail and horizon must fit into each other."""
+    """Yield faults of ticks, output times, tail and horizon that do not fit into each other."""
     tick, step, horizon, tail = scenario.tick, scenario.output_step, scenario.horizon, scenario.tail
-    if tick > 0 and not multiple(step, tick):
+    if tick > 0 and not is_multiple(step, tick):
         yield Fault(("output_step", "tick"), f"must be a multiple of tick = {tick:.12g} (got {step:.12g})")
-    if not multiple(horizon, step):
+    if not is_multiple(horizon, step):
         yield Fault(
             ("horizon", "output_step"),
             f"must be a multiple of output_step = {step:.12g} (got {horizon:.12g})",
         )
-    if tail > 0 and not multiple(tail, step):
+    if tail > 0 and not is_multiple(tail, step):
         yield Fault(
             ("tail", "output_step"), f"must be a multiple of output_step = {step:.12g} (got {tail:.12g})"
         )
@@ -156,17 +157,21 @@ def time_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def gain_faults(scenario: Scenario) -> Iterator[Fault]:
-    """The closed loop `s³ + k2 s² + k1 s + k0` must be Hurwitz, whatever is drawn."""
+    """Yield a fault unless `s³ + k2 s² + k1 s + k0` is Hurwitz for every draw of the gains."""
     k0, k1, k2 = worst = least_stable(scenario.gain)
     if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
         roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
         eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
-        drawn = f" where {shown(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
-        yield Fault(("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shown(scenario.gain)})")
+        drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
+        yield Fault(
+            ("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})"
+        )
 
 
-def least_stable(gain: list[Any]) -> list[float]:
-    """The draw that is unstable if any is: the least k1 and k2, and the greatest k0 if all are positive."""
-    low, high = zip(*map(bounds, gain), strict=True)
+def least_stable(gain: list[Number]) -> list[float]:
+    """Return the unstable draw of the gains, if there is one: least k1 and k2, greatest k0 if all k0 are
+    positive.
+    """
+    low, high = zip(*map(value_range, gain), strict=True)
     k0, k1, k2 = (0.0 if bound == -np.inf else bound for bound in low)
     return [high[0] if k0 > 0 else k0, k1, k2]

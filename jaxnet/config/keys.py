@@ -1,16 +1,14 @@
-"""What a config may hold: every key with its type, unit, range, default and meaning.
+"""The keys of a config, each with type, unit, range, default and meaning.
 
-`docs/config.md` has them in tables, which are made from these models.
-
-The models know one key at a time; what several keys must fulfil together is said by the kinds, and in
-`faults`.
+The tables of `docs/config.md` are made from these models. A model checks one key at a time. The kinds, and
+`faults`, check several keys together.
 """
 
 import re
 from typing import Annotated, Any, Literal
 
 from annotated_types import Len
-from pydantic import AfterValidator, BaseModel, Discriminator, Field, PrivateAttr
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, GetCoreSchemaHandler, PrivateAttr
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.engine.methods import Engine
@@ -20,8 +18,8 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, member, ordered
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, ordered, union_member
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -35,7 +33,7 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 
 
 class Initial(Record):
-    """Where the vehicles start; they start with ω = F = 0."""
+    """The initial position, heading and speed of the vehicles; turn rate and force are 0."""
 
     position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], of both axes")
     heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
@@ -43,7 +41,7 @@ class Initial(Record):
 
 
 def known_metric(name: str) -> Metric:
-    """The metric of this name."""
+    """Return the metric of a name; raise PydanticCustomError."""
     try:
         return registry.find("metrics", name)
     except KindError as error:
@@ -53,15 +51,17 @@ def known_metric(name: str) -> Metric:
 class NamedMetric:
     """The type of a metric that a config gives by its name."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Validate a name, and write the name."""
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Validate a name to a metric, and serialise a metric to its name."""
         named = core_schema.no_info_after_validator_function(known_metric, core_schema.str_schema())
         written = core_schema.plain_serializer_function_ser_schema(registry.metric_name)
         return core_schema.json_or_python_schema(named, named, serialization=written)
 
 
 class Scenario(Record):
-    """What one cell is: everything that a lane depends on but its random draw."""
+    """The keys of one cell: everything that determines a lane, except its random draw."""
 
     vehicles: int = Field(default=12, ge=1, le=10_000, description="how many, besides the navigator")
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
@@ -74,42 +74,42 @@ class Scenario(Record):
         default=0.1, gt=0, description="[s], from one output time to the next, whole ticks"
     )
     tail: float = Field(default=5.0, ge=0, description="[s], the last output times, that stand for t → ∞")
-    topology: Annotated[Graph, Of("topology"), Field(description="who hears whom")] = Cyclic()
-    navigator: Annotated[Navigator, Of("navigator"), Field(description="the path to track")] = Lissajous()
-    vehicle: Annotated[Vehicle, Of("vehicle"), Field(description="what moves")] = TwoWheeled()
+    topology: Annotated[Graph, KindOf("topology"), Field(description="who hears whom")] = Cyclic()
+    navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = Lissajous()
+    vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
     initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
     gain: Annotated[list[Number], Len(3, 3)] = Field(
         default=[1.0, 3.0, 3.0], description="k0, k1, k2: of the law, on ε, ε̇, ε̈"
     )
-    law: Annotated[Law, Of("law"), Field(description="how the law is solved")] = ExactLaw()
-    attack: Annotated[AnyAttack, Of("attack"), Field(description="what is false in what is heard")] = (
+    law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
+    attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (
         Rotating()
     )
-    defence: Annotated[AnyDefence, Of("defence"), Field(description="whom a vehicle believes")] = (
+    defence: Annotated[AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")] = (
         TrustedTrim()
     )
-    engine: Annotated[Engine, Of("engine"), Field(description="how lanes are advanced")] = Nonlinear()
+    engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[], description="what rows measure besides what all do"
     )
 
     def measured(self) -> tuple[Metric, ...]:
-        """All metrics of a row."""
+        """Return all metrics of a row."""
         return (*CONTRACT, *self.metrics)
 
 
-RANDOMISATIONS = 16  # of Sobol's sequences, that stand for independent samples
+RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "engine")  # keys that take a kind
 
 
 class Linspace(Record):
-    """n evenly spaced values."""
+    """n evenly spaced values from a to b."""
 
     linspace: Annotated[tuple[float, float, Annotated[int, Field(ge=1, le=100_000)]], Field(strict=False)]
 
 
 class Geomspace(Record):
-    """n values in constant ratio."""
+    """n values from a to b with a constant ratio."""
 
     geomspace: Annotated[
         tuple[
@@ -122,19 +122,19 @@ class Geomspace(Record):
 
 
 class Samples(Record):
-    """Lanes of these samples."""
+    """The lanes of the listed samples."""
 
     samples: list[Annotated[int, Field(ge=0)]]
 
 
-class Worst(Record):
-    """The K lanes of each cell that end farthest off."""
+class WorstLanes(Record):
+    """The K lanes of each cell with the greatest final errors."""
 
     worst: int = Field(ge=1)
 
 
-def chosen_lanes(value: Any) -> str | None:
-    """Which way lanes are chosen for their trajectories."""
+def stored_lanes_tag(value: object) -> str | None:
+    """Return the tag of the form in which lanes with stored trajectories are chosen."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -147,19 +147,19 @@ class Save(Record):
 
     errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
     trajectories: Annotated[
-        Annotated[Literal["none", "all"], member("word")]
-        | Annotated[Samples, member("samples")]
-        | Annotated[Worst, member("worst")],
+        Annotated[Literal["none", "all"], union_member("word")]
+        | Annotated[Samples, union_member("samples")]
+        | Annotated[WorstLanes, union_member("worst")],
         Discriminator(
-            chosen_lanes,
+            stored_lanes_tag,
             custom_error_type="lanes",
             custom_error_message="must be none, all, {samples: [...]} or {worst: K}",
         ),
     ] = Field(default="none", description="lanes whose states are stored over time, in trajectories.zarr")
 
 
-def spacing(value: Any) -> str | None:
-    """Which way swept values are given."""
+def spacing_tag(value: object) -> str | None:
+    """Return the tag of the form in which swept values are given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -167,12 +167,12 @@ def spacing(value: Any) -> str | None:
     return MARK + "list" if isinstance(value, list) else None
 
 
-Values = Annotated[
-    Annotated[list[Any], Len(1), member("list")]
-    | Annotated[Linspace, member("linspace")]
-    | Annotated[Geomspace, member("geomspace")],
+SweptValues = Annotated[
+    Annotated[list[Any], Len(1), union_member("list")]
+    | Annotated[Linspace, union_member("linspace")]
+    | Annotated[Geomspace, union_member("geomspace")],
     Discriminator(
-        spacing,
+        spacing_tag,
         custom_error_type="values",
         custom_error_message="must be a list, {linspace: [a, b, n]} or {geomspace: [a, b, n]}",
     ),
@@ -180,21 +180,21 @@ Values = Annotated[
 
 
 def plain_file_name(name: str) -> str:
-    """The name, if it can name a folder anywhere."""
+    """Return the name; raise ValueError if some file system cannot have a folder of this name."""
     if not re.fullmatch(r"\w[\w.-]{0,99}", name) or name.endswith("."):
         raise ValueError("must be a plain file name: letters, digits, '_', '-' and '.' inside, at most 100")
     return name
 
 
 class Recovery(Record):
-    """When a lane counts as saved by its defence."""
+    """The criterion by which a lane has recovered from its attack."""
 
     tau: float = Field(default=0.01, gt=0, description="a lane with tail_mean > tau · ā has not recovered")
     worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
 
 
-class Chosen(Record):
-    """So many vehicles, whom a search chooses."""
+class ChosenVehicles(Record):
+    """A number of vehicles, which a search chooses."""
 
     choose: int = Field(ge=1, description="how many")
 
@@ -208,8 +208,8 @@ class EachIn(Record):
     each: Bounds = Field(description="the bounds, the same for all attacked vehicles")
 
 
-def way_over(value: Any) -> str | None:
-    """Which way the range of a search is given."""
+def range_tag(value: object) -> str | None:
+    """Return the tag of the form in which the range of a search is given."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if isinstance(value, dict):
@@ -219,24 +219,24 @@ def way_over(value: Any) -> str | None:
     return MARK + "word" if value == "each" else None
 
 
-Range = Annotated[
-    Annotated[Bounds, member("bounds")]
-    | Annotated[Literal["each"], member("word")]
-    | Annotated[EachIn, member("each")]
-    | Annotated[list[Bounds], member("several")]
-    | Annotated[Chosen, member("choose")],
+SearchRange = Annotated[
+    Annotated[Bounds, union_member("bounds")]
+    | Annotated[Literal["each"], union_member("word")]
+    | Annotated[EachIn, union_member("each")]
+    | Annotated[list[Bounds], union_member("several")]
+    | Annotated[ChosenVehicles, union_member("choose")],
     Discriminator(
-        way_over,
+        range_tag,
         custom_error_type="range",
         custom_error_message="must be [a, b], each, {each: [a, b]}, a list of [a, b], or {choose: n}",
     ),
 ]
 
 
-class Search(Record):
-    """What an attacker, or a designer, may choose, and how the worst choice is searched for."""
+class SearchSettings(Record):
+    """The keys that a search chooses, and how it searches for the worst choice."""
 
-    over: Annotated[dict[str, Range], Len(1)] = Field(
+    over: Annotated[dict[str, SearchRange], Len(1)] = Field(
         description="dotted key: where the search may choose it, [a, b], one for each attacked vehicle by"
         " each or {each: [a, b]}, a list of [a, b] for the gain, {choose: n} for the attacked vehicles;"
         " `jaxnet run` draws them there",
@@ -262,7 +262,7 @@ class Search(Record):
 
 
 class Criterion(Record):
-    """When enough lanes were simulated."""
+    """The criterion that ends the sampling of a cell."""
 
     half_width: float = Field(gt=0, lt=0.5, description="of the widest interval over the cells")
     of: Literal["unrecovered"] = Field(default="unrecovered", description="the share whose interval it is")
@@ -271,21 +271,21 @@ class Criterion(Record):
 
 
 class Sequential(Record):
-    """As many lanes as it takes."""
+    """Samples until a criterion holds."""
 
     until: Criterion
 
 
-def samples_given(value: Any) -> str:
-    """Whether a number of samples or a criterion is given."""
+def samples_tag(value: object) -> str:
+    """Return the tag of the samples: a number, or a criterion."""
     return MARK + ("sequential" if isinstance(value, dict | Sequential) else "number")
 
 
-Sweep = Annotated[dict[str, Values], Field(description="dotted key: values; cells are the product")]
+Sweep = Annotated[dict[str, SweptValues], Field(description="dotted key: values; cells are the product")]
 
 
 class Config(Scenario):
-    """A whole study."""
+    """All keys of a study."""
 
     name: Annotated[
         str, AfterValidator(plain_file_name), Field(description="of the study, and of its results folder")
@@ -294,8 +294,9 @@ class Config(Scenario):
         default=0, ge=0, lt=2**63, description="of all draws; a random graph that lanes share has its own"
     )
     samples: Annotated[
-        Annotated[int, Field(ge=1, lt=2**32), member("number")] | Annotated[Sequential, member("sequential")],
-        Discriminator(samples_given),
+        Annotated[int, Field(ge=1, lt=2**32), union_member("number")]
+        | Annotated[Sequential, union_member("sequential")],
+        Discriminator(samples_tag),
     ] = Field(default=1, description="lanes per cell")
     draws: Literal["random", "sobol"] = Field(
         default="random",
@@ -303,7 +304,7 @@ class Config(Scenario):
         " independently, by which intervals are made",
     )
     recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
-    search: Search | None = Field(default=None, description="what jaxnet search looks for")
+    search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
     save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
 
@@ -311,16 +312,16 @@ class Config(Scenario):
 
     @property
     def scope(self) -> registry.Scope:
-        """What the names of kinds from outside mean in this study."""
+        """Return the scope of names of kinds from outside in this study."""
         return self._scope
 
     def within(self, scope: registry.Scope) -> "Config":
-        """The same config, whose names mean what they do there."""
+        """Return the same config with another scope."""
         found = self.model_copy()
         found._scope = scope
         return found
 
     @property
     def most_samples(self) -> int:
-        """How many samples it takes at most."""
+        """Return the greatest possible number of samples."""
         return self.samples.until.at_most if isinstance(self.samples, Sequential) else self.samples

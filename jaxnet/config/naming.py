@@ -1,51 +1,53 @@
-"""What figures, tables and pages call swept keys and their values."""
+"""Names of swept keys and their values in figures, tables and pages."""
 
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pydantic import BaseModel
+
 from jaxnet.config.keys import KINDS, Scenario
-from jaxnet.kinds import registry
+from jaxnet.kinds.families import base_of
 
 MAGNITUDE = "attack.magnitude"
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def title(labels: dict[str, Any]) -> str:
-    """A panel's or row's name: the values that it is about, with their keys where they do not say which."""
-    return ", ".join(called(key, value) for key, value in labels.items())
+def labels_title(labels: Mapping[str, object]) -> str:
+    """Return the title of a panel or row: its swept values, with keys where a value alone is unclear."""
+    return ", ".join(value_name(key, value) for key, value in labels.items())
 
 
-def called(key: str, value: Any) -> str:
-    """One swept value, with its unit if it has one; the two are never on different lines."""
+def value_name(key: str, value: object) -> str:
+    """Return the name of one swept value with its unit. Non-breaking spaces join number and unit."""
     if value == "none":
         return f"no{NO_BREAK}{key}"
     if key in KINDS:
         return str(value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE else f"{key} ="
-    return NO_BREAK.join(filter(None, [name, amount(value), unit(key)]))
+    return NO_BREAK.join(filter(None, [name, format_value(value), unit(key)]))
 
 
-def amount(value: Any) -> str:
-    """A number to four digits, words as they are."""
+def format_value(value: object) -> str:
+    """Return a number with four digits; text stays as it is."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def bare(key: str, value: Any) -> str:
-    """A swept value where its key and unit are told already."""
-    return called(key, value) if key in KINDS else amount(value)
+def value_alone(key: str, value: object) -> str:
+    """Return a swept value without its key and unit."""
+    return value_name(key, value) if key in KINDS else format_value(value)
 
 
 def quantity(key: str) -> str:
-    """What an axis of a swept key is called."""
+    """Return the label of the axis of a swept key."""
     name = "attack magnitude ā" if key == MAGNITUDE else key
     return f"{name} [{unit(key)}]" if unit(key) else name
 
 
 @functools.cache
 def unit(key: str) -> str:
-    """The unit that the config's models give a dotted key in brackets; nothing where none of them does.
+    """Return the unit in brackets in a key's description, "" if there is none.
 
     An entry of a list has the unit of the list.
     """
@@ -53,15 +55,15 @@ def unit(key: str) -> str:
     root, name = key.partition(".")[0], key.rpartition(".")[2]
     base: Any = Scenario
     if name != key:
-        base = registry.base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
+        base = base_of(root) if root in KINDS else Scenario.model_fields[root].annotation
     models = [model for model in family(base) if name in model.model_fields]
     described = (model.model_fields[name].description or "" for model in models)
     found = (re.match(r"\[([^],]+)", words) for words in described)
     return next((match[1] for match in found if match), "")
 
 
-def family(model: Any) -> Iterator[Any]:
-    """A model and all that are made from it."""
+def family(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield a model and all its subclasses."""
     yield model
     for each in model.__subclasses__():
         yield from family(each)

@@ -1,18 +1,16 @@
-"""What a search chooses: `search.over` says from where, and where nobody searches it is drawn from there."""
+"""Keys that a search chooses: each is drawn from its range in `search.over` when no search runs."""
 
-from typing import Any
-
-from jaxnet.config.document import Document, Problem, put, split, spot
+from jaxnet.config.document import Document, Plain, Problem, set_value, split_key, spot
 from jaxnet.config.keys import KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import FULL_TURN, is_drawn
 from jaxnet.kinds.kind import KindError
 
 
-def widen(document: Document) -> None:
-    """Write into a document, at each key that a search may choose, the distribution that it is drawn from.
+def write_distributions(document: Document) -> None:
+    """Write the distribution of each key in `search.over` into a document.
 
-    What is not the way a range is written is left for the models to refuse.
+    Values that are no range are left to the models, which refuse them.
     """
     search = document.data.get("search")
     over = search.get("over") if isinstance(search, dict) else None
@@ -24,8 +22,8 @@ def widen(document: Document) -> None:
         else:
             try:
                 if (drawn := distribution_of(document, str(key), given)) is not None:
-                    put(document.data, split(str(key)), drawn)
-                    document.places[spot(split(str(key)))] = at
+                    set_value(document.data, split_key(str(key)), drawn)
+                    document.places[spot(split_key(str(key)))] = at
             except (LookupError, KindError) as error:
                 wrong = str(error.args[0])
         if wrong:
@@ -33,13 +31,13 @@ def widen(document: Document) -> None:
 
 
 def name_default(document: Document, root: str) -> None:
-    """Write out the kind that a study has at a key where it says nothing."""
+    """Write the default kind of a key into a document that does not give the key."""
     if root in KINDS:
         document.data.setdefault(root, {"kind": Scenario.model_fields[root].default.reference()})
 
 
-def distribution_of(document: Document, key: str, given: Any) -> Any:
-    """As a config writes it; None for what is no range."""
+def distribution_of(document: Document, key: str, given: Plain) -> Plain:
+    """Return the distribution of a range in the form of a config, None if the value is no range."""
     match given:
         case [[*_], *_]:
             return [distribution_of(document, key, each) for each in given]
@@ -54,8 +52,8 @@ def distribution_of(document: Document, key: str, given: Any) -> Any:
     return None
 
 
-def own_distribution(document: Document, key: str) -> Any:
-    """What a key of a kind is drawn from by default, angles a full turn; else raises LookupError."""
+def own_distribution(document: Document, key: str) -> Plain:
+    """Return the default distribution of a kind's key, a full turn for an angle; else raise LookupError."""
     root, _, name = key.partition(".")
     there = document.data.get(root, {})
     kind = there.get("kind") if isinstance(there, dict) else None

@@ -1,6 +1,6 @@
-"""The host's side of a scenario: its graph and its links as NumPy arrays, and when things happen."""
+"""A scenario on the host: its graph and links as NumPy arrays, and its times."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from jaxnet.model.safety import Safe
 
 
 class Situation(NamedTuple):
-    """Who hears whom, which links are attacked and trusted, and whom vehicles may retain (None: not known).
+    """The graph of a scenario, its attacked and trusted links, and the sources that may be retained (None:
+    unknown).
 
-    Where weights are drawn, these are of the graph with their medians. All is shared by the lanes of a cell,
-    unless its graph is drawn lane by lane.
+    If weights are drawn, the graph has their medians. All lanes of a cell share a situation unless each lane
+    draws its own graph.
     """
 
     graph: Digraph
@@ -26,7 +27,7 @@ class Situation(NamedTuple):
 
 
 def situation_of(scenario: Scenario) -> Situation:
-    """What is known of a scenario before anything moves."""
+    """Return the situation of a scenario at the start."""
     graph = scenario.topology.normalised(scenario.vehicles)
     trusted = scenario.defence.trusts(graph)
     attacked = scenario.attack.links(graph)
@@ -34,10 +35,10 @@ def situation_of(scenario: Scenario) -> Situation:
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
-    """Vehicles that end on the navigator, by reason, on this graph if these of its links are attacked.
+    """Return the safe vehicles, by reason, of this graph if these links are attacked.
 
-    A sybil is one more attacked source, which itself hears the navigator alone. A reason that rests on
-    consistent announcements does not hold against an attack whose links announce otherwise.
+    A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
+    announcements is left out if attacked links announce otherwise.
     """
     trusted, more = scenario.defence.trusts(graph), scenario.attack.identities() - 1
     if more:
@@ -51,8 +52,10 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     ]
 
 
-def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Any, Any]:
-    """The graph and its attacked and trusted links with so many vehicles more for each attacked source."""
+def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Links, Links]:
+    """Return the graph and its attacked and trusted links with `more` additional vehicles for each attacked
+    source.
+    """
     listeners, slots = graph.edges()
     sources, lies = graph.sources[listeners, slots], attacked[listeners, slots]
     liars, number = np.unique(sources[lies], return_inverse=True)
@@ -60,7 +63,7 @@ def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> t
     rows = np.concatenate([listeners, listeners[lies].repeat(more), sybils.ravel() - 1])
     columns = np.concatenate([sources, sybils[number].ravel(), np.zeros(sybils.size)])
 
-    def wider(given: Any, of_sybils: float) -> Digraph:
+    def wider(given: np.ndarray, of_sybils: float) -> Digraph:
         values = given[listeners, slots]
         values = np.concatenate([values, values[lies].repeat(more), np.full(sybils.size, of_sybils)])
         return of_links(graph.vehicles + sybils.size, rows, columns, values)
@@ -70,28 +73,30 @@ def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> t
 
 
 def differs_by_lane(scenario: Scenario) -> bool:
-    """Whether lanes have graphs, weights or gains of their own, and with them bounds of their own."""
+    """Return whether lanes have graphs, weights or gains of their own, and therefore bounds of their own."""
     return scenario.topology.differs() or any(map(is_drawn, scenario.gain))
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Whether anything happens at ticks: somebody decides, effects are summed up, a jerk is held."""
+    """Return whether anything happens at ticks: a decision, a sum of effects, or a held jerk."""
     something = scenario.defence.decides or scenario.attack.strategic or not scenario.attack.consistent()
     return (something or scenario.law.holds) and scenario.tick > 0
 
 
 def interval_of(scenario: Scenario) -> float:
-    """From tick to tick [s]: where nothing happens at ticks, one is an output step."""
+    """Return the time from tick to tick [s]; without ticks, the output step."""
     return scenario.tick if has_ticks(scenario) else scenario.output_step
 
 
 def outputs_of(scenario: Scenario) -> int:
-    """Output times after t = 0."""
+    """Return the number of output times after t = 0."""
     return round(scenario.horizon / scenario.output_step)
 
 
 def sources_of(scenario: Scenario) -> np.ndarray:
-    """Who is heard slot by slot: attacked sources as often as they have identities."""
+    """Return the source of each slot: (slots, m). An attacked source fills one slot for each of its
+    identities.
+    """
     linked = scenario.topology.linked(scenario.vehicles)
     each = scenario.attack.identities() + scenario.attack.splits()
     return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))

@@ -1,25 +1,27 @@
-"""The config's JSON schema, for editors that complete and check YAML."""
+"""The JSON schema of a config, by which editors complete and check YAML."""
 
 import json
 from typing import Any
 
+from jaxnet.config.document import Plain
 from jaxnet.config.keys import KINDS, Config, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import Attack
+from jaxnet.kinds.kind import Kind
+
+JsonSchema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """The schema as JSON."""
-    return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+    """Return the schema as JSON text."""
+    return json.dumps(config_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def schema() -> dict[str, Any]:
-    """The schema: what the models say, of every kind that has a name, and that a kind may stand alone as a
-    string.
-    """
+def config_schema() -> JsonSchema:
+    """Return the schema of all keys and of every kind with a name. A kind may also be its bare name."""
     whole = Config.model_json_schema()
     for family, default in DEFAULT_KINDS.items():
-        kinds = {name: registry.find(family, name) for name in registry.names(family)}
+        kinds = {name: registry.find(family, name) for name in registry.kind_names(family)}
         for name, kind in kinds.items():
             whole["$defs"] |= definitions(kind, name, default)
         whole["$defs"][family] = {
@@ -33,7 +35,7 @@ def schema() -> dict[str, Any]:
     for family in KINDS:
         whole["properties"][family] |= {"family": family, "default": DEFAULT_KINDS[family]}
     whole["properties"]["metrics"]["items"] = {
-        "anyOf": [{"enum": registry.names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
+        "anyOf": [{"enum": registry.kind_names("metrics")}, {"type": "string", "pattern": OUTSIDE}]
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
@@ -45,8 +47,8 @@ DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.referen
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 
 
-def definitions(kind: Any, name: str, default: str) -> dict[str, Any]:
-    """What the schema says of a kind, and of what its keys take; only the default's may go unnamed."""
+def definitions(kind: type[Kind], name: str, default: str) -> JsonSchema:
+    """Return the schema of a kind and of its keys. Only the default kind may omit `kind`."""
     own = kind.model_json_schema(ref_template="#/$defs/{model}")
     inner = own.pop("$defs", {})
     own["properties"] = {"kind": {"const": name, "default": name, "type": "string"}, **own["properties"]}
@@ -55,8 +57,8 @@ def definitions(kind: Any, name: str, default: str) -> dict[str, Any]:
     return {**inner, kind.__name__: own}
 
 
-def referring(part: Any) -> Any:
-    """The same with a reference wherever a key takes a kind of a family (`kinds.family.Of`)."""
+def referring(part: Plain) -> Plain:
+    """Return a schema in which each key that takes a kind refers to the family (`kinds.family.KindOf`)."""
     if isinstance(part, list):
         return [referring(each) for each in part]
     if not isinstance(part, dict):

@@ -1,16 +1,16 @@
-"""Spaced values: the doubles nearest to the exact ones, so that `linspace` and a list give the same numbers.
+"""Spaced values, rounded to the nearest doubles, so that `linspace` and a list give the same numbers.
 
-A bound is the decimal number that its double is written as.
+A bound means the decimal number that its double prints.
 """
 
 import decimal
 from fractions import Fraction
 
-DIGITS = 60  # of a factor that is multiplied up to 100,000 times
+DIGITS = 60  # digits of a factor that is multiplied up to 100,000 times
 
 
 def linspace(low: float, high: float, count: int) -> list[float]:
-    """`count` values `low + k (high - low)/(count - 1)`, each rounded once."""
+    """Return `count` values `low + k (high - low)/(count - 1)`, each rounded once."""
     if count == 1:
         return [low]
     first, last = Fraction(repr(low)), Fraction(repr(high))
@@ -21,7 +21,7 @@ def linspace(low: float, high: float, count: int) -> list[float]:
 
 
 def geomspace(low: float, high: float, count: int) -> list[float]:
-    """`count` values `low (high/low)^(k/(count - 1))`, to 60 digits and then rounded."""
+    """Return `count` values `low (high/low)^(k/(count - 1))`, computed with 60 digits and rounded once."""
     if count == 1:
         return [low]
     with decimal.localcontext(decimal.Context(prec=DIGITS)):

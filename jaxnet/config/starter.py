@@ -1,75 +1,75 @@
-"""The first config of a study, with a comment on every key, from a few answers."""
+"""A first config with a comment on every key, from a few answers."""
 
 import inspect
 import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
 
-from jaxnet.config.cells import read_document, tidy
-from jaxnet.config.document import ConfigError, Document, Problem
+from jaxnet.config.cells import read_document, without_empty_labels
+from jaxnet.config.document import ConfigError, Document, Plain, Problem
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.study import yaml_of
 from jaxnet.kinds import registry
 from jaxnet.kinds.kind import Kind, KindError
 
-ASKED = ("topology", "attack", "defence")  # families
-DEFAULTS: dict[str, Any] = {
-    **{family: Scenario.model_fields[family].default.reference() for family in ASKED},
+ASKED_FAMILIES = ("topology", "attack", "defence")
+DEFAULT_ANSWERS: dict[str, Plain] = {
+    **{family: Scenario.model_fields[family].default.reference() for family in ASKED_FAMILIES},
     "vehicles": Scenario.model_fields["vehicles"].default,
     "magnitudes": [0.1, 1.0, 10.0],
     "samples": 100,
 }
-LINE_LENGTH = 100  # of a line with its comment
-COLUMN = 32  # in which comments begin, if they can
+LINE_LENGTH = 100  # characters of a line with its comment
+COLUMN = 32  # column of comments, where a line leaves room
 
 
-def offered(family: str) -> list[str]:
-    """Kinds of a family that need no key, those of installed packages too."""
-    return [name for name in registry.names(family) if not needs(registry.find(family, name))]
+def kinds_without_keys(family: str) -> list[str]:
+    """Return the kinds of a family that need no key, including those of installed packages."""
+    return [name for name in registry.kind_names(family) if not required_keys(registry.find(family, name))]
 
 
-def needs(kind: type[Kind]) -> list[str]:
-    """Keys that a kind has no default for."""
+def required_keys(kind: type[Kind]) -> list[str]:
+    """Return the keys of a kind without a default."""
     return [key for key, field in kind.model_fields.items() if field.is_required()]
 
 
-def written_out(file: str, answers: Mapping[str, Any]) -> str:
-    """The config of these answers, the defaults elsewhere; raises ConfigError."""
-    given = {**DEFAULTS, **answers}
-    for family in ASKED:
-        refuse(file, family, given[family])
-    found = "\n".join(lines(file, given)) + "\n"
+def starter_config(file: str, answers: Mapping[str, Plain]) -> str:
+    """Return the config of these answers, with defaults for the others; raise ConfigError."""
+    given = {**DEFAULT_ANSWERS, **answers}
+    for family in ASKED_FAMILIES:
+        check_kind(file, family, given[family])
+    found = "\n".join(config_lines(file, given)) + "\n"
     read_document(Document(found, file))
     return found
 
 
-def refuse(file: str, family: str, name: str) -> None:
-    """Raise ConfigError for a kind that there is none of, or that needs more than its name."""
+def check_kind(file: str, family: str, name: str) -> None:
+    """Raise ConfigError for a kind that does not exist, or that needs further keys."""
     try:
-        lacking = needs(registry.find(family, name))
+        lacking = required_keys(registry.find(family, name))
     except KindError as error:
         raise ConfigError([Problem(file, family, str(error))]) from error
     if lacking:
-        told = f"{name} needs {' and '.join(lacking)} (those that need nothing: {', '.join(offered(family))})"
-        raise ConfigError([Problem(file, family, told)])
+        ready = ", ".join(kinds_without_keys(family))
+        message = f"{name} needs {' and '.join(lacking)} (those that need nothing: {ready})"
+        raise ConfigError([Problem(file, family, message)])
 
 
-def answers_alone(given: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The study that the answers ask for, as a mapping."""
-    kinds = {family: registry.find(family, given[family]) for family in ASKED}
-    study: dict[str, Any] = {"name": name, "samples": given["samples"], "vehicles": given["vehicles"]}
+def answers_alone(given: Mapping[str, Plain], name: str) -> dict[str, Plain]:
+    """Return the study of the answers as a mapping."""
+    kinds = {family: registry.find(family, given[family]) for family in ASKED_FAMILIES}
+    study: dict[str, Plain] = {"name": name, "samples": given["samples"], "vehicles": given["vehicles"]}
     study |= {family: {"kind": given[family], **keys_of_kind(kind, given)} for family, kind in kinds.items()}
     if "magnitude" in kinds["attack"].model_fields:
         study |= {"recovery": {"tau": 0.01}, "sweep": {"attack.magnitude": given["magnitudes"]}}
     return study
 
 
-def keys_of_kind(kind: type[Kind], given: Mapping[str, Any]) -> dict[str, Any]:
-    """A kind's keys with their defaults; of the vehicles that it names, those that there are."""
+def keys_of_kind(kind: type[Kind], given: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return a kind's keys with their defaults. Of its default vehicles, those that exist remain."""
     keys = {
-        key: tidy(field.default)
+        key: without_empty_labels(field.default)
         for key, field in kind.model_fields.items()
         if key != "label" and not field.is_required()
     }
@@ -78,12 +78,12 @@ def keys_of_kind(kind: type[Kind], given: Mapping[str, Any]) -> dict[str, Any]:
     return keys
 
 
-def lines(file: str, given: Mapping[str, Any]) -> Iterator[str]:
-    """The file's lines."""
+def config_lines(file: str, given: Mapping[str, Plain]) -> Iterator[str]:
+    """Yield the lines of the config."""
     yield f"# jaxnet run {shlex.quote(file)}"
     yield "# Every key that is left out has its default; `jaxnet check` says what would run."
     for key, value in answers_alone(given, Path(file).stem).items():
-        if key not in ASKED:
+        if key not in ASKED_FAMILIES:
             yield from with_comment("", key, value, Config.model_fields[key].description)
             continue
         kind = registry.find(key, given[key])
@@ -94,8 +94,8 @@ def lines(file: str, given: Mapping[str, Any]) -> Iterator[str]:
             yield from with_comment("  ", inner, each, kind.model_fields[inner].description)
 
 
-def with_comment(indent: str, key: str, value: Any, comment: str | None) -> Iterator[str]:
-    """A key with its value, and what the models say of it: behind it, or above it where it is long."""
+def with_comment(indent: str, key: str, value: Plain, comment: str | None) -> Iterator[str]:
+    """Yield a key with its value and description; a long description becomes comment lines above the key."""
     line = f"{indent}{yaml_of({key: value}, inline=True).removeprefix('{').removesuffix('}')}"
     words = f"# {comment}" if comment else ""
     beside = f"{line:<{COLUMN - 2}}  {words}".rstrip()

@@ -1,4 +1,4 @@
-"""A study: what a YAML file, a mapping or a script asks to be simulated."""
+"""A study: what a YAML file, a mapping or a script asks jaxnet to simulate."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,9 +14,9 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import ConfigError, Document, Keys, Problem, dotted
+from jaxnet.config.document import ConfigError, Document, Keys, Plain, Problem, dotted_key
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Dumper
+from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
 from jaxnet.kinds import registry
 from jaxnet.kinds.graphs.edges import Edges
 from jaxnet.kinds.kind import Kind, KindError
@@ -24,7 +24,7 @@ from jaxnet.kinds.metrics import Metric
 
 TOO_GREAT = 10**LONGEST_INT
 SCALAR_TYPES = (bool, int, float, str, NoneType)
-MOST_VALUES = 1_000_000  # of a script's mapping
+MOST_VALUES = 1_000_000  # values in a script's mapping
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,15 +36,15 @@ class Study:
 
     @property
     def lanes(self) -> int:
-        """How many lanes it has, at most."""
+        """Return the greatest possible number of lanes."""
         return len(self.cells) * self.config.most_samples
 
     def __repr__(self) -> str:
-        """One line; `config` and `cells` have the rest."""
+        """Return a summary in one line."""
         return f"Study({self.config.name!r}, cells={len(self.cells)}, lanes={self.lanes})"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: its size, and each swept key with its values."""
+        """Return the table that a notebook shows: the study's size, and each swept key with its values."""
         rows = {"cells": str(len(self.cells)), "lanes": str(self.lanes)}
         for key in self.cells[0].labels:
             values = dict.fromkeys(str(cell.labels[key]) for cell in self.cells)
@@ -53,17 +53,37 @@ class Study:
         return f"<table><caption>{escape(self.config.name)}</caption>{body}</table>"
 
 
-Source = Study | str | Path | UPath | Mapping[str, Any]
+StudySource = Study | str | Path | UPath | Mapping[str, Any]
 
 
-def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Study:
-    """Read a study from a YAML file, or from a mapping like one (its `name` is "study" if it has none).
+def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = ()) -> Study:
+    """Read a study from a YAML file, or from a mapping with the same keys.
 
-    A kind of one's own may be in a module beside the file. In a mapping a kind may be an object, a
-    graph one of networkx; NumPy's and pandas' values count as Python's, tuples as lists. Overrides are a
-    mapping by dotted key, or KEY=VALUE words; a Study without any is returned as it is.
+    A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a graph one
+    of networkx. Values of NumPy and pandas count as Python's, tuples as lists. Without a `name` a mapping's
+    study is called "study".
 
-    Raises ConfigError with everything that is wrong; of a mapping it names the places in its YAML.
+    Parameters
+    ----------
+    source
+        Path of a YAML file, a mapping, or a Study. A Study without overrides is returned as it is.
+    overrides
+        A mapping by dotted key, or words KEY=VALUE with the value in YAML.
+
+    Returns
+    -------
+        The validated study and its cells.
+
+    Raises
+    ------
+    ConfigError
+        With everything that is wrong. For a mapping, the places are those in its YAML.
+
+    Examples
+    --------
+    >>> study = load({"samples": 3, "sweep": {"attack.magnitude": [1, 5]}})
+    >>> len(study.cells), study.lanes
+    (2, 6)
     """
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
@@ -72,18 +92,18 @@ def load(source: Source, overrides: Mapping[str, Any] | Iterable[str] = ()) -> S
         if not overrides:
             return source
         with source.config.scope():
-            return load(cells.plain(source.config), overrides)
+            return load(cells.to_plain(source.config), overrides)
     if isinstance(source, Mapping):
         with registry.Scope(known=registry.scope().known)() as scope:
             document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
-            return read(document, overrides, scope)
+            return read_study(document, overrides, scope)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read(document, overrides, scope)
+        return read_study(document, overrides, scope)
 
 
-def read(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
-    """The study of a document whose names mean what they do in a scope; raises ConfigError."""
+def read_study(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
+    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError."""
     for word in overrides:
         document.override(str(word))
     with scope():
@@ -91,36 +111,38 @@ def read(document: Document, overrides: Iterable[str], scope: registry.Scope) ->
     return Study(config.within(scope), found)
 
 
-def yaml_of(data: Any, inline: bool) -> str:
-    """Plain data as YAML: a line for each key, or everything in one line."""
-    text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
+def yaml_of(data: Plain, inline: bool) -> str:
+    """Return plain data as YAML: one line for each key, or everything in one line."""
+    text = yaml.dump(data, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=inline, width=math.inf)
     return text.removesuffix("...\n").rstrip("\n")
 
 
-def native(value: Any, *keys: Any) -> Any:
-    """Plain data of what a script holds at these keys: arrays and tuples become lists, paths text.
+def native(value: object, *keys: str | int) -> Plain:
+    """Return plain data of a script's value at these keys: arrays and tuples become lists, paths become text.
 
-    Raises ConfigError for anything that YAML has no word for, and beyond the limits of `yaml12`.
+    Raises ConfigError for a value that YAML cannot express, and beyond the limits of `yaml12`.
     """
     return Native().plain(value, keys)
 
 
 class Native:
-    """Turns a script's values into plain data, and counts these."""
+    """Converts a script's values to plain data, and counts them."""
 
     def __init__(self):
         self.count = 0
 
     def plain(self, value: Any, keys: Keys) -> Any:
-        """Plain data of the value at these keys; raises ConfigError."""
+        """Return plain data of the value at these keys; raise ConfigError."""
         self.count += 1
         if self.count > MOST_VALUES:
-            raise refused(keys, f"more than {MOST_VALUES:,} values")
+            raise refusal(keys, f"more than {MOST_VALUES:,} values")
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
-        value = value.tolist() if hasattr(value, "tolist") else written(value, keys)  # of NumPy, pandas, JAX
+        value = (
+            value.tolist() if hasattr(value, "tolist") else config_form(value, keys)
+        )  # of NumPy, pandas, JAX
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
-            raise refused(keys, TOO_DEEP)
+            raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
             return {plain_scalar(key, keys): self.plain(inner, (*keys, key)) for key, inner in value.items()}
         if isinstance(value, list | tuple | range):
@@ -128,35 +150,35 @@ class Native:
         return plain_scalar(value, keys)
 
 
-def written(value: Any, keys: Keys) -> Any:
-    """A kind, a class of one, a metric or a graph of networkx as a config writes it.
+def config_form(value: object, keys: Keys) -> object:
+    """Return a kind, a kind's class, a metric or a networkx graph in the form of a config.
 
-    Anything else stays as it is. Raises ConfigError for a graph of networkx that is none of ours.
+    Other values are returned as they are. Raises ConfigError for a networkx graph that is no topology.
     """
     if isinstance(value, Kind):
-        return {"kind": registry.adopt(type(value)), **cells.tidy(dict(value))}
+        return {"kind": registry.adopt(type(value)), **cells.without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
     try:
         graph = Edges.adopted(value)
     except KindError as error:
-        raise refused(keys, str(error)) from error
-    return value if graph is None else written(graph, keys)
+        raise refusal(keys, str(error)) from error
+    return value if graph is None else config_form(graph, keys)
 
 
 def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
-    """A number, text, true, false or null as Python has it; raises ConfigError if it is none of these."""
+    """Return a number, text, true, false or null as a Python object; raise ConfigError for anything else."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, PurePath | UPath):
         return str(value)
     if type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
-        raise refused(keys, f"{allowed} (got {value!r})")
+        raise refusal(keys, f"{allowed} (got {value!r})")
     if isinstance(value, int) and abs(value) >= TOO_GREAT:
-        raise refused(keys, f"a whole number has at most {LONGEST_INT} digits")
+        raise refusal(keys, f"a whole number has at most {LONGEST_INT} digits")
     return value
 
 
-def refused(keys: Keys, message: str) -> ConfigError:
-    """The error of a value that a script gives."""
-    return ConfigError([Problem("study", dotted(keys), message)])
+def refusal(keys: Keys, message: str) -> ConfigError:
+    """Return the error for a value from a script."""
+    return ConfigError([Problem("study", dotted_key(keys), message)])

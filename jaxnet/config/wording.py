@@ -1,4 +1,4 @@
-"""What is said of a value that does not fit: pydantic's errors in a user's words."""
+"""Messages about wrong values: pydantic's errors in a user's words."""
 
 import difflib
 import json
@@ -6,10 +6,12 @@ import typing
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic_core import ErrorDetails
 
+from jaxnet.config.document import Plain
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
-from jaxnet.kinds.family import Of
+from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import MARK, names_distribution
 from jaxnet.kinds.kind import KindError
 
@@ -35,53 +37,55 @@ WORDS = {
 }
 
 
-def explain(error: Any, data: Any) -> str:
-    """What is wrong, in a user's words, from one of pydantic's errors on some data."""
+def explain(error: ErrorDetails, data: Plain) -> str:
+    """Return the message of one of pydantic's errors on some data."""
     kind, context, given = error["type"], error.get("ctx", {}), error["input"]
     if kind == "missing":
         return "an entry is missing" if isinstance(error["loc"][-1], int) else "required"
     if kind in ("extra_forbidden", "invalid_key"):
         return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"], data))
     if kind == "kind":
-        return f"must be a mapping, or one of {context['known']} (got {shown(given)})"
+        return f"must be a mapping, or one of {context['known']} (got {shorten_value(given)})"
     if kind == "metric":
         return context["error"]
     if kind == "kind_name":
         name = given.get("kind") if isinstance(given, dict) else given
-        return context["error"] + suggestion(str(name), registry.names(context["family"]), fallback=False)
+        return context["error"] + suggestion(
+            str(name), registry.kind_names(context["family"]), fallback=False
+        )
     if kind in ("too_short", "too_long"):
         word, number = (
             ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
         )
         entries = "1 entry" if number == 1 else f"{number} entries"
-        return f"must have at {word} {entries} (got {shown(given)})"
+        return f"must have at {word} {entries} (got {shorten_value(given)})"
     message = WORDS[kind].format(**context) if kind in WORDS else error["msg"]
     if kind in ("float_type", "int_type") and names_distribution(given):
         message += ", not a distribution"
-    return f"{message} (got {shown(given)})"
+    return f"{message} (got {shorten_value(given)})"
 
 
-def shown(value: Any) -> str:
-    """A value as a user may have written it, cut short if it is long."""
-    text = in_full(value)
+def shorten_value(value: object) -> str:
+    """Return a value as a user may have written it, cut to 60 characters."""
+    text = value_text(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def in_full(value: Any) -> str:
-    """A value in full, as a user may have written it."""
+def value_text(value: object) -> str:
+    """Return a value in full, as a user may have written it."""
     return json.dumps(value, default=lambda record: record.model_dump(), ensure_ascii=False)
 
 
 def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
-    """The known word that was probably meant, or all that are known."""
+    """Return the known word that was probably meant, or a list of the known words."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
         return f" (did you mean '{near[0]}'?)"
     return f" (known here: {', '.join(known)})" if fallback else ""
 
 
-def known_keys(location: tuple[Any, ...], data: Any) -> list[str]:
-    """Keys allowed in the mapping in which pydantic met an unknown one."""
+def known_keys(location: tuple[int | str, ...], data: Plain) -> list[str]:
+    """Return the keys allowed in the mapping in which pydantic found an unknown key."""
     model: Any = Config
     for part in location[:-1]:
         if isinstance(part, str) and part.startswith(MARK):
@@ -94,8 +98,10 @@ def known_keys(location: tuple[Any, ...], data: Any) -> list[str]:
 
 
 def model_in(field: Any, value: Any) -> Any:
-    """The model, or the union of models, of a key: of a kind the one that its value names."""
-    family = next((mark.family for mark in field.metadata if isinstance(mark, Of)), None)
+    """Return the model or union of models of a key. If the key takes a kind, this is the class that its value
+    names.
+    """
+    family = next((mark.family for mark in field.metadata if isinstance(mark, KindOf)), None)
     if family is None:
         models = records(field.annotation)
         return models[0] if len(models) == 1 else field.annotation
@@ -107,13 +113,13 @@ def model_in(field: Any, value: Any) -> Any:
 
 
 def record_of(member: str, union: Any) -> Any:
-    """The member of a union of records that a mark names: by its one key."""
+    """Return the member of a union of records with this tag, None if there is none."""
     found = [each for each in records(union) if member in (each.__name__.lower(), *each.model_fields)]
     return found[0] if found else None
 
 
-def records(annotation: Any) -> list[type[BaseModel]]:
-    """All models that a type is made of."""
+def records(annotation: object) -> list[type[BaseModel]]:
+    """Return all models inside a type."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for part in typing.get_args(annotation) for found in records(part)]

@@ -1,4 +1,4 @@
-"""YAML 1.2 by PyYAML: the scalars of the core schema, tabs between tokens, and limits on size and depth.
+"""YAML 1.2 by PyYAML: scalars of the core schema, tabs between tokens, and limits on size and depth.
 
 PyYAML parses YAML 1.1, where `1e-3` is text, `on` is true, and a tab separates nothing.
 """
@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-MOST_CHARACTERS = 50_000_000  # of a text
+MOST_CHARACTERS = 50_000_000  # characters of a text
 MOST_DEPTH = 32  # mappings and lists inside each other
 MOST_REPEATED = 100_000  # values that aliases repeat
 LONGEST_INT = 300  # digits; a longer one is a float that is not finite
@@ -24,33 +24,33 @@ SCALARS = {
     "int": re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
     "float": re.compile(FLOAT),
 }
-FIRST = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
-FIRST["float"] = [*FIRST["int"], "."]
+FIRST_CHARACTERS = {"null": ["~", "n", "N", ""], "bool": list("tTfF"), "int": list("-+0123456789")}
+FIRST_CHARACTERS["float"] = [*FIRST_CHARACTERS["int"], "."]
 
-BREAKS = "\r\n\x85\u2028\u2029"
-ENDS = "\0" + BREAKS  # of a line
+LINE_BREAKS = "\r\n\x85\u2028\u2029"
+LINE_ENDS = "\0" + LINE_BREAKS  # characters that end a line
 
 
 class ExcessError(ValueError):
-    """A text that is larger or deeper than the limits, at this line and column."""
+    """A text beyond the limits of size or depth, with the line and column."""
 
-    def __init__(self, excess: str, mark: Any):
+    def __init__(self, excess: str, mark: yaml.Mark):
         super().__init__(excess)
         self.excess, self.place = excess, (mark.line, mark.column)
 
 
-class Loader(yaml.SafeLoader):
-    """PyYAML's parser for YAML 1.2. A text beyond the limits raises ExcessError."""
+class Yaml12Loader(yaml.SafeLoader):
+    """PyYAML's parser with the rules of YAML 1.2. A text beyond the limits raises ExcessError."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 (PyYAML's own protocol)
 
     def __init__(self, text: str):
         super().__init__(text)
         self.depth = 0
-        self.sizes: dict[yaml.Node, int] = {}  # values of each node, its aliases written out
+        self.sizes: dict[yaml.Node, int] = {}  # number of values of each node with its aliases expanded
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """PyYAML's node of the next events, within the limits."""
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+        """Return the node of the next events; raise ExcessError beyond the limits."""
         self.depth += 1
         mark, alias = self.peek_event().start_mark, self.check_event(yaml.AliasEvent)
         if self.depth > MOST_DEPTH and self.check_event(yaml.CollectionStartEvent):
@@ -58,13 +58,13 @@ class Loader(yaml.SafeLoader):
         node: Any = super().compose_node(parent, index)
         self.depth -= 1
         if not alias:
-            self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in inside(node))
+            self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in child_nodes(node))
         if self.sizes.get(node, 0) - len(self.sizes) > MOST_REPEATED:
             raise ExcessError(TOO_MANY, mark)
         return node
 
     def scan_to_next_token(self) -> None:
-        """Skip blanks, comments and line breaks, and tabs where they do not indent.
+        """Skip blanks, comments, line breaks, and tabs that do not indent.
 
         No block mapping or list begins after a tab on its line.
         """
@@ -77,72 +77,74 @@ class Loader(yaml.SafeLoader):
                 self.skip(" \t")
                 self.allow_simple_key = self.allow_simple_key and bool(self.flow_level)
             if self.peek() == "#":
-                while self.peek() not in ENDS:
+                while self.peek() not in LINE_ENDS:
                     self.forward()
             if not self.scan_line_break():
                 return
             self.allow_simple_key = self.allow_simple_key or not self.flow_level
 
     def separates(self, first: bool) -> bool:
-        """Whether a tab comes after a token, within brackets, or before the end of an empty line."""
+        """Return whether a tab comes after a token, inside brackets, or before the end of an empty line."""
         length = 1
         while self.peek(length) in " \t":
             length += 1
-        return bool(self.flow_level) or not first or self.peek(length) in ENDS + "#"
+        return bool(self.flow_level) or not first or self.peek(length) in LINE_ENDS + "#"
 
     def skip(self, characters: str) -> None:
-        """Pass over some characters."""
+        """Skip characters while they belong to a set."""
         while self.peek() in characters:
             self.forward()
 
-    def scan_plain_spaces(self, indent: int, start_mark: Any) -> Any:
-        """White space inside or after plain text. A line break with what is around it is one space."""
+    def scan_plain_spaces(self, indent: int, start_mark: yaml.Mark) -> Any:
+        """Return the white space inside or after plain text; a line break and the blanks around it are one
+        space.
+        """
         length = 0
         while self.peek(length) in " \t":
             length += 1
         white = self.prefix(length)
         self.forward(length)
-        if self.peek() not in BREAKS:
+        if self.peek() not in LINE_BREAKS:
             return [white] if white else []
         first, breaks = self.scan_line_break(), []
         self.allow_simple_key = True
         while not self.ends_document():
             self.skip(" \t" if self.flow_level else " ")
-            if self.peek() not in BREAKS:
+            if self.peek() not in LINE_BREAKS:
                 return [*([] if first == "\n" else [first]), *(breaks or [" "] * (first == "\n"))]
             breaks.append(self.scan_line_break())
         return None
 
     def ends_document(self) -> bool:
-        """Whether a line begins with a document's marker."""
-        return self.prefix(3) in ("---", "...") and self.peek(3) in ENDS + " \t"
+        """Return whether the line begins with a document's marker."""
+        return self.prefix(3) in ("---", "...") and self.peek(3) in LINE_ENDS + " \t"
 
-    def scan_block_scalar_ignored_line(self, start_mark: Any) -> None:
-        """Pass over the rest of the line on which a block scalar begins."""
+    def scan_block_scalar_ignored_line(self, start_mark: yaml.Mark) -> None:
+        """Skip the rest of the line on which a block scalar begins."""
         self.skip(" \t")
         super().scan_block_scalar_ignored_line(start_mark)
 
 
 for kind, pattern in SCALARS.items():
     whole = re.compile(f"^(?:{pattern.pattern})$")
-    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST[kind])
+    Yaml12Loader.add_implicit_resolver(f"tag:yaml.org,2002:{kind}", whole, FIRST_CHARACTERS[kind])
 
 
-class Dumper(yaml.SafeDumper):
-    """Quotes text that YAML 1.2 would read as something else."""
+class Yaml12Dumper(yaml.SafeDumper):
+    """PyYAML's writer that quotes text which YAML 1.2 would read as another type."""
 
-    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+    yaml_implicit_resolvers = Yaml12Loader.yaml_implicit_resolvers
 
 
-def inside(node: Any) -> list[yaml.Node]:
-    """Nodes directly inside a mapping or a list."""
+def child_nodes(node: yaml.Node) -> list[yaml.Node]:
+    """Return the nodes directly inside a mapping or list."""
     if isinstance(node, yaml.MappingNode):
         return [each for pair in node.value for each in pair]
     return node.value if isinstance(node, yaml.SequenceNode) else []
 
 
-def constructed(kind: str, text: str) -> Any:
-    """The value of a scalar that fits its pattern."""
+def parse_scalar(kind: str, text: str) -> bool | int | float | None:
+    """Return the value of a scalar whose text fits the pattern of its type."""
     if kind == "null":
         return None
     if kind == "bool":

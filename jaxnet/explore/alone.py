@@ -6,10 +6,10 @@ from typing import Any, BinaryIO
 import yaml
 from upath import UPath
 
-from jaxnet.config.cells import Cell, plain
+from jaxnet.config.cells import Cell, to_plain
 from jaxnet.config.keys import Config
 from jaxnet.config.study import Study, load
-from jaxnet.config.yaml12 import Dumper
+from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.engine.batch import Machine
 from jaxnet.explore.box import VEHICLES, Box
 from jaxnet.explore.search import BoxPoint
@@ -24,9 +24,9 @@ def choice_study(study: Config, cell: Cell, box: Box, point: BoxPoint) -> Study:
     """
     assert study.search is not None
     attacked = box.attacked(point)
-    keys: dict[str, Any] = plain(cell.scenario)
+    keys: dict[str, Any] = to_plain(cell.scenario)
     keys |= {"name": f"{study.name}-worst-{cell.number}", "seed": study.seed, "samples": study.search.starts}
-    keys |= {"recovery": plain(study)["recovery"]}
+    keys |= {"recovery": to_plain(study)["recovery"]}
     overrides: dict[str, Any] = {VEHICLES: attacked} if box.lots else {}
     for name in study.search.over:
         if name != VEHICLES:
@@ -65,5 +65,7 @@ def simulate_choice(study: Study, folder: Folder, machine: Machine) -> UPath:
 
 def write_config(study: Study, name: str, file: BinaryIO) -> None:
     """Write a study as a YAML file with this name; its first line is the command that runs it."""
-    body = yaml.dump(plain(study.config), Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
+    body = yaml.dump(
+        to_plain(study.config), Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100
+    )
     file.write(f"# jaxnet run {name}\n{body}".encode())

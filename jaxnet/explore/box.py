@@ -106,5 +106,5 @@ def value_at(scenario: Scenario, place: Place) -> object:
 
 def is_turn(number: object) -> bool:
     """Return whether a distribution is uniform over a full turn, so that both ends are the same angle."""
-    low, high = fields.bounds(number) if fields.is_drawn(number) else (0.0, 0.0)
+    low, high = fields.value_range(number) if fields.is_drawn(number) else (0.0, 0.0)
     return isinstance(number, fields.Uniform) and abs(high - low - 2 * fields.PI) < TURN

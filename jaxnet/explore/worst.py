@@ -19,8 +19,8 @@ import pandas as pd
 from jaxtyping import Float
 from upath import UPath
 
-from jaxnet.config.cells import Cell, plain
-from jaxnet.config.keys import Config, Scenario, Search
+from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.keys import Config, Scenario, SearchSettings
 from jaxnet.config.study import Study
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -73,7 +73,7 @@ class CellSearch:
     def __init__(self, study: Config, cell: Cell, folder: Folder, machine: Machine):
         assert study.search is not None
         self.study, self.cell, self.folder, self.machine = study, cell, folder, machine
-        self.settings: Search = study.search
+        self.settings: SearchSettings = study.search
         source = Keyed(study.seed)
         drawn = [place for place in places_of(cell.scenario, source) if place.name in self.settings.over]
         if missing := [key for key in self.settings.over if key not in {place.name for place in drawn}]:
@@ -115,7 +115,7 @@ class CellSearch:
 
     def stamp(self) -> str:
         """Return a hash of everything that determines the search."""
-        identity = json.dumps([SEARCH_VERSION, digest(self.study), plain(self.settings), self.cell.number])
+        identity = json.dumps([SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number])
         return hashlib.sha256(identity.encode()).hexdigest()
 
     def load(self) -> dict[str, np.ndarray]:

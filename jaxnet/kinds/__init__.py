@@ -1,10 +1,10 @@
-"""What a study chooses between: a folder a family, a file a kind.
+"""What a study chooses between: one folder for each family, one file for each kind.
 
-A kind is a frozen record. Its fields are its keys in a config, its methods are all that the rest of the
-program asks of it; nobody asks for its type. `registry` finds a kind by name: one of ours by its file, one of
-an installed package by its entry point, anybody's by `module:Class`.
+A kind is a frozen record. The fields of a kind are its keys in a config. The rest of the program calls the
+methods of a kind and never asks for its type. `registry.find` finds a kind by name: a kind of jaxnet by its
+file, a kind of an installed package by its entry point, any other kind by `module:Class`.
 
-Arrays that the methods of a kind are given while lanes are simulated have the lanes as their last axis, and
-the numbers among its fields are arrays then: one for the lane (lanes,), one for each vehicle (m, lanes), or
-as many as a list has (n, lanes).
+While lanes are simulated, arrays have the lanes as their last axis, and each number among the fields is an
+array: (lanes,) for a number of the lane, (m, lanes) for a number of each vehicle, (n, lanes) for a list of n
+numbers. `shapes` names the shapes.
 """

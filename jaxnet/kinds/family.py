@@ -1,32 +1,33 @@
-"""The type of a config's key that takes a kind: `Annotated[Attack, Of("attack")]`."""
+"""The type of a config's key that takes a kind: `Annotated[Attack, KindOf("attack")]`."""
 
-from typing import Any
-
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds import registry
+from jaxnet.kinds.families import base_of
 from jaxnet.kinds.kind import Kind, KindError
 
 
-class Of:
-    """A kind of a family: an object, or a mapping with `kind` and its keys, or its bare name."""
+class KindOf:
+    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name alone."""
 
     def __init__(self, family: str):
         self.family = family
 
-    def validate(self, value: Any) -> Kind:
-        """The kind that a value means."""
-        base = registry.base_of(self.family)
+    def validate(self, value: object) -> Kind:
+        """Return the kind that a value means."""
+        base = base_of(self.family)
         if isinstance(value, str):
             value = {"kind": value}
-        if isinstance(value, base):
+        if isinstance(value, Kind) and isinstance(value, base):
             return value
         if not isinstance(value, dict):
-            known = ", ".join(registry.names(self.family))
+            known = ", ".join(registry.kind_names(self.family))
             raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
         try:
             if not isinstance(value.get("kind"), str):
-                raise registry.unknown(self.family, value.get("kind"))
+                raise registry.unknown_kind(self.family, value.get("kind"))
             found = registry.find(self.family, value["kind"])
         except KindError as error:
             raise PydanticCustomError(
@@ -34,13 +35,17 @@ class Of:
             ) from error
         return found.model_validate({key: each for key, each in value.items() if key != "kind"})
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Validate by `validate`, and write as the kind writes itself."""
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Validate by `validate`, and serialise a kind by its own model."""
         return core_schema.no_info_plain_validator_function(
             self.validate,
             serialization=core_schema.plain_serializer_function_ser_schema(lambda kind: kind.model_dump()),
         )
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
-        """A place that `config.schema` fills in."""
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Return a placeholder, which `config.schema` replaces by a reference."""
         return {"family": self.family}

@@ -1,6 +1,4 @@
-"""Values that keys of a config take: numbers with their limits, and the distributions they may be drawn
-from.
-"""
+"""Types of keys: numbers with limits, and the distributions from which numbers are drawn."""
 
 import operator
 import statistics
@@ -15,56 +13,60 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     RootModel,
     Tag,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import core_schema
 
 PI = 3.141592653589793
 
-# A union's members are told apart by a word that no key of a user can be: pydantic puts it into the
-# location of an error, from where `sweep.written` takes it out again.
+# First character of the tags that identify members of a union. No key of a user has it. pydantic puts tags
+# into the location of an error, and `config.cells.keys_of` removes them.
 MARK = "\0"
 
 
-def member(name: str) -> Tag:
-    """The mark of one member of a union."""
+def union_member(name: str) -> Tag:
+    """Return the tag of one member of a union."""
     return Tag(MARK + name)
 
 
 class Record(BaseModel):
-    """A mapping with known keys, that takes what it is given literally and is never changed."""
+    """A mapping with known keys. It converts no types, and it is frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 def ordered(bounds: list[float]) -> list[float]:
-    """The bounds, if the first is not above the second."""
+    """Return the bounds; raise ValueError if the first is above the second."""
     if bounds[0] > bounds[1]:
         raise ValueError("the lower bound stands first")
     return bounds
 
 
 def not_negative(moments: list[float]) -> list[float]:
-    """Mean and standard deviation, if the latter is not negative."""
+    """Return mean and standard deviation; raise ValueError if the standard deviation is negative."""
     if moments[1] < 0:
         raise ValueError("a standard deviation is not negative")
     return moments
 
 
 class Uniform(Record):
-    """Uniform between two bounds."""
+    """Uniform distribution between two bounds."""
 
     uniform: Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
 
 
 class Normal(Record):
-    """Normal with a mean and a standard deviation."""
+    """Normal distribution with a mean and a standard deviation."""
 
     normal: Annotated[list[float], Len(2, 2), AfterValidator(not_negative)]
 
 
-class Choice(Record):
-    """One of a list, all as likely."""
+class DiscreteChoice(Record):
+    """One number of a list, all equally likely."""
 
     choice: Annotated[list[float], Len(1)]
 
@@ -72,13 +74,13 @@ class Choice(Record):
 DISTRIBUTIONS = ("uniform", "normal", "choice")
 
 
-def names_distribution(value: Any) -> bool:
-    """Whether a value means to be a distribution."""
+def names_distribution(value: object) -> bool:
+    """Return whether a value is a mapping with the name of a distribution."""
     return isinstance(value, dict) and any(name in value for name in DISTRIBUTIONS)
 
 
-def distribution(value: Any) -> str | None:
-    """Which kind of number a value means to be."""
+def number_tag(value: object) -> str | None:
+    """Return the tag of a number or distribution, None if a value is neither."""
     if isinstance(value, BaseModel):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
@@ -93,86 +95,86 @@ if TYPE_CHECKING:
     Number = Any  # a number or a distribution in a config; arrays while lanes are simulated
 else:
     Members = (
-        Annotated[float, member("number")]
-        | Annotated[Uniform, member("uniform")]
-        | Annotated[Normal, member("normal")]
-        | Annotated[Choice, member("choice")]
+        Annotated[float, union_member("number")]
+        | Annotated[Uniform, union_member("uniform")]
+        | Annotated[Normal, union_member("normal")]
+        | Annotated[DiscreteChoice, union_member("choice")]
     )
     Number = Annotated[
         Members,
-        Discriminator(distribution, custom_error_type="distribution", custom_error_message=A_NUMBER),
+        Discriminator(number_tag, custom_error_type="distribution", custom_error_message=A_NUMBER),
     ]
 
 
 class Apiece(Record):
-    """Drawn for each attacked vehicle."""
+    """One draw for each attacked vehicle."""
 
     each: Number = Field(description="drawn for each attacked vehicle")
 
 
 class Shared(Record):
-    """Drawn once, for all attacked vehicles."""
+    """One draw for all attacked vehicles."""
 
     shared: Number = Field(description="drawn once, for all attacked vehicles")
 
 
 class Listed(RootModel[Annotated[list[Number], Len(1)]]):
-    """A number for each attacked vehicle, in the order in which they are listed."""
+    """One number for each attacked vehicle, in the order of `attack.vehicles`."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
-def in_rows(given: Any) -> Any:
-    """Lists of lists; of numbers alone, each is a list."""
+def as_rows(given: list[float] | list[list[float]]) -> list[list[float]]:
+    """Return a list of lists; a number becomes a list of one number."""
     return [[each] if isinstance(each, float | int) else each for each in given]
 
 
-Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(in_rows)]
+Rows = Annotated[list[Annotated[list[float], Len(1)]], Len(1), BeforeValidator(as_rows)]
 
 
 class Table(RootModel[Rows]):
-    """Several numbers for each attacked vehicle, in the order in which they are listed."""
+    """Several numbers for each attacked vehicle, one list for each in the order of `attack.vehicles`."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
-def drawn_or_given(value: Any) -> str | None:
-    """Whether numbers of vehicles are drawn, all from one distribution, or given in a table."""
-    return MARK + "table" if isinstance(value, list | Table) else distribution(value)
+def table_tag(value: object) -> str | None:
+    """Return the tag of a table, or of the one distribution of all its numbers."""
+    return MARK + "table" if isinstance(value, list | Table) else number_tag(value)
 
 
 if TYPE_CHECKING:
-    Several = Any  # numbers that each attacked vehicle has several of
+    Several = Any  # several numbers for each attacked vehicle
 else:
     Several = Annotated[
-        Members | Annotated[Table, member("table")],
+        Members | Annotated[Table, union_member("table")],
         Discriminator(
-            drawn_or_given,
+            table_tag,
             custom_error_type="distribution",
             custom_error_message=f"{A_NUMBER}, or a list of lists, one for each attacked vehicle",
         ),
     ]
 
 
-def way(value: Any) -> str | None:
-    """Which kind of number of vehicles a value means to be."""
+def vehicle_number_tag(value: object) -> str | None:
+    """Return the tag of a number of vehicles: listed, each, shared, or one for all."""
     if isinstance(value, list):
         return MARK + "root"
     if isinstance(value, dict) and tuple(value) in (("each",), ("shared",)):
         return MARK + next(iter(value))
-    return distribution(value)
+    return number_tag(value)
 
 
 if TYPE_CHECKING:
-    PerVehicle = Any  # a number that attacked vehicles share, or that each has for itself
+    PerVehicle = Any  # one number for all attacked vehicles, or one for each
 else:
     PerVehicle = Annotated[
         Members
-        | Annotated[Apiece, member("each")]
-        | Annotated[Shared, member("shared")]
-        | Annotated[Listed, member("root")],
+        | Annotated[Apiece, union_member("each")]
+        | Annotated[Shared, union_member("shared")]
+        | Annotated[Listed, union_member("root")],
         Discriminator(
-            way,
+            vehicle_number_tag,
             custom_error_type="distribution",
             custom_error_message=f"{A_NUMBER}, one of them in {{each: ...}} or {{shared: ...}},"
             " or a list of them",
@@ -180,52 +182,52 @@ else:
     ]
 
 
-def is_drawn(number: Any) -> bool:
-    """Whether it is a distribution."""
-    return isinstance(number, Uniform | Normal | Choice)
+def is_drawn(number: object) -> bool:
+    """Return whether a value is a distribution."""
+    return isinstance(number, Uniform | Normal | DiscreteChoice)
 
 
-def differs(number: Any) -> bool:
-    """Whether vehicles have it each for itself, as the config says."""
+def differs(number: object) -> bool:
+    """Return whether each vehicle has a number of its own."""
     return isinstance(number, Apiece | Listed)
 
 
-def in_step(*numbers: Any) -> Iterator[tuple[Any, ...]]:
-    """Several numbers vehicle by vehicle: of lists one after the other, the others beside each."""
+def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
+    """Yield several numbers vehicle by vehicle; a number that is not listed repeats."""
     longest = max((len(number.root) for number in numbers if isinstance(number, Listed)), default=1)
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
-def bounds(number: Any) -> tuple[float, float]:
-    """The least and the greatest value that a number or distribution takes."""
+def value_range(number: Any) -> tuple[float, float]:
+    """Return the least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
             return low, high
         case Normal(normal=[mean, deviation]):
             return (mean, mean) if deviation == 0 else (-float("inf"), float("inf"))
-        case Choice(choice=values):
+        case DiscreteChoice(choice=values):
             return min(values), max(values)
         case Apiece(each=inner) | Shared(shared=inner):
-            return bounds(inner)
+            return value_range(inner)
         case Listed(root=numbers):
-            low, high = zip(*map(bounds, numbers), strict=True)
+            low, high = zip(*map(value_range, numbers), strict=True)
             return min(low), max(high)
     return number, number
 
 
 def median(number: Any) -> float:
-    """The median of a distribution; a number itself."""
+    """Return the median of a distribution, or the number itself."""
     match number:
         case Uniform(uniform=[low, high]):
             return (low + high) / 2
         case Normal(normal=[mean, _]):
             return mean
-        case Choice(choice=values):
+        case DiscreteChoice(choice=values):
             return statistics.median(values)
     return number
 
 
-# Which of the bounds is compared, how, in what words, and the schema's keyword for it.
+# For each limit: index of the bound to compare, comparison, words, keyword of the JSON schema.
 LIMITS = {
     "gt": (0, operator.gt, "greater than", "exclusiveMinimum"),
     "ge": (0, operator.ge, "at least", "minimum"),
@@ -235,31 +237,35 @@ LIMITS = {
 
 
 class Within:
-    """Limits on a number, or on whatever a distribution may draw, by the names that `Field` has."""
+    """Limits on a number, and on each value that a distribution can draw. Keywords are those of `Field`."""
 
     def __init__(self, **limits: float):
         self.limits = limits
 
     def check(self, number: Any) -> Any:
-        """The number, if it keeps the limits."""
+        """Return the number; raise ValueError if it breaks a limit."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
-            if not holds(bounds(number)[bound], limit):
+            if not holds(value_range(number)[bound], limit):
                 drawn = ", whatever is drawn" if is_drawn(number) else ""
                 raise ValueError(f"must be {words} {limit:g}{drawn}")
         return number
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Validate by `check`."""
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Validate a number by `check`."""
         return AfterValidator(self.check).__get_pydantic_core_schema__(source, handler)
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
-        """Tell editors the limits; JSON's apply to numbers alone."""
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Add the limits to the JSON schema, where they apply to numbers, not to distributions."""
         return handler(schema) | {LIMITS[name][3]: limit for name, limit in self.limits.items()}
 
 
 class Each:
-    """The mark of a number that every vehicle has for itself: drawn for each, if it is drawn."""
+    """Mark of a number that every vehicle has for itself; a distribution is drawn for each vehicle."""
 
 
 Positive = Annotated[Number, Within(gt=0.0)]

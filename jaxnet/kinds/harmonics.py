@@ -1,4 +1,4 @@
-"""Sums of harmonics of one frequency, whose size is certified: what some attacks are made of."""
+"""Attacks that are sums of harmonics of one frequency, with a certified bound on the sum."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,39 +7,43 @@ import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
-from jaxnet.kinds.fields import PositivePerVehicle, Table, bounds
+from jaxnet.kinds.fields import PositivePerVehicle, Table, value_range
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.signal import ORDERS, Harmonic
 
-FINENESS = 32  # instants of a grid in a period of the highest harmonic
-SIGNALS = 1_024  # signals whose size is found at once
+FINENESS = 32  # points of the grid in a period of the highest harmonic
+SIGNALS = 1_024  # signals in one batch of Fourier transforms
 
 
 class Harmonics(Attack):
-    """A trigonometric polynomial of each attacker's own, as great as ā allows.
+    """A trigonometric polynomial for each attacker, scaled to the greatest size that ā allows.
 
-    It is divided by the greatest of its norm and of its derivatives' on a grid, over cos(Ωδ/2) for the
-    highest frequency Ω and the grid's step δ, under which a trigonometric polynomial stays between the grid's
-    points (Ehlich and Zeller, 1964).
+    The polynomial is divided by its greatest norm, and its derivatives' norms, on a grid. Between the grid's
+    points a trigonometric polynomial is at most 1/cos(Ωδ/2) times greater, with the highest frequency Ω and
+    the grid's step δ (Ehlich and Zeller, 1964). The divisor contains this factor.
     """
 
     frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
 
     def pairs(self) -> np.ndarray:
-        """Vectors of cosine and sine of each harmonic, of any size: (2, m, 2 · harmonics, lanes)."""
+        """Return vectors of cosine and sine of each harmonic, of any size: (2, m, 2 · harmonics, lanes)."""
         raise KindError(f"{self.kind}: a sum of harmonics gives pairs(self)")
 
-    def with_several(self, draw: Any, name: str, **numbers: int) -> Any:
-        """The same drawn; of these keys so many numbers for each harmonic: (numbers, m, lanes)."""
+    def with_several(self, draw: LaneDraw, name: str, **numbers: int) -> Any:
+        """Return the drawn attack with `numbers[key]` numbers for each harmonic in a key: (numbers, m,
+        lanes).
+        """
         others = self.model_copy(update=dict.fromkeys(numbers))
         values = dict(vars(Attack.drawn(others, draw, name)))
         for key, number in numbers.items():
             values[key] = draw.each(getattr(self, key), f"{name}.{key}", number * self.harmonics).T
         return self.filled(values)
 
-    def tables(self, scenario: Any, **numbers: int) -> Iterator[Fault]:
-        """What is wrong with tables of so many numbers for each harmonic."""
+    def tables(self, scenario: ScenarioView, **numbers: int) -> Iterator[Fault]:
+        """Yield the faults of tables that must have `numbers[key]` numbers for each harmonic."""
         for key, number in numbers.items():
             table = getattr(self, key)
             wanted = len(self.targets()), number * self.harmonics
@@ -50,25 +54,29 @@ class Harmonics(Attack):
                 yield Fault((f"attack.{key}", "attack"), message)
 
     def fastest(self) -> float:
-        """The highest harmonic's."""
-        return self.harmonics * bounds(self.frequency)[1]
+        """Return the angular frequency of the highest harmonic [rad/s]."""
+        return self.harmonics * value_range(self.frequency)[1]
 
-    def basis(self, time: Any) -> Any:
-        """Cosines, then sines."""
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return cosine and sine of each harmonic, lowest first."""
         xp = time.__array_namespace__()
         each = [Harmonic(order * self.frequency).basis(time) for order in range(1, self.harmonics + 1)]
         return xp.concatenate(each, axis=1)
 
     def vectors(self) -> np.ndarray:
-        """Of cosine and sine of each harmonic, in their order; 0 of a vehicle that has none."""
+        """Return the vectors of cosine and sine of each harmonic, scaled to size 1; 0 for a vehicle without
+        attack.
+        """
         pairs = self.pairs()
         greatest = self.greatest(pairs)
         return pairs / np.where(greatest > 0, greatest, 1.0)
 
     def greatest(self, vectors: np.ndarray) -> np.ndarray:
-        """What signals of vectors (2, m, B, lanes) and their derivatives do not exceed, (m, 1, lanes).
+        """Return a bound on the norms of signals and three derivatives, (m, 1, lanes), for vectors (2, m, B,
+        lanes).
 
-        Each is `Re Σ_l z_l e^{ilθ}`, its derivatives with `(ilω)^k z_l`: on the grid a Fourier transform.
+        A signal is `Re Σ_l z_l e^{ilθ}`, its k-th derivative has `(ilω)^k z_l`. A Fourier transform evaluates
+        them on the grid.
         """
         m, lanes = vectors.shape[1], vectors.shape[3]
         rate = np.broadcast_to(self.frequency, (m, lanes)).ravel()
@@ -83,12 +91,12 @@ class Harmonics(Attack):
         return found.reshape(m, 1, lanes) / np.cos(np.pi / FINENESS)
 
     def peak(self, vectors: np.ndarray, order: int) -> np.ndarray:
-        """Greatest norm on the grid of a derivative to the angle, of vectors (signals, 2, B)."""
+        """Return the greatest norm on the grid of a derivative by the angle, for vectors (signals, 2, B)."""
         count, number = FINENESS * self.harmonics, np.arange(1, self.harmonics + 1)
         spectrum = (vectors[..., ::2] - 1j * vectors[..., 1::2]) * (1j * number) ** order * (count / 2)
         x, y = np.moveaxis(np.fft.irfft(np.insert(spectrum, 0, 0.0, axis=-1), count), 1, 0)
         return np.sqrt((x**2 + y**2).max(axis=-1))
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """1, for the vectors are divided by what is greatest."""
+        """Return 1 for each order, because the vectors are divided by the greatest size."""
         return np.ones((4, 1))

@@ -1,76 +1,83 @@
-"""What all kinds share: how one is written in a config, drawn for lanes, and told what is wrong."""
+"""The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field, model_serializer
+from upath import UPath
 
 from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 from jaxnet.kinds.modules import KindError as KindError
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 
 
 class Fault(NamedTuple):
-    """What is wrong with a scenario: the dotted keys that it stands on, the first the one to name."""
+    """An error in a scenario: the dotted keys that cause it, the most important first, and a message."""
 
     keys: tuple[str, ...]
     message: str
 
 
-class Kind(Record):
-    """One of several ways. `label` names it in tables.
+AnyKind = TypeVar("AnyKind", bound="Kind")
 
-    A class of one's own may say what tables call it by `kind`; without it that is the class's name.
+
+class Kind(Record):
+    """One of several alternatives under one key of a config.
+
+    A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a kind of
+    jaxnet; without it the name is that of the class. `untraced` holds the keys that no method reads while
+    lanes run.
     """
 
     kind: ClassVar[str]
-    untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label"}
-    )  # fields that no method asks for while lanes run
+    untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Give a class its name, unless it has said one."""
+        """Set `kind` to the name of the class unless the class defines it."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
 
     @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
+    def _plain(self, handler: Callable[["Kind"], dict[str, Any]]) -> dict[str, Any]:
         return {"kind": self.reference(), **handler(self)}
 
     @classmethod
     def reference(cls) -> str:
-        """How a config names the class: ours by its kind, others as they were found or by `module:Class`."""
+        """Return the name of the class in a config: `kind` for a kind of jaxnet, else the name by which it
+        was found.
+        """
         if cls.__module__.startswith("jaxnet."):
             return cls.kind
-        return REFERENCES.get(cls, f"{modules.public(cls.__module__)}:{cls.__qualname__}")
+        return REFERENCES.get(cls, f"{modules.public_name(cls.__module__)}:{cls.__qualname__}")
 
-    def __reduce__(self) -> Any:
-        """Another process is told in which file the class is, and what that file must hold."""
+    def __reduce__(self) -> tuple[Callable[..., "Kind"], tuple[object, ...]]:
+        """Pickle the file of the class with its hash, so that another process loads the same class."""
         cls = type(self)
-        return rebuilt, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
+        return restore_kind, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
-    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
-        """What a config says of one, with what the file at its `path`, from this folder, says too.
+    def completed(cls, given: dict[Any, Any], folder: UPath) -> dict[Any, Any]:
+        """Return a config's mapping of this kind, completed by the file at its key `path` in a folder.
 
-        Raises KindError.
+        By default the mapping is returned as it is. Raises KindError if the file cannot be read.
         """
         return given
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """What is wrong with a scenario that has this kind, besides what single keys show."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of a scenario with this kind that no single key shows."""
         yield from ()
 
     def drawn_keys(self) -> list[str]:
-        """Keys of its own that are drawn lane by lane."""
+        """Return the keys whose values are drawn lane by lane."""
         return [key for key in type(self).model_fields if holds_drawn(getattr(self, key))]
 
-    def drawn(self, draw: Any, name: str) -> Any:
-        """The same with its numbers drawn, lanes last; `name` is its dotted key."""
+    def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
+        """Return a copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
         values: dict[str, Any] = {}
         for key, field in type(self).model_fields.items():
             value, dotted = getattr(self, key), f"{name}.{key}"
@@ -86,8 +93,8 @@ class Kind(Record):
         return self.filled(values)
 
     @classmethod
-    def filled(cls, values: Mapping[str, Any]) -> Any:
-        """An object with these values, which are not looked at; keys that are left out are missing."""
+    def filled(cls: type[AnyKind], values: Mapping[str, object]) -> AnyKind:
+        """Return an object with these values without validation; a key that is left out is missing."""
         made = cls.__new__(cls)
         object.__setattr__(made, "__dict__", dict(values))
         for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
@@ -95,21 +102,21 @@ class Kind(Record):
         return made
 
 
-def rebuilt(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
-    """A kind that another process has sent; raises KindError if its module is not the same here."""
-    return modules.attribute(modules.loaded(origin), name).filled(values)
+def restore_kind(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
+    """Return a kind that another process has sent; raise KindError if its module differs in this process."""
+    return modules.attribute(modules.load_origin(origin), name).filled(values)
 
 
-REFERENCES: dict[type[Kind], str] = {}  # of the classes that `registry` has found
+REFERENCES: dict[type[Kind], str] = {}  # names of the classes that `registry` has found
 
 
-def is_number(value: Any) -> bool:
-    """Whether a value is a number with a decimal point, a distribution of such, or one of each vehicle."""
+def is_number(value: object) -> bool:
+    """Return whether a value is a float, a distribution, or a number of each vehicle."""
     return isinstance(value, float | Apiece | Shared | Listed) or is_drawn(value)
 
 
-def holds_drawn(value: Any) -> bool:
-    """Whether a value is a distribution, or has one in it."""
+def holds_drawn(value: object) -> bool:
+    """Return whether a value is or contains a distribution."""
     if isinstance(value, list | tuple):
         return any(map(holds_drawn, value))
     if isinstance(value, Kind):
@@ -120,7 +127,7 @@ def holds_drawn(value: Any) -> bool:
 
 
 def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> Iterator[Fault]:
-    """Those of a list that do not exist; `first` is 1 for vehicles, 0 for sources."""
+    """Yield a fault for numbers outside `first` … `vehicles`; `first` is 1 for vehicles, 0 for sources."""
     beyond = sorted({one for one in listed if not first <= one <= vehicles})
     if beyond:
         noun = "vehicles are" if first else "sources are"
@@ -128,6 +135,6 @@ def unknown_vehicles(key: str, listed: list[int], vehicles: int, first: int) -> 
         yield Fault((key, "vehicles"), f"{noun} {first} to {vehicles} (got {got})")
 
 
-def numbered(mask: np.ndarray) -> list[int]:
-    """Numbers of the vehicles in a mask, from 1."""
+def vehicle_numbers(mask: np.ndarray) -> list[int]:
+    """Return the numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]

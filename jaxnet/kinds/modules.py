@@ -1,8 +1,9 @@
-"""Modules of kinds from outside, loaded by their files.
+"""Modules of kinds from outside, loaded from their files.
 
-Two folders may each have a `kinds.py`, and a notebook may edit one. A name tells neither apart, so a file is
-imported under a private name, `jaxnet_kinds_…`, that stands for its folder and its content. The folder is
-never put on `sys.path`: a library that looks for an optional module does not find a file of the folder.
+Two folders may each have a `kinds.py`, and a notebook may edit a file: a name does not identify a module. A
+file is therefore imported under a private name, `jaxnet_kinds_…`, which stands for its folder and its
+content. The folder is not put on `sys.path`, so a library that looks for an optional module does not find a
+file of the folder.
 """
 
 import ast
@@ -27,19 +28,19 @@ PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
 
 
 class KindError(ValueError):
-    """A kind from outside that cannot be had, or that failed; says which and where."""
+    """A kind from outside that cannot be loaded, or that failed. The message names the kind and the place."""
 
 
 class Origin(NamedTuple):
-    """Where another process finds a module: its folder, its name there, and what its files must hold."""
+    """Where another process finds a module: its folder, its name there, and the hashes of its files."""
 
     folder: str  # empty: the module is imported by its name
     module: str
     hashes: tuple[tuple[str, str], ...] = ()  # SHA-256 of the module and of its neighbours that it imports
 
 
-class Neighbours:
-    """The modules in a folder, as their files are when they are first read."""
+class ModuleFolder:
+    """The modules of a folder, with the contents that their files had at the first read."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -53,40 +54,40 @@ class Neighbours:
         sys.modules[self.name] = package
 
     def read(self, file: Path) -> bytes:
-        """What a file held when it was first read."""
+        """Return the content of a file at its first read."""
         if file not in self.sources:
             self.sources[file] = file.read_bytes()
         return self.sources[file]
 
     def current(self) -> bool:
-        """Whether all files that were read are as they were."""
+        """Return whether no file has changed since it was read."""
         return all(file.is_file() and file.read_bytes() == held for file, held in self.sources.items())
 
     def hashes(self, module: str) -> dict[str, str]:
-        """SHA-256 of a module's file and of its neighbours' that it imports, by name."""
+        """Return the SHA-256 of a module's file and of the neighbours that it imports, by name."""
         files = closure(self, module)
         return {name: hashlib.sha256(self.read(file)).hexdigest() for name, file in files.items()}
 
     def load(self, module: str) -> types.ModuleType:
-        """The module of this name in the folder; raises what its code does."""
-        closure(self, module)  # what it imports is read now, even if it is imported later
+        """Import the module of this name from the folder. Any error of its code passes through."""
+        closure(self, module)  # reads all neighbours now, also those that are imported later
         return importlib.import_module(f"{self.name}.{module}")
 
 
-STATES: dict[str, Neighbours] = {}  # by private name
+STATES: dict[str, ModuleFolder] = {}  # by private name
 
 
-def neighbours(folder: Path) -> Neighbours:
-    """The modules in a folder as their files are now."""
-    if Finder not in sys.meta_path:
-        sys.meta_path.insert(0, Finder)
+def module_folder(folder: Path) -> ModuleFolder:
+    """Return the modules of a folder for the present contents of its files."""
+    if NeighbourFinder not in sys.meta_path:
+        sys.meta_path.insert(0, NeighbourFinder)
     folder = folder.resolve()
     held = (each for each in reversed(STATES.values()) if each.folder == folder and each.current())
-    return next(held, None) or Neighbours(folder)
+    return next(held, None) or ModuleFolder(folder)
 
 
 def file_of(folder: Path, module: str) -> Path | None:
-    """The file of a module of this name in a folder, None if there is none."""
+    """Return the file of a module in a folder, None if there is none."""
     *packages, name = module.split(".")
     if not all(map(str.isidentifier, (*packages, name))) or module.partition(".")[0] == "jaxnet":
         return None
@@ -96,12 +97,12 @@ def file_of(folder: Path, module: str) -> Path | None:
 
 
 def is_package(file: Path) -> bool:
-    """Whether a module's file makes it a package."""
+    """Return whether a module's file makes it a package."""
     return file.name == "__init__.py"
 
 
-def closure(held: Neighbours, module: str) -> dict[str, Path]:
-    """Files of a module and of the neighbours that its code imports, directly or not, by name."""
+def closure(held: ModuleFolder, module: str) -> dict[str, Path]:
+    """Return the files of a module and of all neighbours that it imports, directly or not, by name."""
     found: dict[str, Path] = {}
     ahead = [module]
     held.named.add(module.partition(".")[0])
@@ -117,16 +118,16 @@ def closure(held: Neighbours, module: str) -> dict[str, Path]:
 
 
 def parents(name: str) -> list[str]:
-    """The packages that a module is in."""
+    """Return the packages that contain a module."""
     parts = name.split(".")
     return [".".join(parts[:end]) for end in range(1, len(parts))]
 
 
 def imports_in(source: bytes, package: str) -> Iterator[str]:
-    """Names of all modules that a source may import, wherever in it; none of one that is not Python."""
+    """Yield the names of all modules that a source may import; a source that is not Python yields none."""
     try:
         tree = ast.parse(source)
-    except (SyntaxError, ValueError):  # told when it is imported
+    except (SyntaxError, ValueError):  # the import reports the error
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -138,19 +139,19 @@ def imports_in(source: bytes, package: str) -> Iterator[str]:
             yield base
 
 
-class Finder:
-    """Finds modules of a folder by their private names, and nothing else."""
+class NeighbourFinder:
+    """Import finder for the private names of modules in folders."""
 
     @classmethod
-    def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """How a module is loaded from its file."""
+    def find_spec(cls, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        """Return the specification of a module with a private name, None for any other name."""
         state, _, module = fullname.partition(".")
         held = STATES.get(state)
         if held is None or not module:
             return None
         file = file_of(held.folder, module)
         if file is not None:
-            loader = Loader(fullname, str(file))
+            loader = NeighbourLoader(fullname, str(file))
             inside = [str(file.parent)] if is_package(file) else None
             return importlib.util.spec_from_file_location(
                 fullname, file, loader=loader, submodule_search_locations=inside
@@ -163,11 +164,13 @@ class Finder:
         return spec
 
 
-class Loader(SourceFileLoader):
-    """Runs the source that was read, and has it find its neighbours; no compiled file is read or left."""
+class NeighbourLoader(SourceFileLoader):
+    """Loader that runs the source at its first read and imports neighbours. It neither reads nor writes
+    bytecode.
+    """
 
     def exec_module(self, module: types.ModuleType) -> None:
-        """Run the module's code; its `import` looks among its neighbours first."""
+        """Run the module's code; its `import` statements look for neighbours first."""
         held = STATES[module.__name__.partition(".")[0]]
         finding = functools.partial(import_beside, held)
         vars(module)["__builtins__"] = {**vars(builtins), "__import__": finding}
@@ -176,14 +179,14 @@ class Loader(SourceFileLoader):
 
 
 def import_beside(
-    held: Neighbours,
+    held: ModuleFolder,
     name: str,
     globals: Any = None,
     locals: Any = None,
     fromlist: Any = (),
     level: int = 0,
 ) -> Any:
-    """`__import__` of a module's code: a neighbour by its private name, anything else as ever."""
+    """Import a neighbour by its private name, any other module as Python's `__import__` does."""
     top = name.partition(".")[0]
     if level or not is_neighbour(held, top):
         return builtins.__import__(name, globals, locals, fromlist, level)
@@ -193,10 +196,10 @@ def import_beside(
     return sys.modules[f"{held.name}.{top}"]
 
 
-def is_neighbour(held: Neighbours, top: str) -> bool:
-    """Whether an import of this name means a file of the folder.
+def is_neighbour(held: ModuleFolder, top: str) -> bool:
+    """Return whether an import of this name means a file of the folder.
 
-    Modules of Python and of installed packages come first, but for a name that the config itself gives.
+    Modules of Python and of installed packages take precedence, except over a name that the config uses.
     """
     if file_of(held.folder, top) is None and not (top.isidentifier() and (held.folder / top).is_dir()):
         return False
@@ -204,27 +207,27 @@ def is_neighbour(held: Neighbours, top: str) -> bool:
 
 
 def without_private(words: str) -> str:
-    """A message with modules by the names that they have in their folders."""
+    """Return a message with private module names replaced by the names in the folders."""
     return PRIVATE.sub("", words)
 
 
-def files() -> set[str]:
-    """Files of all modules that were loaded from folders."""
+def loaded_files() -> set[str]:
+    """Return the files of all modules that were loaded from folders."""
     return {str(file) for held in STATES.values() for file in held.sources}
 
 
-def public(module: str) -> str:
-    """The name that a module has in its folder."""
+def public_name(module: str) -> str:
+    """Return the name of a module in its folder."""
     return PRIVATE.sub("", module, count=1) if module.startswith(PREFIX) else module
 
 
-def state_of(module: str) -> Neighbours | None:
-    """The neighbours of a loaded module, None of one that is imported by its name."""
+def state_of(module: str) -> ModuleFolder | None:
+    """Return the folder of a loaded module, None for a module that was imported by its name."""
     return STATES.get(module.partition(".")[0])
 
 
 def folder_of(module: str) -> Path | None:
-    """The folder from which a module is imported by its name, None if it is in no file."""
+    """Return the folder from which a module is imported by its name, None if it has no file."""
     file = getattr(sys.modules[module], "__file__", None)
     if not file or not Path(file).is_file():
         return None
@@ -232,19 +235,19 @@ def folder_of(module: str) -> Path | None:
 
 
 def is_installed(module: str) -> bool:
-    """Whether a module came with a distribution."""
+    """Return whether a module belongs to an installed distribution."""
     return version_of(module) is not None
 
 
 @functools.cache
 def version_of(module: str) -> str | None:
-    """Version of the distribution that a module came with, None if it came with none."""
+    """Return the version of the distribution of a module, None if it has none."""
     top = module.partition(".")[0]
     return next((each.version for each in metadata.distributions() if installs(each, top)), None)
 
 
-def installs(distribution: Any, top: str) -> bool:
-    """Whether a package or module of this name came with it: by what it declares, or by its list of files."""
+def installs(distribution: metadata.Distribution, top: str) -> bool:
+    """Return whether a distribution declares or contains a top-level package or module."""
     if declared := (distribution.read_text("top_level.txt") or "").split():
         return top in declared
     files = (distribution.read_text("RECORD") or "").splitlines()
@@ -252,13 +255,13 @@ def installs(distribution: Any, top: str) -> bool:
 
 
 def attribute(module: types.ModuleType, name: str) -> Any:
-    """What stands at a dotted name in a module; raises AttributeError."""
+    """Return the object at a dotted name in a module; raise AttributeError."""
     return operator.attrgetter(name)(module)
 
 
 @functools.cache
-def loaded(origin: Origin) -> types.ModuleType:
-    """The module of another process, from a file of the same content; raises KindError if there is none."""
+def load_origin(origin: Origin) -> types.ModuleType:
+    """Return another process's module from a file of the same content; raise KindError if there is none."""
     if not origin.folder:
         return importlib.import_module(origin.module)
     seen = None
@@ -267,13 +270,13 @@ def loaded(origin: Origin) -> types.ModuleType:
             continue
         seen = seen or file_of(folder, origin.module)
         states = [each for each in STATES.values() if each.folder == folder.resolve()]
-        for held in (*states, neighbours(folder)):
+        for held in (*states, module_folder(folder)):
             if tuple(held.hashes(origin.module).items()) == origin.hashes:
                 return held.load(origin.module)
-    where = f"is another one in process {os.getpid()} ({seen})" if seen else absent(origin)
+    where = f"is another one in process {os.getpid()} ({seen})" if seen else absence_message(origin)
     raise KindError(f"{origin.module} {where}")
 
 
-def absent(origin: Origin) -> str:
-    """What is said of a module that a process does not find."""
+def absence_message(origin: Origin) -> str:
+    """Return the end of the message about a module that a process does not find."""
     return f"is not found by process {os.getpid()}, neither in {origin.folder} nor among installed modules"

@@ -1,9 +1,9 @@
-"""Kinds as JAX sees them: a tree whose leaves are the numbers drawn, of a type that its other keys tell
-apart.
+"""Kinds as pytrees of JAX: the drawn numbers are leaves, all other keys belong to the tree's structure.
 
-Lanes whose kinds are alike in class and in all that is no number share a compiled program.
+Lanes share one compiled program if the classes and structures of their kinds are equal.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import jax
@@ -13,9 +13,9 @@ from jaxnet.kinds.kind import Kind
 
 
 class Settings:
-    """Keys of a kind that are no numbers, by which its compiled programs are told apart."""
+    """The keys of a kind that are not numbers, as a hashable part of the tree's structure."""
 
-    def __init__(self, values: dict[str, Any]):
+    def __init__(self, values: dict[str, object]):
         self.values, self.words = values, repr(sorted(values.items()))
 
     def __eq__(self, other: object) -> bool:
@@ -26,39 +26,43 @@ class Settings:
 
 
 class Shape(NamedTuple):
-    """What a kind is besides its numbers."""
+    """The structure of a kind: names of its leaves, and its settings."""
 
     leaves: tuple[str, ...]
     settings: Settings
 
 
-KNOWN: set[type] = set()
+REGISTERED_CLASSES: set[type] = set()
 
 
 def as_pytree(drawn: Any) -> Any:
-    """A drawn kind with what lanes ask of it, its class known to JAX, in a tuple too; else as it is."""
+    """Return a drawn kind as a registered pytree without its untraced keys, also inside tuples; else the
+    argument.
+    """
     if isinstance(drawn, tuple):
         return type(drawn)(*map(as_pytree, drawn))
     if not isinstance(drawn, Kind) or "_leaves" in vars(drawn):
         return drawn
     cls = type(drawn)
     values = {key: as_pytree(each) for key, each in vars(drawn).items() if key not in drawn.untraced}
-    if cls not in KNOWN:
-        KNOWN.add(cls)
-        jax.tree_util.register_pytree_node(cls, flatten, lambda shape, leaves: unflatten(cls, shape, leaves))
+    if cls not in REGISTERED_CLASSES:
+        REGISTERED_CLASSES.add(cls)
+        jax.tree_util.register_pytree_node(
+            cls, flatten_kind, lambda shape, leaves: unflatten_kind(cls, shape, leaves)
+        )
     leaves = tuple(key for key, each in values.items() if isinstance(each, np.ndarray | Kind))
     return cls.filled({**values, "_leaves": leaves})
 
 
-def flatten(kind: Any) -> tuple[tuple[Any, ...], Shape]:
-    """Its numbers, and its shape."""
+def flatten_kind(kind: Kind) -> tuple[tuple[object, ...], Shape]:
+    """Return the leaves and the structure of a kind."""
     values = dict(vars(kind))
     leaves = values.pop("_leaves")
     settings = {key: each for key, each in values.items() if key not in leaves}
     return tuple(values[key] for key in leaves), Shape(leaves, Settings(settings))
 
 
-def unflatten(cls: type[Kind], shape: Shape, leaves: Any) -> Kind:
-    """A kind of this shape."""
+def unflatten_kind(cls: type[Kind], shape: Shape, leaves: Iterable[object]) -> Kind:
+    """Return a kind of this class from its structure and leaves."""
     numbers = dict(zip(shape.leaves, leaves, strict=True))
     return cls.filled({**shape.settings.values, **numbers, "_leaves": shape.leaves})

@@ -117,6 +117,6 @@ def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "...
         case fields.Normal(normal=[mean, deviation]):
             with jax.enable_x64(True):
                 return mean + deviation * np.asarray(jax.scipy.special.ndtri(u))
-        case fields.Choice(choice=values):
+        case fields.DiscreteChoice(choice=values):
             return np.array(values)[(u * len(values)).astype(int)]
     raise TypeError(f"not a distribution: {number!r}")

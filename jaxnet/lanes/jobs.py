@@ -12,7 +12,7 @@ from jaxnet.config.scenario import has_ticks, interval_of, outputs_of, sources_o
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.attacks import AnyAttack, scaled
+from jaxnet.kinds.attacks import AnyAttack, signal_scale
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
@@ -249,7 +249,7 @@ def as_one(
     if drawn.bounded:
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
-        scale = np.broadcast_to(scaled(drawn, sizes), count)
+        scale = np.broadcast_to(signal_scale(drawn, sizes), count)
     unit = first_vectors(signal, count) if given is None else given
     reach = np.broadcast_to(drawn.reach(scenario.navigator, signal, scenario.horizon), (4, count))
     return received_of(signal, drawn, count), unit * scale, scale, reach

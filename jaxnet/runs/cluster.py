@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from upath import UPath
 
-from jaxnet.kinds import registry
+from jaxnet.kinds import blame
 from jaxnet.kinds.registry import Scope
 from jaxnet.lazy import LazyModule
 from jaxnet.runs import cache
@@ -283,7 +283,7 @@ def run_task(work: bytes, needed: dict[str, str], item: bytes) -> Answer:
     with SETTING_UP:
         said = set_up_worker(worker.state.nthreads)
     refuse_versions(worker.address, versions(), needed)
-    with registry.blaming():
+    with blame.blaming():
         task, _ = pickle.loads(work)
         found = task(pickle.loads(item))
     return Answer(found, list(drain(said)))

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config import keys
-from jaxnet.config.cells import Cell, plain
+from jaxnet.config.cells import Cell, to_plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -116,7 +116,7 @@ class Run:
             "cells": len(self.cells),
             "samples": samples,
             "shard_size": self.size,
-            "save": plain(self.study.save),
+            "save": to_plain(self.study.save),
         }
 
     def begin(self, samples: int) -> None:
@@ -262,7 +262,7 @@ def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:
     match save.trajectories:
         case keys.Samples(samples=samples):
             return sorted(set(samples))
-        case keys.Worst(worst=count):
+        case keys.WorstLanes(worst=count):
             ok: Any = lanes[lanes["status"] == "ok"]
             return sorted(ok.nlargest(count, "tail_mean")["sample"].tolist())
     return []

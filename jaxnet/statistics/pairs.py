@@ -16,7 +16,7 @@ import pandas as pd
 from jaxtyping import Bool
 from scipy import special
 
-from jaxnet.config.cells import Cell, plain
+from jaxnet.config.cells import Cell, to_plain
 from jaxnet.statistics import means
 from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.limits import ceilings
@@ -219,7 +219,7 @@ def lane_table(pairs: Sequence[CellPair], lanes: Sequence[Any], columns: list[st
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:
     """Return the keys in which two studies differ, without the keys that both sweep."""
-    a, b = (by_dotted_key(plain(results.study.config)) for results in (first, second))
+    a, b = (by_dotted_key(to_plain(results.study.config)) for results in (first, second))
     swept = [key for key in first.study.cells[0].labels if key in second.study.cells[0].labels]
     rows = [
         {"key": key, "A": a.get(key, "-"), "B": b.get(key, "-")}

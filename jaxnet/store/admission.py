@@ -4,7 +4,7 @@ import json
 import re
 from textwrap import shorten
 
-from jaxnet.config.cells import plain
+from jaxnet.config.cells import to_plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.store import rows
@@ -53,7 +53,7 @@ def claim(folder: Folder, config: Config) -> None:
             versions=versions(),
             kinds=describe_kinds(config),
             modules={name: made._asdict() for name, made in modules_of(config).items()},
-            save=plain(config.save),
+            save=to_plain(config.save),
             samples=0,
             finished=False,
         )
@@ -110,7 +110,7 @@ def difference(folder: Folder, config: Config) -> str:
     file = folder.path / "study.yaml"
     if not file.exists():
         return ""
-    theirs, ours = flatten_keys(Document.read(file).data), flatten_keys(plain(config))
+    theirs, ours = flatten_keys(Document.read(file).data), flatten_keys(to_plain(config))
     keys = [
         key
         for key in dict.fromkeys([*theirs, *ours])

@@ -21,9 +21,9 @@ from typing import Any, BinaryIO, TypedDict, cast
 import yaml
 from upath import UPath
 
-from jaxnet.config.cells import plain
+from jaxnet.config.cells import to_plain
 from jaxnet.config.keys import Config
-from jaxnet.config.yaml12 import Dumper
+from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.kinds.provenance import Provenance, provenance
 from jaxnet.store import lock
 from jaxnet.store.looking import describe_outside
@@ -102,7 +102,7 @@ def unhashed(config: Config) -> tuple[str, ...]:
 
 def digest(config: Config) -> str:
     """Return the hash of all that changes rows: the config, and the modules of kinds from outside."""
-    data = plain(config)
+    data = to_plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
     if made_of := modules_of(config):
         kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
@@ -112,12 +112,12 @@ def digest(config: Config) -> str:
 
 def modules_of(config: Config) -> dict[str, Provenance]:
     """Return the provenance of the kinds from outside that a config names, by module."""
-    return provenance(config.scope.named_in(plain(config)))
+    return provenance(config.scope.named_in(to_plain(config)))
 
 
 def describe_kinds(config: Config) -> dict[str, dict[str, object]]:
     """Return the manifest's description of the kinds from outside that a config names."""
-    return describe_outside(config.scope.known, config.scope.named_in(plain(config)))
+    return describe_outside(config.scope.known, config.scope.named_in(to_plain(config)))
 
 
 def versions() -> dict[str, str]:
@@ -333,9 +333,9 @@ class Folder:
 
     def write_study(self, config: Config) -> None:
         """Write `study.yaml`: the study with every default, which a run accepts as a config."""
-        data = plain(config)
+        data = to_plain(config)
         ordered = {key: data[key] for key in ("name", "seed", "samples")} | data
-        body = yaml.dump(ordered, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=100)
+        body = yaml.dump(ordered, Dumper=Yaml12Dumper, sort_keys=False, default_flow_style=None, width=100)
         text = f"# jaxnet run study.yaml\n{body}"
         self.put("study.yaml", lambda file: file.write(text.encode()))
 

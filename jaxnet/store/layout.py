@@ -117,7 +117,7 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
     match study.save.trajectories:
         case keys.Samples(samples=samples):
             chosen = len(samples) * len(cells)
-        case keys.Worst(worst=count):
+        case keys.WorstLanes(worst=count):
             chosen = count * len(cells)
         case _:
             chosen = 0

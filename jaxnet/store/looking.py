@@ -19,9 +19,11 @@ from pydantic import BaseModel, ConfigDict, create_model
 
 from jaxnet.kinds import modules
 from jaxnet.kinds import provenance as source
+from jaxnet.kinds.families import FAMILIES, base_of
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
-from jaxnet.kinds.registry import FAMILIES, LOADED, NAMED, Scope, base_of, entry_points, imported
+from jaxnet.kinds.outside import entry_points, import_reference
+from jaxnet.kinds.registry import LOADED, METRIC_REFERENCES, Scope
 
 METRIC = ("name", "unit", "over", "time", "vehicles", "words")  # what is known of a metric besides its code
 Found = type[Kind] | Metric  # a kind from outside
@@ -94,7 +96,7 @@ class Looking(Scope):
         module = name.partition(":")[0]
         held = (place for place in self.places if modules.file_of(place, module) is not None)
         place = next(held, None) if ":" in name else None
-        return None if place is None else imported(name, name, place)
+        return None if place is None else import_reference(name, name, place)
 
     def installed(self, family: str, name: str) -> Found | None:
         """Return the kind that an installed package registers, or that its `module:attribute` names."""
@@ -105,7 +107,7 @@ class Looking(Scope):
         if not reference or "__main__" in module or not known or self.is_inside(module.partition(".")[0]):
             return None
         with contextlib.suppress(KindError):  # of another version of the package: it is shown as a name
-            return imported(reference, name, None)
+            return import_reference(reference, name, None)
         return None
 
     def is_inside(self, top: str) -> bool:
@@ -199,7 +201,7 @@ def metric_like(family: str, name: str, told: Description) -> Metric:
     """Return a metric without its function, from the manifest's description."""
     texts = {key: told[key] for key in METRIC if isinstance(told.get(key), str)}
     found = Metric(**{"name": name.rpartition(":")[2], "unit": "", **texts, "of": missing_method(name)})
-    NAMED[found] = name
+    METRIC_REFERENCES[found] = name
     return found
 
 

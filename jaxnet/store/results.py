@@ -13,7 +13,7 @@ import pyarrow.dataset as ds
 from upath import UPath
 
 from jaxnet.config.document import Document
-from jaxnet.config.study import Study, read
+from jaxnet.config.study import Study, read_study
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules
 from jaxnet.store.folder import Folder, FolderError, Manifest
@@ -41,7 +41,7 @@ class Results:
     def study(self) -> Study:
         """Study of the run. A kind from outside without its code is known by its name and description."""
         local = self.path if isinstance(self.path, Path) else None
-        study = read(
+        study = read_study(
             Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
         )
         for name in changed_modules(Folder(self.path), study.config):

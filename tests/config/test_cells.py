@@ -4,7 +4,7 @@ import time
 
 import jaxnet
 from jaxnet.config import naming
-from jaxnet.config.cells import plain
+from jaxnet.config.cells import to_plain
 from jaxnet.view.text import check
 
 STUDY = {"vehicles": 4, "horizon": 2.0, "tail": 1.0, "engine": "exact", "attack": {"vehicles": [2]}}
@@ -23,7 +23,7 @@ def test_entries_of_lists_are_swept():
     assert [cell.scenario.gain for cell in cells[::4]] == [[0.5, 3.0, 3.0], [1.0, 3.0, 3.0]]
     assert [cell.scenario.navigator.amplitude for cell in cells[:4:2]] == [[100.0, 60.0], [100.0, 70.0]]
     assert [cell.scenario.attack.vehicles for cell in cells[:2]] == [[1], [3]]
-    assert naming.called("gain.0", 0.5).split() == ["gain.0", "=", "0.5"]
+    assert naming.value_name("gain.0", 0.5).split() == ["gain.0", "=", "0.5"]
     assert naming.quantity("gain.0") == "gain.0"
     assert naming.quantity("navigator.amplitude.1") == "navigator.amplitude.1 [m]"
 
@@ -37,7 +37,7 @@ def test_cells_are_the_studies_that_their_keys_make():
         attack = {"vehicles": [2], "magnitude": magnitudes[rest // 2]}
         attack["phase"] = [0.5, {"uniform": [0, 1]}][rest % 2]
         alone = jaxnet.load(STUDY | {"topology": topologies[topology], "attack": attack}).cells[0]
-        assert plain(cell.scenario) == plain(alone.scenario)
+        assert to_plain(cell.scenario) == to_plain(alone.scenario)
         assert cell.scenario == alone.scenario
 
 

@@ -52,7 +52,7 @@ def test_draws_follow_their_distribution(number, distribution):
 
 def test_a_choice_takes_each_value_alike():
     """Chi-squared, 20,000 draws of three values."""
-    values = draw(fields.Choice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0])
+    values = draw(fields.DiscreteChoice(choice=[1.0, 5.0, 9.0]), 0, "attack.magnitude", range(20_000), [0])
     listed, counts = np.unique(values, return_counts=True)
     assert listed.tolist() == [1.0, 5.0, 9.0]
     assert stats.chisquare(counts).pvalue > 1e-3

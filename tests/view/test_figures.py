@@ -188,7 +188,7 @@ def test_shares_say_what_they_leave_out(many):
 )
 def test_swept_values_have_their_units(key, value, words):
     """As the config's models know them, on one line with the number."""
-    given = naming.called(key, value)
+    given = naming.value_name(key, value)
     assert given.replace("\N{NO-BREAK SPACE}", " ") == words
     assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])
 

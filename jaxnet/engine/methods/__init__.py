@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
+from jaxnet.kinds.families import add_family
 from jaxnet.kinds.kind import Fault, Kind
 
 
@@ -43,3 +44,6 @@ class Engine(Kind):
             yield Fault(("engine", "law"), message)
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
+
+
+add_family("engine", Engine, "jaxnet.engines")

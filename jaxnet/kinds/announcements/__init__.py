@@ -1,34 +1,42 @@
 """What attacked links announce, where the defence has vehicles announce what drives them (SCIENCE O11)."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Announcement(Kind):
-    """One way in which attacked links announce. A kind from outside gives `received`."""
+    """A way in which attacked links announce. A subclass gives `received`."""
 
     consistent: ClassVar[bool] = False  # assumption B1: each link announces R of what it carries
 
-    def received(self, honest: Any, carried: Any, attacked: Any, signals: Any, time: Any) -> Any:
-        """Announcements as listeners receive them, slot by slot.
+    def received(
+        self,
+        honest: SlotVectors,
+        carried: SlotVectors,
+        attacked: SlotMask,
+        signals: SlotSources,
+        time: LaneTimes,
+    ) -> SlotVectors:
+        """Return the announcements that listeners receive, slot by slot.
 
         Parameters
         ----------
         honest
-            What each slot's source announces itself [m/s³], (2, slots, m, lanes).
+            Announcement of each slot's source itself [m/s³], (2, slots, m, lanes).
         carried
-            R of what the link carries, less R of the navigator's path [m/s³], (2, slots, m, lanes).
+            R of what the link carries, minus R of the navigator's path [m/s³], (2, slots, m, lanes).
         attacked
-            Which links are attacked, (slots, m, lanes).
+            Whether a link is attacked, (slots, m, lanes).
         signals
-            Number of each link's signal, (slots, m): a vehicle's, or a link's where listeners are told
-            different signals.
+            Number of each link's signal, (slots, m): the number of a vehicle, or of a link where each
+            listener receives a different signal.
         time
             Time [s], (lanes,).
 
         Returns
         -------
-            Announcements [m/s³], (2, slots, m, lanes). Links that are not attacked announce `honest`.
+            Announcements [m/s³], (2, slots, m, lanes). A link that is not attacked announces `honest`.
         """
         raise KindError(f"{self.kind}: an announcement gives received(…)")

@@ -1,18 +1,28 @@
-"""The announcement that belongs to what a link carries."""
+"""The announcement that is consistent with what a link carries."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxnet.kinds.announcements import Announcement
+from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Consistent(Announcement):
-    """An attacked link announces R of what it carries (assumption B1): its source's announcement plus R of
-    the signal, or R of the signal alone where the attack replaces what is sent.
+    """An attacked link announces R of what it carries (assumption B1).
+
+    That is the source's announcement plus R of the signal, or R of the signal alone if `threat` is
+    `replaces`.
     """
 
     kind = "consistent"
     consistent: ClassVar[bool] = True
 
-    def received(self, honest: Any, carried: Any, attacked: Any, signals: Any, time: Any) -> Any:
-        """R of what is carried, attacked or not."""
+    def received(
+        self,
+        honest: SlotVectors,
+        carried: SlotVectors,
+        attacked: SlotMask,
+        signals: SlotSources,
+        time: LaneTimes,
+    ) -> SlotVectors:
+        """Return `carried` for all links."""
         return carried

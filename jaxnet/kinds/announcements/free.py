@@ -1,17 +1,18 @@
-"""The liar that announces anything."""
+"""An arbitrary announcement: a turning vector."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.fields import FULL_TURN, Angle, Each, PerVehicle, Uniform, Within
+from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Free(Announcement):
     """An attacked link announces a turning vector, `size · [cos, sin](frequency · t + phase)`.
 
-    Each attacked vehicle, or link where listeners are told different signals, has a vector of its own.
+    Each attacked vehicle has a vector of its own, or each attacked link if `listeners` is `each`.
     """
 
     kind = "free"
@@ -24,8 +25,15 @@ class Free(Announcement):
     )
     phase: Angle = Field(default=FULL_TURN, description="[rad], its direction at t = 0")
 
-    def received(self, honest: Any, carried: Any, attacked: Any, signals: Any, time: Any) -> Any:
-        """The vectors on attacked links."""
+    def received(
+        self,
+        honest: SlotVectors,
+        carried: SlotVectors,
+        attacked: SlotMask,
+        signals: SlotSources,
+        time: LaneTimes,
+    ) -> SlotVectors:
+        """Return the turning vectors on attacked links."""
         xp = honest.__array_namespace__()
         angle = self.frequency * time[None] + self.phase
         vectors = xp.stack([self.size * xp.cos(angle), self.size * xp.sin(angle)])

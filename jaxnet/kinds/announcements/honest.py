@@ -1,15 +1,21 @@
-"""The liar that announces as if it did not lie."""
-
-from typing import Any
+"""The announcement of a link as if it were not attacked."""
 
 from jaxnet.kinds.announcements import Announcement
+from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 
 
 class Honest(Announcement):
-    """An attacked link announces what its source would announce unattacked, whatever it carries."""
+    """An attacked link announces what its source would announce without the attack."""
 
     kind = "honest"
 
-    def received(self, honest: Any, carried: Any, attacked: Any, signals: Any, time: Any) -> Any:
-        """What every source announces itself."""
+    def received(
+        self,
+        honest: SlotVectors,
+        carried: SlotVectors,
+        attacked: SlotMask,
+        signals: SlotSources,
+        time: LaneTimes,
+    ) -> SlotVectors:
+        """Return `honest` for all links."""
         return honest

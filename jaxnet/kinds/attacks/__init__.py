@@ -1,8 +1,7 @@
-"""What an attack puts on the links it holds: signals of fixed vectors times scalar functions
-(`model.signal`).
+"""Attacks: signals that falsify what links carry, as fixed vectors times scalar functions (`model.signal`).
 
-`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction: an attack gives unit signals and, by `sizes`, how great
-they and their derivatives become; the vectors are scaled by ā over the greatest.
+`‖a_j^(k)(t)‖ ≤ ā` for k = 0..3 holds by construction. An attack gives unit signals, and bounds on them and
+their derivatives by `sizes`; the vectors are scaled by ā over the greatest bound.
 """
 
 from collections.abc import Iterator
@@ -14,161 +13,195 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.announcements.consistent import Consistent
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import MARK, Each, Listed, NotNegative, Record, Uniform, differs, member
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import (
+    MARK,
+    Each,
+    Listed,
+    NotNegative,
+    Number,
+    Record,
+    Uniform,
+    differs,
+    union_member,
+)
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.protocols import LaneDraw, NavigatorPath, ScenarioView, Signal, TickView
+from jaxnet.kinds.shapes import (
+    AnyNumbers,
+    AnyTimes,
+    Memory,
+    PlaneVectors,
+    SignalBasis,
+    SignalSizes,
+    SignalVectors,
+)
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges
 
-MOMENTS = 1_001  # at which a signal of one's own that is not bounded is looked at
+MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 Channel = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
-Order = Literal[0, 1, 2, 3]
+DerivativeOrder = Literal[0, 1, 2, 3]
 
 
 class DrawnVehicles(Record):
-    """So many vehicles, drawn for each lane."""
+    """A number of vehicles that are drawn for each lane."""
 
     random: int = Field(ge=1, description="how many")
 
 
-def named_or_drawn(value: Any) -> str:
-    """Whether attacked vehicles are listed or drawn."""
+def attacked_tag(value: object) -> str:
+    """Return the tag of attacked vehicles: listed or drawn."""
     drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
     return MARK + ("drawn" if drawn else "listed")
 
 
 class AnyAttack(Kind):
-    """What is asked of an attack; this one attacks nobody."""
+    """Base class of all attacks. The base class itself attacks no vehicle."""
 
     present: ClassVar[bool] = False
-    strategic: ClassVar[bool] = False  # whether it chooses its vectors anew at every tick
-    derived: ClassVar[bool] = True  # whether what its signal gives as derivatives are derivatives
-    bounded: ClassVar[bool] = True  # whether no derivative of its signal is greater than ā
+    strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
+    derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
+    bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
-        """Vehicles that are attacked, from 1."""
+        """Return the numbers of the attacked vehicles, from 1."""
         return []
 
     def number(self) -> int:
-        """How many vehicles are attacked."""
+        """Return the number of attacked vehicles."""
         return len(self.targets())
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
-        """The same on other vehicles."""
+        """Return the attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Any:
-        """ā [m, m/s, m/s², m/s³], a number or a distribution."""
+        """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
 
     def links(self, graph: Digraph) -> Links:
-        """Links that carry the attack, of those of a graph; where vehicles are drawn, that may carry it."""
+        """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
+        it.
+        """
         return graph.none
 
-    def chosen(self, draw: Any) -> np.ndarray:
-        """Which vehicles are attacked in each lane: (m, lanes)."""
+    def chosen(self, draw: LaneDraw) -> np.ndarray:
+        """Return which vehicles are attacked in each lane: (m, lanes)."""
         attacked = np.isin(draw.everyone, self.targets())
         return np.broadcast_to(attacked[:, None], (len(attacked), len(draw.samples)))
 
     def by_link(self) -> bool:
-        """Whether every listener is told something of its own."""
+        """Return whether each listener receives a different signal."""
         return False
 
     def identities(self) -> int:
-        """Sources that each attacked one appears as."""
+        """Return as how many sources each attacked source appears."""
         return 1
 
     def apart(self) -> bool:
-        """Whether attacked vehicles have scalar functions of their own, by numbers of their own."""
+        """Return whether numbers of single vehicles change the scalar functions, so that each vehicle has its
+        own.
+        """
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
-        """Whether links are replaced in some lanes only: they take two slots, one for their source's word and
-        one for the attack's, of which each lane hears one.
+        """Return whether links are replaced in some lanes only.
+
+        Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
+        one slot.
         """
         return False
 
     def replaces(self) -> bool:
-        """Whether an attacked link carries the navigator's path plus the signal, in place of its source's
-        word.
+        """Return whether an attacked link carries the navigator's path plus the signal.
 
-        Otherwise it carries what its source says, plus the signal.
+        Otherwise the link carries its source's message plus the signal.
         """
         return False
 
     def falsified(self) -> tuple[int, ...]:
-        """Orders of the received derivatives that carry the signal, of 0 to 3; the others are true."""
+        """Return the orders of the received derivatives that carry the signal, of 0 to 3. The other orders
+        are true.
+        """
         return ORDERS
 
     def announcement(self) -> Announcement:
-        """How attacked links announce to a defence whose vehicles announce what drives them."""
+        """Return how attacked links announce, if the defence makes vehicles announce."""
         return Consistent()
 
     def fastest(self) -> float:
-        """Highest angular frequency of the signal between ticks [rad/s]; infinite where none is known."""
+        """Return the highest angular frequency of the signal between ticks [rad/s], infinite if it is not
+        known.
+        """
         return 0.0
 
     def consistent(self) -> bool:
-        """Whether what is received of an attacked source are a path and its derivatives."""
+        """Return whether a listener receives a path together with the path's own derivatives."""
         return self.derived and self.falsified() == ORDERS
 
     def harmonic(self) -> bool:
-        """Whether each vehicle's signal has one frequency, or none."""
+        """Return whether each vehicle's signal has at most one frequency."""
         return not self.strategic and isinstance(self.signal(), Harmonic)
 
-    def signal(self) -> Any:
-        """What gives the scalar functions: `basis(time)` → (4, B, lanes), for times (lanes,) [s]."""
+    def signal(self) -> Signal:
+        """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
+        [s].
+        """
         return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
-        """Vectors of every vehicle's unit signal: (2, m, B, lanes), `m = 1` if all have the same."""
+        """Return the vectors of every vehicle's unit signal: (2, m, B, lanes), m = 1 if all are equal."""
         return np.zeros((2, 1, 2, 1))
 
-    def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """The signal and the unit vectors, which may depend on the navigator and on where sources start.
+    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple[Signal, np.ndarray | None]:
+        """Return the signal and the unit vectors, which may depend on the navigator and on the sources'
+        positions.
 
-        `start` are positions at t = 0 (2, m, lanes) [m]: a vehicle's own, or the navigator's where the attack
-        is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
+        `start` holds positions at t = 0, (2, m, lanes) [m]: the vehicle's own, or the navigator's where the
+        attack is on what the vehicle hears of the navigator. A strategic attack has no vectors yet.
         """
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Greatest norm of the functions together, and of each derivative of them, in [0, horizon]: (4,
-        lanes).
-        """
+        """Return bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes)."""
         return np.ones((4, 1))
 
-    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
-        """As `sizes`, of the signal that was told: (4, lanes). Of one that is not bounded, at MOMENTS."""
+    def reach(self, navigator: NavigatorPath, signal: Signal, horizon: float) -> np.ndarray:
+        """Return `sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
+        at MOMENTS.
+        """
         if self.bounded:
             return np.asarray(self.sizes(horizon))
         basis = [np.asarray(signal.basis(np.full(1, t))) for t in np.linspace(0.0, horizon, MOMENTS)]
         return np.linalg.norm(basis, axis=2).max(axis=0)
 
     def describe(self) -> str:
-        """The attack in a few words."""
+        """Return a short description of the attack."""
         return self.kind
 
     def whom(self) -> str:
-        """Who is attacked, in a few words."""
+        """Return a short description of the attacked vehicles."""
         drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
         return ranges(sorted(self.targets())) or drawn
 
     def caveat(self) -> str:
-        """What sets it apart from the paper's, a path with its derivatives within ā, in a few words."""
+        """Return how the attack differs from the paper's, a path with its derivatives within ā; "" if it does
+        not.
+        """
         if not self.bounded:
             return "not bounded by ā"
         return "" if self.consistent() else "derivatives falsified each on its own"
 
 
 class Attack(AnyAttack):
-    """A signal of bounded size on what attacked vehicles transmit, or on what they hear of the navigator.
+    """A signal on what attacked vehicles transmit, or on what they hear of the navigator.
 
-    An attack of one's own gives `basis`, `vectors` and `sizes`, or, if it is strategic, `basis`, `sizes` and
-    `aim`, and `begin` if it has a memory.
+    A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and `aim`,
+    and `begin` if it has a memory.
     """
 
     present: ClassVar[bool] = True
@@ -180,8 +213,8 @@ class Attack(AnyAttack):
         default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
     )
     vehicles: Annotated[
-        Annotated[list[int], member("listed")] | Annotated[DrawnVehicles, member("drawn")],
-        Discriminator(named_or_drawn),
+        Annotated[list[int], union_member("listed")] | Annotated[DrawnVehicles, union_member("drawn")],
+        Discriminator(attacked_tag),
     ] = Field(
         default=[2, 5, 8, 11],
         description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
@@ -196,7 +229,7 @@ class Attack(AnyAttack):
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
     )
-    orders: Annotated[list[Order], Len(1)] = Field(
+    orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
         default=[*ORDERS],
         description="which of the received derivatives carry the signal: 0 position, 1 velocity,"
         " 2 acceleration, 3 jerk; the others are true",
@@ -207,16 +240,17 @@ class Attack(AnyAttack):
     sybils: int = Field(
         default=0, ge=0, le=100, description="further sources as which each attacked one appears"
     )
-    announces: Annotated[Announcement, Of("announcement")] = Field(
+    announces: Annotated[Announcement, KindOf("announcement")] = Field(
         default=Consistent(),
         description="what attacked links announce, where the defence has vehicles announce what drives them",
     )
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Numbers that every vehicle has make its vectors, and are asked for by strategic attacks alone.
+        """Mark the numbers of each vehicle as untraced unless the attack is strategic: they are part of its
+        vectors.
 
-        Who gives a `basis` is a signal of its own, whatever attack it is made from.
+        A subclass with its own `basis` is its own signal, whatever class it derives from.
         """
         fields = cls.model_fields.items()
         each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
@@ -225,38 +259,42 @@ class Attack(AnyAttack):
             cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
-        """The vehicles named; none where they are drawn."""
+        """Return the listed vehicles, none if vehicles are drawn."""
         return self.vehicles if isinstance(self.vehicles, list) else []
 
     def number(self) -> int:
-        """Of those named, or drawn."""
+        """Return the number of listed or drawn vehicles."""
         return len(self.vehicles) if isinstance(self.vehicles, list) else self.vehicles.random
 
-    def chosen(self, draw: Any) -> np.ndarray:
-        """Those named, or those with the least of a number each."""
+    def chosen(self, draw: LaneDraw) -> np.ndarray:
+        """Return which vehicles are attacked in each lane: those listed, or those with the least random
+        numbers.
+        """
         if isinstance(self.vehicles, list):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
 
     def by_link(self) -> bool:
-        """As `listeners` says."""
+        """Return whether `listeners` is `each`."""
         return self.listeners == "each"
 
     def identities(self) -> int:
-        """Itself and its sybils."""
+        """Return 1 plus the number of sybils."""
         return 1 + self.sybils
 
     def splits(self) -> bool:
-        """Where vehicles are drawn and replaced."""
+        """Return whether vehicles are drawn and their links replaced."""
         return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
 
     def amplitude(self) -> Any:
-        """The magnitude given."""
+        """Return the key `magnitude`."""
         return self.magnitude
 
     def links(self, graph: Digraph) -> Links:
-        """`neighbour`: everything that they transmit, `navigator`: what they hear from 0."""
+        """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
+        (`navigator`).
+        """
         channel = self.channel
         if channel == "auto":
             channel = "neighbour" if hears_vehicles(graph) else "navigator"
@@ -267,67 +305,95 @@ class Attack(AnyAttack):
         return graph.heard & (graph.sources == 0) & listed[:, None]
 
     def replaces(self) -> bool:
-        """As `threat` says."""
+        """Return whether `threat` is `replaces`."""
         return self.threat == "replaces"
 
     def falsified(self) -> tuple[int, ...]:
-        """As `orders` says."""
+        """Return the sorted `orders`."""
         return tuple(sorted(set(self.orders)))
 
     def announcement(self) -> Announcement:
-        """As `announces` says."""
+        """Return the key `announces`."""
         return self.announces
 
     def fastest(self) -> float:
-        """Vectors of strategic attacks are constant between ticks; of other signals nothing is known."""
+        """Return 0 for a strategic attack, whose vectors are constant between ticks, else infinity."""
         return 0.0 if self.strategic else np.inf
 
-    def signal(self) -> Any:
-        """The attack itself, for `basis` is its own."""
+    def signal(self) -> Signal:
+        """Return the attack itself, which has a `basis`."""
         return self
 
-    def basis(self, time: Any) -> Any:
-        """Scalar functions of time with their first three derivatives: (4, B, lanes), for times (lanes,)
-        [s].
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return the scalar functions with three derivatives.
+
+        Parameters
+        ----------
+        time
+            Times [s], (lanes,).
+
+        Returns
+        -------
+            β and its first three derivatives, (4, B, lanes).
         """
         raise KindError(f"{self.kind}: an attack gives basis(self, time)")
 
     def vectors(self) -> np.ndarray:
-        """What every vehicle multiplies them with: (2, m or 1, B, lanes), of spectral norm 1."""
+        """Return the vectors that multiply the scalar functions.
+
+        Returns
+        -------
+            Vectors (2, m, B, lanes) of spectral norm 1 for each vehicle; m = 1 if all vehicles have the same.
+        """
         raise KindError(f"{self.kind}: an attack gives vectors(self)")
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """`max over t of ‖β^(k)(t)‖` for k = 0..3 within [0, horizon], or more: (4, lanes).
+        """Return a bound on `max over t of ‖β^(k)(t)‖` for k = 0..3.
 
-        Not asked of what is not bounded by ā.
+        Parameters
+        ----------
+        horizon
+            End of the interval [0, horizon] [s].
+
+        Returns
+        -------
+            Bounds (4, lanes). An attack with `bounded = False` needs none.
         """
         raise KindError(f"{self.kind}: an attack gives sizes(self, horizon)")
 
-    def begin(self, seen: Any) -> Any:
-        """The memory of a strategic attack before the first tick, when nothing was decided and no error seen.
+    def begin(self, seen: TickView) -> Memory:
+        """Return the memory of a strategic attack before the first tick, before any decision or error.
 
-        Any pytree of arrays whose last axis is over lanes.
+        The memory is any pytree of arrays with lanes last.
         """
         return ()
 
-    def drawn_faults(self, number: int, scenario: Any) -> Iterator[Fault]:
-        """What vehicles drawn for each lane cannot be."""
+    def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of vehicles that are drawn for each lane."""
         keys = ("attack.vehicles", "vehicles")
         if number > scenario.vehicles:
             yield Fault(keys, f"there are {scenario.vehicles} vehicles (got {number})")
         if self.sybils or self.strategic:
             yield Fault(("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic")
 
-    def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
-        """At a tick, vectors (2, m, B, lanes) until the next and the memory; asked of strategic attacks.
+    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
+        """Return the vectors of a strategic attack until the next tick, and its memory.
 
-        They are unit vectors: scaled to ā, and down where their norm is over 1. `seen` is what there is to
-        see (`engine.tick.Seen`).
+        Parameters
+        ----------
+        seen
+            Errors, decisions, weights and the clock at this tick (`engine.tick.Seen`).
+        memory
+            The memory from the last tick, or from `begin`.
+
+        Returns
+        -------
+            Unit vectors (2, m, B, lanes) and the memory. The vectors are scaled to ā, and down to norm 1.
         """
         raise KindError(f"{self.kind}: a strategic attack gives aim(self, seen, memory)")
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Whoever is named must exist, and be named once."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of unknown or repeated vehicles, and of keys that exclude each other."""
         targets = self.targets()
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
         if len(set(targets)) < len(targets):
@@ -346,7 +412,7 @@ class Attack(AnyAttack):
         yield from self.number_faults()
 
     def number_faults(self) -> Iterator[Fault]:
-        """What numbers of each vehicle's own cannot be."""
+        """Yield the faults of numbers that each vehicle has for itself."""
         random = isinstance(self.vehicles, DrawnVehicles)
         for key, number, shapes in own_numbers(self):
             if isinstance(number, Listed) and (random or len(number.root) != len(self.targets())):
@@ -357,9 +423,10 @@ class Attack(AnyAttack):
                 yield Fault((key, "attack"), "must be one number for all vehicles here")
 
 
-def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Any, bool]]:
-    """Numbers that vehicles have each for itself, of kinds inside too: dotted key, number, and whether the
-    signal's functions depend on it.
+def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number, bool]]:
+    """Yield the numbers that each vehicle has for itself, also of kinds inside this one.
+
+    Each item is the dotted key, the number, and whether the scalar functions depend on it.
     """
     for key, field in type(kind).model_fields.items():
         value, dotted = getattr(kind, key), f"{name}.{key}"
@@ -369,23 +436,23 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Any, bo
             yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
-def scaled(attack: AnyAttack, sizes: Any) -> np.ndarray:
-    """What unit vectors are multiplied with (lanes,) [m]: ā over the greatest size of what is falsified."""
+def signal_scale(attack: AnyAttack, sizes: SignalSizes) -> np.ndarray:
+    """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders."""
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
 
 
-def along(direction: Any) -> Any:
-    """Unit vectors (2, m, lanes) of directions [rad]."""
+def unit_vectors(direction: AnyNumbers) -> PlaneVectors:
+    """Return the unit vectors (2, m, lanes) of directions [rad]."""
     xp = direction.__array_namespace__()
     return xp.stack([xp.cos(direction), xp.sin(direction)])
 
 
-def stepwise(time: Any) -> Any:
-    """The one function of what is constant from tick to tick: (4, 1, lanes)."""
+def constant_basis(time: AnyTimes) -> SignalBasis:
+    """Return the scalar function 1 of a signal that is constant from tick to tick: (4, 1, lanes)."""
     xp = time.__array_namespace__()
     return xp.concatenate([xp.ones((1, 1, *time.shape)), xp.zeros((3, 1, *time.shape))])
 
 
-def powers(frequency: np.ndarray) -> np.ndarray:
-    """Sizes of a harmonic, `|ω|^k`: (4, lanes)."""
+def harmonic_sizes(frequency: np.ndarray) -> np.ndarray:
+    """Return the sizes of a harmonic, `|ω|^k`: (4, lanes)."""
     return np.abs(frequency)[None] ** np.arange(4.0)[:, None]

@@ -1,35 +1,34 @@
 """The constant attack."""
 
-from typing import Any
-
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
+from jaxnet.kinds.protocols import Signal
 from jaxnet.model.signal import Harmonic
 
 
 class Bias(Attack):
-    """A constant offset along each vehicle's direction."""
+    """A constant offset along a direction of each vehicle."""
 
     kind = "bias"
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
     def fastest(self) -> float:
-        """A constant's."""
+        """Return 0, the frequency of a constant."""
         return 0.0
 
-    def signal(self) -> Any:
-        """A harmonic of no frequency."""
+    def signal(self) -> Signal:
+        """Return the harmonic of frequency 0."""
         return Harmonic(0.0)
 
     def vectors(self) -> np.ndarray:
-        """The direction, times cos 0."""
-        unit = along(self.direction)
+        """Return the directions, which multiply cos 0, and 0, which multiplies sin 0."""
+        unit = unit_vectors(self.direction)
         return np.stack([unit, np.zeros_like(unit)], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """1, and no derivatives."""
+        """Return 1 for the signal and 0 for its derivatives."""
         return np.eye(4, 1)

@@ -1,60 +1,64 @@
-"""An envelope on another attack: it starts, rises, and may stop."""
+"""The envelope: another attack that starts, rises, and may stop."""
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.attacks import AnyAttack, Attack
-from jaxnet.kinds.family import Of
-from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, bounds, in_step
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip_by_vehicle
 from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets, SignalBasis
 
-ROUNDING = 1e-12  # relative, of times that are sums
-PIECES = 256  # of the rise, in each of which the envelope is bounded
+TIME_ROUNDING = 1e-12  # relative rounding of sums of times
+PIECES = 256  # pieces of the rise, each with its own bound on the envelope
 
 
 class Envelope(Attack):
     """Another attack's signal times a smooth envelope, three times continuously differentiable.
 
-    It rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is given.
-    Magnitude, vehicles, channel and threat are the envelope's own.
+    The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is
+    given. Magnitude, vehicles, channel and threat are keys of the envelope, not of the other attack.
     """
 
     kind = "envelope"
 
-    of: Annotated[AnyAttack, Of("attack"), Field(description="the other attack")]
+    of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
     start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
     rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
     stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
-    def height(self, time: Any) -> Any:
-        """The envelope and its first three derivatives: (4, lanes)."""
-        up = step((time - self.start) / self.rise, self.rise)
-        return up if self.stop is None else up - step((time - self.stop) / self.rise, self.rise)
+    def height(self, time: AnyTimes) -> NumberJets:
+        """Return the envelope and its first three derivatives: (4, lanes)."""
+        up = smooth_rise((time - self.start) / self.rise, self.rise)
+        return up if self.stop is None else up - smooth_rise((time - self.stop) / self.rise, self.rise)
 
-    def basis(self, time: Any) -> Any:
-        """Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return the functions by Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
         xp, height, inner = time.__array_namespace__(), self.height(time), self.of.signal().basis(time)
         return xp.stack([sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in range(4)])
 
     def vectors(self) -> np.ndarray:
-        """Those of the other attack."""
+        """Return the vectors of the other attack."""
         return self.of.vectors()
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """`Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, in each of PIECES of the rise with the envelope's greatest
-        there.
+        """Return `Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e in
+        each piece.
         """
         inner = np.asarray(self.of.sizes(horizon))
-        height = GREATEST[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
+        height = RISE_BOUNDS[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
         terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(4)]
         return np.stack([np.sum(each, axis=0).max(axis=0) for each in terms])
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """What the envelope says itself is not said inside."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of keys that belong to the envelope, of times out of order, and of an unsuitable
+        attack inside.
+        """
         yield from super().faults(scenario)
         outer = Attack.model_fields
         inside = [
@@ -62,16 +66,19 @@ class Envelope(Attack):
         ]
         for key in inside if self.of.present else []:
             yield Fault((f"attack.of.{key}", "attack.of", "attack"), f"belongs outside: give attack.{key}")
-        times = [] if self.stop is None else in_step(self.start, self.rise, self.stop)
-        ends = ((bounds(start)[1] + bounds(rise)[1], bounds(stop)[0]) for start, rise, stop in times)
-        if any(stop < top * (1 - ROUNDING) for top, stop in ends):
+        times = [] if self.stop is None else zip_by_vehicle(self.start, self.rise, self.stop)
+        ends = (
+            (value_range(start)[1] + value_range(rise)[1], value_range(stop)[0])
+            for start, rise, stop in times
+        )
+        if any(stop < top * (1 - TIME_ROUNDING) for top, stop in ends):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
         if self.of.strategic or not self.of.bounded:
             yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
 
 
-def step(x: Any, rise: Any) -> Any:
-    """`35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three derivatives by time (4,
+def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers) -> NumberJets:
+    """Return `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three time derivatives: (4,
     …).
     """
     xp = x.__array_namespace__()
@@ -88,19 +95,19 @@ def step(x: Any, rise: Any) -> Any:
 
 
 def leibniz(order: int) -> list[tuple[int, float]]:
-    """Orders of one factor's derivative in a product's, each with its binomial coefficient."""
+    """Return the orders of the first factor in a product's derivative, each with its binomial coefficient."""
     return [(j, float(math.comb(order, j))) for j in range(order + 1)]
 
 
-def greatest() -> np.ndarray:
-    """Bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
+def bound_rise() -> np.ndarray:
+    """Return bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
 
-    Inside a piece it exceeds the greater end by half its length times the greatest slope at most; S itself
-    rises, and does not.
+    Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the greatest
+    slope. S itself is monotone, so its greater end is its bound.
     """
-    ends = np.abs(step(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
+    ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
     slopes = np.array([0.0, *ends[2:].max(axis=1), 840.0])
     return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
 
 
-GREATEST = greatest()
+RISE_BOUNDS = bound_rise()

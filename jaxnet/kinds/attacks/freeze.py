@@ -1,17 +1,19 @@
-"""The freeze: denial of service, where the last word heard is stepwise."""
+"""The freeze: denial of service, after which listeners hold the first position that they received."""
 
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis
 from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.protocols import NavigatorPath
+from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.plane import length
 
 
 class Freeze(Attack):
-    """An attacked link carries for good where its source was at t = 0, at rest."""
+    """An attacked link carries the position of its source at t = 0, at rest, for the whole lane."""
 
     kind = "freeze"
     bounded: ClassVar[bool] = False
@@ -23,27 +25,30 @@ class Freeze(Attack):
         default="replaces", description="what is sent is replaced"
     )
 
-    def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """`y_j(0) - y_0(t)`: a constant, and the navigator's two coordinates.
+    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple["FixedPosition", np.ndarray | None]:
+        """Return the signal and vectors of `y_j(0) - y_0(t)`: a constant, and the navigator's two
+        coordinates.
 
-        The constant is as great as any `y_j(0)`, so that no vector is much longer than another.
+        The constant is as great as the greatest `y_j(0)`, so that the vectors have similar lengths.
         """
         far = np.maximum(1.0, length(start).max(axis=0))
         axes = np.broadcast_to(-np.eye(2)[:, None, :, None], (*start.shape[:2], 2, start.shape[2]))
-        return Fixed(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
+        return FixedPosition(navigator, far), np.concatenate([(start / far)[:, :, None], axes], axis=2)
 
-    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
-        """The constant and the navigator's path."""
+    def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
+        """Return the sizes of the constant plus the sizes of the navigator's path."""
         return navigator.sizes(0.0, horizon)[:, None] + np.eye(4, 1) * signal.far
 
 
-class Fixed(NamedTuple):
-    """A constant, and where the navigator is."""
+class FixedPosition(NamedTuple):
+    """A constant function, and the two coordinates of the navigator."""
 
-    navigator: Any
+    navigator: NavigatorPath
     far: Any  # (lanes,) [m]
 
-    def basis(self, time: Any) -> Any:
-        """Three functions."""
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return three functions: the constant and the navigator's two coordinates."""
         xp = time.__array_namespace__()
-        return xp.concatenate([self.far[None, None] * stepwise(time), self.navigator.jets(time)], axis=1)
+        return xp.concatenate(
+            [self.far[None, None] * constant_basis(time), self.navigator.jets(time)], axis=1
+        )

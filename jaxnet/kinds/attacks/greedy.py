@@ -1,19 +1,21 @@
-"""The greedy attack: at every tick the direction after which the fleet is worst off."""
+"""The greedy attack: at every tick the direction that increases the fleet's error most."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
+from jaxnet.kinds.protocols import TickView
+from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, Memory, PlaneVectors, SignalBasis, SignalVectors
 from jaxnet.model import ties
 from jaxnet.model.plane import length
 
 
 class Greedy(Attack):
-    """All attackers' offset ā in the one of `directions` that pulls the fleet farthest off.
+    """All attackers send the same offset ā, in that one of `directions` that pulls the fleet farthest off.
 
-    That is judged by `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that would be in force.
+    The criterion is `Σ_i ‖E_i + Σ_j w̃_ij a_ij‖` with the weights that the offset would put in force.
     """
 
     kind = "greedy"
@@ -21,32 +23,32 @@ class Greedy(Attack):
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")
 
-    def basis(self, time: Any) -> Any:
-        """Held from tick to tick."""
-        return stepwise(time)
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return the function 1, because an offset is held from tick to tick."""
+        return constant_basis(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """1, and no derivatives."""
+        """Return 1 for the signal and 0 for its derivatives."""
         return np.eye(4, 1)
 
-    def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
-        """Try all of them."""
+    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
+        """Return the direction of the greatest criterion; the first one of equal values."""
         import jax
         import jax.numpy as jnp
 
         shape = (2, *seen.errors[0].shape[1:])
 
-        def vectors_of(direction: Any) -> Any:
+        def vectors_of(direction: PlaneVectors) -> SignalVectors:
             return jnp.broadcast_to(direction[:, None, None], shape)[:, :, None]
 
-        def harm(direction: Any) -> Any:
+        def harm(direction: PlaneVectors) -> LaneNumbers:
             weights = seen.in_force(vectors_of(direction))
             share = jnp.where(seen.attacked[None, :, :, None], weights, 0.0).sum(axis=1)
             pulled = seen.errors[0] + share * direction[:, None, None] * seen.amplitude[None, None]
             return length(pulled).sum(axis=0)
 
-        unit = jnp.asarray(along(2 * np.pi * np.arange(self.directions) / self.directions).T)
+        unit = jnp.asarray(unit_vectors(2 * np.pi * np.arange(self.directions) / self.directions).T)
         harms = jax.lax.map(harm, unit)
-        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # of equal ones
+        first = (~ties.over(harms.max(axis=0)[None], harms)).argmax(axis=0)  # the first of equal values
         worst = unit[first].T  # (2, lanes)
         return jnp.broadcast_to(worst[:, None], shape)[:, :, None], memory

@@ -1,19 +1,21 @@
-"""The mimic: as far off as it is still believed."""
+"""The mimic: the greatest offset that listeners still believe."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, stepwise
+from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
+from jaxnet.kinds.protocols import TickView
+from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, Memory, SignalBasis, SignalVectors, VehicleNumbers
 
 
 class Mimic(Attack):
-    """An offset along each attacker's direction, at every tick the greatest that all its listeners retain.
+    """An offset along a direction of each attacker, at every tick the greatest that all its listeners retain.
 
-    Of so many parts of ā; none where it is dropped whatever it says. Attackers try it all at once, so that
-    one is at times dropped for what another says.
+    The attacker tries `parts` fractions of ā, and sends 0 if its listeners drop every one. All attackers try
+    the same fraction together, so a listener may drop one attacker because of another's offset.
     """
 
     kind = "mimic"
@@ -22,24 +24,24 @@ class Mimic(Attack):
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
     parts: int = Field(default=16, ge=1, le=1000, description="of ā that are tried")
 
-    def basis(self, time: Any) -> Any:
-        """Held from tick to tick."""
-        return stepwise(time)
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return the function 1, because an offset is held from tick to tick."""
+        return constant_basis(time)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """1, and no derivatives."""
+        """Return 1 for the signal and 0 for its derivatives."""
         return np.eye(4, 1)
 
-    def aim(self, seen: Any, memory: Any) -> tuple[Any, Any]:
-        """Try smaller and greater parts; the greatest that passes stays."""
+    def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
+        """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""
         import jax
         import jax.numpy as jnp
 
         m = seen.errors[0].shape[1]
-        unit = jnp.broadcast_to(along(self.direction), seen.errors[0].shape)
+        unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])
 
-        def try_part(greatest: Any, part: Any) -> Any:
+        def try_part(greatest: VehicleNumbers, part: AnyNumbers) -> tuple[VehicleNumbers, None]:
             weights = seen.in_force((part * unit)[:, :, None])
             dropped = seen.attacked[:, :, None] & (seen.weights > 0) & ~(weights > 0).all(axis=0)
             refused = jnp.zeros(greatest.shape, int).at[attacker].add(dropped.astype(int))

@@ -4,6 +4,6 @@ from jaxnet.kinds.attacks import AnyAttack
 
 
 class NoAttack(AnyAttack):
-    """Nobody is attacked."""
+    """No vehicle is attacked."""
 
     kind = "none"

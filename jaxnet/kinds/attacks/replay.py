@@ -1,4 +1,4 @@
-"""The replay: the navigator's path of some time ago."""
+"""The replay: the navigator's path, delayed."""
 
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -7,12 +7,14 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.fields import NotNegative, PositivePerVehicle
+from jaxnet.kinds.protocols import NavigatorPath
+from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
-class Replay(Attack):
-    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its source's word.
+class ReplayAttack(Attack):
+    """An attacked link carries the navigator's path of `delay` seconds ago, in place of its source's message.
 
-    Before t = delay it carries the path as it would have been before t = 0.
+    Before t = delay the link carries the path as it would have been before t = 0.
     """
 
     kind = "replay"
@@ -26,21 +28,21 @@ class Replay(Attack):
     )
     delay: PositivePerVehicle = Field(default=5.0, description="[s], how old the path is")
 
-    def told(self, navigator: Any, start: np.ndarray) -> tuple[Any, np.ndarray | None]:
-        """One function for each axis."""
-        return Delayed(navigator, self.delay), np.eye(2)[:, None, :, None]
+    def told(self, navigator: NavigatorPath, start: np.ndarray) -> tuple["DelayedPath", np.ndarray | None]:
+        """Return the delayed path as the signal, and the unit vectors of the two axes."""
+        return DelayedPath(navigator, self.delay), np.eye(2)[:, None, :, None]
 
-    def reach(self, navigator: Any, signal: Any, horizon: float) -> np.ndarray:
-        """The difference of two positions of the path."""
+    def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
+        """Return twice the sizes of the path, a bound on the difference of two of its positions."""
         return 2 * navigator.sizes(-float(np.max(signal.delay)), horizon)[:, None]
 
 
-class Delayed(NamedTuple):
-    """A path of some time ago, relative to where it is now."""
+class DelayedPath(NamedTuple):
+    """The delayed path relative to the present path."""
 
-    navigator: Any
+    navigator: NavigatorPath
     delay: Any  # (lanes,) [s]
 
-    def basis(self, time: Any) -> Any:
-        """`y_0(t - T) - y_0(t)` by axis."""
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return `y_0(t - T) - y_0(t)` for each axis."""
         return self.navigator.jets(time - self.delay) - self.navigator.jets(time)

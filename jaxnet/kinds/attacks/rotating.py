@@ -1,17 +1,17 @@
-"""The rotating attack."""
-
-from typing import Any
+"""The rotating attack, the paper's."""
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, bounds
+from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, value_range
+from jaxnet.kinds.protocols import Signal
+from jaxnet.kinds.shapes import AnyNumbers
 from jaxnet.model.signal import Harmonic
 
 
 class Rotating(Attack):
-    """`[cos, sin](frequency · t + phase)`."""
+    """A unit vector that turns, `[cos, sin](frequency · t + phase)`."""
 
     kind = "rotating"
 
@@ -19,23 +19,23 @@ class Rotating(Attack):
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def fastest(self) -> float:
-        """Its frequency, the greatest that may be drawn."""
-        return max(map(abs, bounds(self.frequency)))
+        """Return the greatest frequency that may be drawn [rad/s]."""
+        return max(map(abs, value_range(self.frequency)))
 
-    def signal(self) -> Any:
-        """Its harmonic."""
+    def signal(self) -> Signal:
+        """Return the harmonic of this frequency."""
         return Harmonic(self.frequency)
 
     def vectors(self) -> np.ndarray:
-        """`[cos φ, sin φ]` times cos ωt, and the same a quarter turn on times sin ωt."""
+        """Return `[cos φ, sin φ]` for cos ωt and `[-sin φ, cos φ]` for sin ωt."""
         return turned(self.phase)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """`|ω|^k`."""
-        return powers(self.frequency)  # pyright: ignore[reportArgumentType]
+        """Return `|ω|^k` for k = 0..3."""
+        return harmonic_sizes(self.frequency)  # pyright: ignore[reportArgumentType]
 
 
-def turned(phase: Any) -> np.ndarray:
-    """Vectors (2, m, 2, lanes) with which cos and sin of an angle turn to that angle plus the phase."""
-    cosine, sine = along(phase)
+def turned(phase: AnyNumbers) -> np.ndarray:
+    """Return vectors (2, m, 2, lanes) that turn cos and sin of an angle to the angle plus a phase [rad]."""
+    cosine, sine = unit_vectors(phase)
     return np.stack([np.stack([cosine, sine]), np.stack([-sine, cosine])], axis=2)

@@ -1,17 +1,16 @@
-"""The sinusoidal attack."""
-
-from typing import Any
+"""The sinusoidal attack: an oscillation along a line."""
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along, powers
-from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, bounds
+from jaxnet.kinds.attacks import Attack, harmonic_sizes, unit_vectors
+from jaxnet.kinds.fields import FULL_TURN, Angle, PerVehicle, value_range
+from jaxnet.kinds.protocols import Signal
 from jaxnet.model.signal import Harmonic
 
 
 class Sinusoid(Attack):
-    """`sin(frequency · t + phase)` along each vehicle's direction."""
+    """An oscillation `sin(frequency · t + phase)` along a direction of each vehicle."""
 
     kind = "sinusoid"
 
@@ -20,18 +19,18 @@ class Sinusoid(Attack):
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")
 
     def fastest(self) -> float:
-        """Its frequency, the greatest that may be drawn."""
-        return max(map(abs, bounds(self.frequency)))
+        """Return the greatest frequency that may be drawn [rad/s]."""
+        return max(map(abs, value_range(self.frequency)))
 
-    def signal(self) -> Any:
-        """Its harmonic."""
+    def signal(self) -> Signal:
+        """Return the harmonic of this frequency."""
         return Harmonic(self.frequency)
 
     def vectors(self) -> np.ndarray:
-        """The direction times sin φ and cos φ."""
-        unit, phase = along(self.direction), np.asarray(self.phase)
+        """Return the direction times sin φ, and the direction times cos φ."""
+        unit, phase = unit_vectors(self.direction), np.asarray(self.phase)
         return np.stack([np.sin(phase) * unit, np.cos(phase) * unit], axis=2)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """`|ω|^k`."""
-        return powers(self.frequency)  # pyright: ignore[reportArgumentType]
+        """Return `|ω|^k` for k = 0..3."""
+        return harmonic_sizes(self.frequency)  # pyright: ignore[reportArgumentType]

@@ -1,20 +1,20 @@
-"""Constants that do not belong together."""
+"""The spoof: a constant in each received derivative."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from jaxnet.kinds.attacks import Attack, along
+from jaxnet.kinds.attacks import Attack, unit_vectors
 from jaxnet.kinds.fields import Angle
+from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
 
 class Spoof(Attack):
-    """A constant offset along each vehicle's direction in each of the `orders`, so a path with derivatives
-    that are not its own.
+    """A constant offset along a direction of each vehicle in each of the `orders`.
 
-    With all orders it drives the fleet as far as any disturbance of this size: it attains the peak gain where
-    ‖h‖₁ = 1/k0 (SCIENCE O5).
+    The received derivatives are then not those of the received path. With all orders no other disturbance of
+    this size drives the fleet farther: the attack attains the peak gain where ‖h‖₁ = 1/k0 (SCIENCE O5).
     """
 
     kind = "spoof"
@@ -23,18 +23,18 @@ class Spoof(Attack):
     direction: Angle = Field(default=0.0, description="[rad], of the offset")
 
     def fastest(self) -> float:
-        """A constant's."""
+        """Return 0, the frequency of a constant."""
         return 0.0
 
-    def basis(self, time: Any) -> Any:
-        """One function, 1 in every order."""
+    def basis(self, time: AnyTimes) -> SignalBasis:
+        """Return one function, which is 1 in every order."""
         xp = time.__array_namespace__()
         return xp.ones((4, 1, *time.shape))
 
     def vectors(self) -> np.ndarray:
-        """The direction."""
-        return along(self.direction)[:, :, None]
+        """Return the unit vectors of the directions."""
+        return unit_vectors(self.direction)[:, :, None]
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """1 in every order."""
+        """Return 1 for every order."""
         return np.ones((4, 1))

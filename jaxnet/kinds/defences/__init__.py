@@ -1,13 +1,28 @@
-"""Whom a vehicle believes: from what it receives and what it knows of itself, weights over its sources."""
+"""Defences: the weights that a vehicle gives to its sources, from what it receives and what it knows of
+itself.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, member
+from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, union_member
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.shapes import (
+    AnyMask,
+    Decision,
+    LaneTimes,
+    Memory,
+    SlotJets,
+    SlotMask,
+    SlotSources,
+    SlotVectors,
+    VehicleJets,
+    VehicleVectors,
+)
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import AnySubset, any_untrusted
@@ -17,15 +32,16 @@ from jaxnet.model.safety import Safe
 class Neighbourhood(NamedTuple):
     """What vehicles know of their surroundings when they decide, by slot.
 
-    A vehicle has as many slots as the busiest listener has sources; one left over holds itself, of weight 0.
+    A vehicle has as many slots as the busiest listener has sources. A slot without a source holds the vehicle
+    itself, with weight 0.
 
-    - `sources` (slots, m): the number of the source, 0 the navigator
-    - `weights` (slots, m, lanes): of the graph
-    - `trusted` (slots, m): whether the listener trusts it
-    - `gain` (3, lanes): on ε, ε̇, ε̈
-    - `time` (lanes,): [s]
-    - `shared`: what the defence's `shared` has made
-    - `announced` (2, slots, m, lanes): what each slot's source announces, attacked or not
+    - `sources` (slots, m): number of the source, 0 is the navigator
+    - `weights` (slots, m, lanes): weights of the graph
+    - `trusted` (slots, m): whether the listener trusts the source
+    - `gain` (3, lanes): gains of ε, ε̇, ε̈
+    - `time` (lanes,): time [s]
+    - `shared`: the result of the defence's `shared`
+    - `announced` (2, slots, m, lanes): announcement of each slot's source, attacked or not
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     """
 
@@ -40,78 +56,98 @@ class Neighbourhood(NamedTuple):
 
 
 class AnyDefence(Kind):
-    """What is asked of a defence."""
+    """Base class of all defences, with the defaults of their methods."""
 
     decides: ClassVar[bool] = False
     guarantee: ClassVar[str] = "none is known"
 
     def needs_ticks(self) -> bool:
-        """Whether it cannot be evaluated at any instant, without memory (`tick: 0`)."""
+        """Return whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
         return True
 
     def trusts(self, graph: Digraph) -> Links:
-        """Links of a graph whose source the listener trusts: the navigator, wherever it is heard."""
+        """Return the trusted links of a graph: by default all links from the navigator."""
         return trusted_links(graph, {})
 
-    def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Any:
-        """Arrays that all lanes share, made once: any pytree. `sources` (slots, m) tells who is in each."""
+    def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Memory:
+        """Return arrays that all lanes share, any pytree. `sources` (slots, m) are the numbers of the
+        sources.
+        """
         return ()
 
-    def start(self, around: Neighbourhood) -> Any:
-        """The memory before anything was received: any pytree of arrays whose last axis is over lanes."""
+    def start(self, around: Neighbourhood) -> Memory:
+        """Return the memory before the first tick: any pytree of arrays with lanes last."""
         return ()
 
-    def announcement(self, memory: Any) -> Any:
-        """What vehicles tell their listeners of the `R(y) - R(y_0)` that drives them: (2, m, lanes).
+    def announcement(self, memory: Memory) -> VehicleVectors | None:
+        """Return the announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles
+        announce nothing.
 
-        An attacked link adds R of its signal, and carries that alone where the threat replaces. None, the
-        default, where they tell nothing.
+        An attacked link adds R of its signal, or carries R of the signal alone if the threat is `replaces`.
         """
         return None
 
     def announcing(self) -> bool:
-        """Whether vehicles announce what drives them, and are judged by it."""
+        """Return whether vehicles announce what drives them off the navigator, and are judged by it."""
         return False
 
     def draws(self) -> bool:
-        """Whether it draws random numbers at ticks."""
+        """Return whether the defence draws random numbers at ticks."""
         return False
 
-    def observed(self, received: Any, time: Any) -> Any:
-        """What vehicles take the jets received for when they decide; the law uses them as they are."""
+    def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
+        """Return the received jets as the decision sees them; the law uses the jets without this change."""
         return received
 
-    def overheard(self, announced: Any, sources: Any, time: Any) -> Any:
-        """Announcements (2, slots, m, lanes) [m/s³] as vehicles take them, when they decide and announce.
+    def overheard(self, announced: SlotVectors, sources: SlotSources, time: LaneTimes) -> SlotVectors:
+        """Return announcements (2, slots, m, lanes) [m/s³] as vehicles see them when they decide and
+        announce.
 
-        `sources` (slots, m) are the numbers of the sources, 0 the navigator.
+        `sources` (slots, m) are the numbers of the sources, 0 is the navigator.
         """
         return announced
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """The decision and the memory after one tick.
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Return the decision and the memory after one tick.
 
-        `own` are a vehicle's jets, each (2, m, lanes), `received` those in each slot, each (2, slots, m,
-        lanes). The decision is boolean, who is retained, or weights, not negative and normalised afterwards:
-        (slots, m, lanes), or (2, slots, m, lanes) to decide by axis. `last` is that of the tick before, at
-        first everybody.
+        Parameters
+        ----------
+        own
+            A vehicle's position, velocity and acceleration [m, m/s, m/s²], each (2, m, lanes).
+        received
+            The jets received in each slot, each (2, slots, m, lanes).
+        last
+            The decision at the last tick; at the first tick every source is retained.
+        memory
+            The memory from the last tick, or from `start`.
+        around
+            Sources, weights, trust, gains and time.
+
+        Returns
+        -------
+            Decision and memory. The decision is (slots, m, lanes), or (2, slots, m, lanes) by axis. It is
+            boolean, whether a source is retained, or holds weights ≥ 0, which are normalised afterwards.
         """
         raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
 
     def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
-        """Whom it may retain, for theory; None, the default, if that is not known: no bound is told then."""
+        """Return which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
     def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """How many it drops of whom, at most; by default every untrusted source, and never a trusted one."""
+        """Return a bound on the sources that the defence drops; by default every untrusted source, no trusted
+        one.
+        """
         return self.retained(graph, trusted) or any_untrusted(graph, trusted, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Vehicles that end on the navigator whatever attackers say, by each reason, the strongest first.
+        """Return the vehicles that end on the navigator whatever attackers send, by reason, the strongest
+        first.
 
-        By default those upstream of whom nothing is attacked, and those who drop all upstream that is.
+        By default a vehicle is safe if nothing upstream of it is attacked, or if all attacked sources
+        upstream are dropped.
         """
         known, none = self.retained(graph, trusted), np.zeros(graph.vehicles, int)
         reasons = [Safe("untouched", safety.greatest(self.may_drop(graph, trusted), attacked, none))]
@@ -120,18 +156,18 @@ class AnyDefence(Kind):
         return reasons
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Lines of `jaxnet check`: what it promises on this graph under this attack."""
+        """Return lines of `jaxnet check`: what the defence promises on this graph under this attack."""
         return {"defence": f"{self.kind}: nothing is known of whom it retains, so no bound is told"}
 
 
 class ShareOfLinks(Record):
-    """The navigator, and this share of the vehicles that each one hears, drawn, and rounded at random."""
+    """The navigator, and a random share of the vehicles that each listener hears, rounded at random."""
 
     share: float = Field(ge=0, le=1, description="of each listener's links to vehicles")
     seed: int = Field(default=0, ge=0, description="of the draw, which all lanes share")
 
     def links(self, graph: Digraph) -> Links:
-        """With the same seed more of them where the share is greater."""
+        """Return the trusted links; with one seed, a greater share contains a smaller one."""
         heard, random = graph.heard & (graph.sources > 0), np.random.default_rng(self.seed)
         lots = np.array([random.random(graph.vehicles + 1)[each] for each in graph.sources])
         number = np.floor(self.share * heard.sum(axis=1) + random.random(len(heard)))
@@ -139,18 +175,18 @@ class ShareOfLinks(Record):
 
 
 class NearestSources(Record):
-    """So many sources of each vehicle, those fewest links from the navigator, which is one itself."""
+    """The n sources of each vehicle with the fewest links to the navigator, which counts as a source."""
 
     nearest: int = Field(ge=1, le=10_000, description="sources, of those equally far the lowest numbers")
 
     def links(self, graph: Digraph) -> Links:
-        """By the graph alone."""
+        """Return the trusted links, which follow from the graph alone."""
         far = np.append(0.0, hops(graph))
         return least(graph.heard, far[graph.sources], self.nearest)
 
 
-def way_trusted(value: Any) -> str | None:
-    """How it is said who is trusted."""
+def trusted_tag(value: object) -> str | None:
+    """Return the tag of the form in which trusted sources are given, None if there is no such form."""
     if isinstance(value, Record):
         return MARK + next(iter(type(value).model_fields))
     if not isinstance(value, dict):
@@ -160,22 +196,22 @@ def way_trusted(value: Any) -> str | None:
 
 
 class Defence(AnyDefence):
-    """A rule by which vehicles weigh what they receive. One of one's own gives `decide`.
+    """A rule by which vehicles weigh what they receive. A subclass gives `decide`.
 
-    Jets, a position with its velocity and acceleration, are told relative to the navigator's: what a rule
-    makes of differences alone it makes of these.
+    A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that uses
+    differences alone gives the same decision for relative and absolute jets.
     """
 
     decides: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "trusted"})
 
     trusted: Annotated[
-        Annotated[Literal["none"], member("word")]
-        | Annotated[dict[int, list[int]], member("listed")]
-        | Annotated[ShareOfLinks, member("share")]
-        | Annotated[NearestSources, member("nearest")],
+        Annotated[Literal["none"], union_member("word")]
+        | Annotated[dict[int, list[int]], union_member("listed")]
+        | Annotated[ShareOfLinks, union_member("share")]
+        | Annotated[NearestSources, union_member("nearest")],
         Discriminator(
-            way_trusted,
+            trusted_tag,
             custom_error_type="trusted",
             custom_error_message="must be none, {vehicle: [sources]}, {share: s} or {nearest: n}",
         ),
@@ -193,11 +229,11 @@ class Defence(AnyDefence):
     )
 
     def draws(self) -> bool:
-        """Those of its noise."""
+        """Return whether the rule has noise."""
         return self.noise != 0
 
-    def drawn(self, draw: Any, name: str) -> Any:
-        """The same with its numbers drawn, and the key of those that it draws at ticks."""
+    def drawn(self, draw: LaneDraw, name: str) -> "Defence":
+        """Return the rule with drawn numbers, and with a key for its random numbers at ticks."""
         values = {**vars(super().drawn(draw, name))}
         if self.noise == 0:
             values["noise"] = None
@@ -205,23 +241,26 @@ class Defence(AnyDefence):
             values["key"] = draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")
         return self.filled(values)
 
-    def random(self, time: Any, purpose: str, sampler: Any, shape: tuple[int, ...]) -> Any:
-        """`sampler(key, shape)`, one of `jax.random`, lanes last: each lane's own at each tick.
+    def random(
+        self, time: LaneTimes, purpose: str, sampler: Callable[..., Any], shape: tuple[int, ...]
+    ) -> Any:
+        """Return `sampler(key, shape)` for a sampler of `jax.random`, lanes last, independent at each tick
+        and lane.
 
-        What purposes of other names draw is independent. Only for a rule that says so by `draws`.
+        Draws with different purposes are independent. Only a rule whose `draws` is true may call this method.
         """
         from jaxnet.model import chance
 
         return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
 
-    def observed(self, received: Any, time: Any) -> Any:
-        """With noise."""
+    def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
+        """Return the received jets with noise."""
         from jaxnet.model import chance
 
         return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
 
-    def overheard(self, announced: Any, sources: Any, time: Any) -> Any:
-        """With noise; the navigator's announcement is 0 by agreement, so it has none."""
+    def overheard(self, announced: SlotVectors, sources: SlotSources, time: LaneTimes) -> SlotVectors:
+        """Return announcements with noise; the navigator's announcement, always 0, has no noise."""
         from jaxnet.model import chance
 
         if self.noise is None:
@@ -230,15 +269,15 @@ class Defence(AnyDefence):
         return noisy.__array_namespace__().where((sources > 0)[None, :, :, None], noisy, announced)
 
     def trusts(self, graph: Digraph) -> Links:
-        """The navigator wherever it is heard and those listed, or as another rule says."""
+        """Return the links that the key `trusted` names."""
         if isinstance(self.trusted, Record):
             return self.trusted.links(graph)
         if self.trusted == "none":
             return graph.none
         return trusted_links(graph, self.trusted)
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Whoever is named must exist, and a rule that has a memory needs ticks."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of vehicles that do not exist, and of a rule with memory that has no ticks."""
         listed = self.trusted if isinstance(self.trusted, dict) else {}
         yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
@@ -251,28 +290,30 @@ class Defence(AnyDefence):
 
 
 class Sparing(Defence):
-    """A rule that spares trusted sources, unless they are to be judged as others are."""
+    """A rule that never drops trusted sources, unless `drop_trusted` is true."""
 
     drop_trusted: bool = Field(
         default=False, description="whether trusted sources are judged, and dropped, as others are"
     )
 
-    def spares(self, trusted: Any) -> Any:
-        """Of trusted links, or slots, those whose weight is not touched."""
+    def spares(self, trusted: AnyMask) -> AnyMask:
+        """Return those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
     def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """Whom it does not spare."""
+        """Return a bound on the sources that the rule drops: every source that it does not spare."""
         known = self.retained(graph, trusted)
         return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)
 
-    def spared(self, around: Neighbourhood) -> Any:
-        """Slots (slots, m, lanes) whose weight is not touched."""
+    def spared(self, around: Neighbourhood) -> SlotMask:
+        """Return the slots (slots, m, lanes) whose weight the rule does not change."""
         return self.spares((around.weights > 0) & around.trusted[:, :, None])
 
 
-def by_listener(value: Any, vehicles: int) -> np.ndarray:
-    """A whole number for all vehicles, or {vehicle: number} with 0 for the others: (m,)."""
+def by_listener(value: int | dict[int, int], vehicles: int) -> np.ndarray:
+    """Return a whole number for each vehicle, (m,), from one number or {vehicle: number}; 0 for other
+    vehicles.
+    """
     if not isinstance(value, dict):
         return np.full(vehicles, value, dtype=np.int64)
     return np.array([value.get(vehicle, 0) for vehicle in range(1, vehicles + 1)], dtype=np.int64)

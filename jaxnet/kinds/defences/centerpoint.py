@@ -1,20 +1,25 @@
-"""A point in the middle of what is received."""
-
-from typing import Any
+"""The centerpoint: a mean of the received positions that lies among the honest ones."""
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 
 
 class Centerpoint(Sparing):
     """Weigh sources so that their mean is an interior centerpoint of their positions.
 
-    A centerpoint has a third of the n positions received, or more, in each closed half-plane that it lies in.
-    So it lies among the honest ones where fewer than a third are attacked, which takes four sources for one.
-    Of all centerpoints, a convex polygon, it is the mean of the boundary; of three positions or fewer it is
-    their weighted mean. Of the weights that make it those nearest to the graph's, `Σ λ²/w` least, to 1e-8 m
-    (where points nearly lie on a line a millionth of their distance). Trusted sources keep no less than their
-    weight, without which the navigator would soon reach nobody. Source: Abbas, Shabbir, Li and Koutsoukos,
-    Resilient distributed vector consensus using centerpoint, 2022; which interior point is taken is ours.
+    Each closed half-plane that contains a centerpoint contains at least a third of the n received positions.
+    So a centerpoint lies among the honest positions if fewer than a third are attacked; one attacked source
+    needs three honest ones.
+
+    All centerpoints form a convex polygon; the rule takes the mean of its boundary. Of three positions or
+    fewer the rule takes the weighted mean. Among the weights with this mean the rule takes those nearest to
+    the graph's, with least `Σ λ²/w`. The mean is exact to 1e-8 m, or to a millionth of the distance where
+    positions nearly lie on a line.
+
+    Trusted sources keep at least their weight. Otherwise the navigator would soon reach no vehicle.
+
+    Source: Abbas, Shabbir, Li and Koutsoukos, Resilient distributed vector consensus using centerpoint, 2022.
+    The choice of the interior point is ours.
     """
 
     kind = "centerpoint"
@@ -24,9 +29,9 @@ class Centerpoint(Sparing):
     )
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """Weights, which are normalised afterwards."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Return weights of the sources, which are normalised afterwards."""
         from jaxnet.model import centerpoint
 
         xp, found = own[0].__array_namespace__(), centerpoint.weights(received[0], around.weights)

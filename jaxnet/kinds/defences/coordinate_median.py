@@ -1,18 +1,19 @@
-"""The median of what is received, axis by axis."""
-
-from typing import Any
+"""The weighted median of the received positions, axis by axis."""
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 
-HALF = 0.5 + 1e-12  # of the weight, and what adding it up may be off
+HALF = 0.5 + 1e-12  # half of the weight, plus the rounding of its sum
 
 
 class CoordinateMedian(Sparing):
-    """Retain, axis by axis, the sources at the weighted median of the positions received, and trusted ones.
+    """Retain trusted sources, and axis by axis those at the weighted median of the received positions.
 
-    No more than half of the weight is below it, and no more than half above. What is equal but for rounding
-    is neither. Without the trusted ones a vehicle would soon hear nobody by whom the navigator reaches it.
+    At the median at most half of the weight is below and at most half above. Positions that are equal except
+    for rounding count as neither below nor above. Without trusted sources a vehicle would soon hear no source
+    through which the navigator reaches it.
+
     Source of the median: Yin, Chen, Ramchandran and Bartlett, Byzantine-robust distributed learning, 2018.
     """
 
@@ -23,9 +24,11 @@ class CoordinateMedian(Sparing):
     )
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """By adding up the weight on either side, slot by slot, for XLA adds up over an axis one by one."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Return the sources at the median. A loop over slots sums weights, because XLA sums an axis one by
+        one.
+        """
         xp, weights, position = own[0].__array_namespace__(), around.weights, received[0]
         below, above = (
             sum(

@@ -1,4 +1,4 @@
-"""The geometric median of what is received."""
+"""The geometric median of the received positions."""
 
 from typing import Any
 
@@ -6,17 +6,19 @@ from pydantic import Field
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.fields import Positive
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, SlotNumbers, VehicleJets, VehicleVectors
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset, everybody
 
 
 class GeometricMedian(Defence):
-    """Weigh sources so that their mean is the geometric median of their positions, nearly.
+    """Weigh sources so that their mean is close to the geometric median of their positions.
 
-    `w_j / max(smoothing, ‖z - y_j‖)` with z the mean by the weights before, `rounds` times from the graph's
-    weights on: Weiszfeld's iteration, smoothed. Source: Pillutla, Kakade and Harchaoui, Robust aggregation
-    for federated learning, 2022.
+    The rule starts from the graph's weights and iterates `rounds` times `w_j / max(smoothing, ‖z - y_j‖)`,
+    where z is the mean by the last weights. This is Weiszfeld's iteration, smoothed.
+
+    Source: Pillutla, Kakade and Harchaoui, Robust aggregation for federated learning, 2022.
     """
 
     kind = "geometric_median"
@@ -29,19 +31,19 @@ class GeometricMedian(Defence):
     rounds: int = Field(default=8, ge=1, le=1000, description="of the iteration, at every tick")
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """Weights, which are normalised afterwards."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Return weights of the sources, which are normalised afterwards."""
         from jax import lax
 
         position = received[0]
 
-        def weighed(middle: Any) -> Any:
+        def weighed(middle: VehicleVectors) -> SlotNumbers:
             apart = length(position - middle[:, None])
             least = apart.__array_namespace__().maximum(apart, self.smoothing[None, None])
             return around.weights / least
 
-        def mean(weights: Any) -> Any:
+        def mean(weights: SlotNumbers) -> VehicleVectors:
             moment: Any = sum(weight[None] * position[:, slot] for slot, weight in enumerate(weights))
             return moment / weights.sum(axis=0)[None]
 
@@ -49,5 +51,5 @@ class GeometricMedian(Defence):
         return weighed(middle), memory
 
     def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """Nobody, for no weight is ever 0."""
+        """Return that no source is dropped, because no weight becomes 0."""
         return everybody(graph)

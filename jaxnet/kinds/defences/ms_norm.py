@@ -1,10 +1,9 @@
-"""The mean-subsequence rule by distance in the plane."""
-
-from typing import Any
+"""The mean-subsequence rule with distances in the plane."""
 
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
@@ -12,9 +11,9 @@ from jaxnet.model.retained import AnySubset, any_untrusted
 
 
 class MSNorm(Sparing):
-    """Drop the F sources that are farthest from one's own position; trusted ones are never dropped.
+    """Drop the F sources that are farthest from the vehicle's own position, but no trusted source.
 
-    The mean-subsequence rule of W-MSR's kin, with distances in place of numbers on a line.
+    This is the rule of W-MSR with distances in the plane in place of numbers on a line.
     """
 
     kind = "ms_norm"
@@ -28,9 +27,11 @@ class MSNorm(Sparing):
     )
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """By counting who is farther out; of equal ones (`ties`) the one in the lower slot goes first."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Count the sources farther out than each source; of equal distances (`ties`) the lower slot is
+        dropped first.
+        """
         xp = own[0].__array_namespace__()
         candidate = (around.weights > 0) & ~self.spared(around)
         distance = length(received[0] - own[0][:, None])
@@ -41,9 +42,9 @@ class MSNorm(Sparing):
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
     def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """It drops F sources that it does not spare, or all where it hears fewer."""
+        """Return that F untrusted sources are dropped, or all if a vehicle hears fewer."""
         return any_untrusted(graph, self.spares(trusted), self.F)
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """How many it drops."""
+        """Return how many sources are dropped."""
         return {"defence": f"the {self.F} farthest from one's own position are dropped"}

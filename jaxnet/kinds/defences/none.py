@@ -1,28 +1,27 @@
-"""No defence."""
-
-from typing import Any
+"""No defence: every source is believed."""
 
 from jaxnet.kinds.defences import AnyDefence, Neighbourhood
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, everybody
 
 
 class NoDefence(AnyDefence):
-    """Everybody is believed."""
+    """Vehicles believe every source."""
 
     kind = "none"
     guarantee = "none: everybody is believed"
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """Nobody is dropped, ever."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Return the last decision, which retains every source."""
         return last, memory
 
     def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
-        """Everybody."""
+        """Return that every source is retained."""
         return everybody(graph)
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """There is none."""
+        """Return that there is no defence."""
         return {"defence": "none"}

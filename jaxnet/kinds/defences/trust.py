@@ -1,12 +1,21 @@
-"""Trust that is earned."""
+"""Trust that sources earn over time."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.fields import Number, Positive, Within
+from jaxnet.kinds.shapes import (
+    Decision,
+    Memory,
+    SlotJets,
+    SlotNumbers,
+    SlotVectors,
+    VehicleJets,
+    VehicleVectors,
+)
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
@@ -15,14 +24,19 @@ from jaxnet.model.safety import Safe
 
 
 class Trust(Sparing):
-    """Retain the sources whose sum β of `α - 1/2` over the ticks is not negative, of none the greatest.
+    """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of greatest β.
 
-    α is what is observed of a source at a tick. From its deviation: `radius / (radius + Δ)`, Δ the distance
-    to what is received of the first trusted source, or to oneself where there is none. At random: 1 or 0,
-    right with probability `accuracy`, as of a measurement that has nothing to do with what is received; after
-    t ticks a source is misjudged with a probability of at most `exp(-2 t (accuracy - 1/2)²)`. Trusted sources
-    are retained, unless they may be dropped. Source: Yemini, Nedić, Goldsmith and Gil, Characterizing trust
-    and resilience in distributed consensus for cyberphysical systems, 2022; the α of deviations is ours.
+    α is an observation of a source at a tick, in one of two ways:
+
+    - `deviation`: `radius / (radius + Δ)`, where Δ is the distance from the position received from the first
+      trusted source, or from the vehicle itself if it trusts no source.
+    - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not depend on
+      what is received. After t ticks the probability to misjudge a source is at most
+      `exp(-2 t (accuracy - 1/2)²)`.
+
+    Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and Gil,
+    Characterizing trust and resilience in distributed consensus for cyberphysical systems, 2022. The α of
+    `deviation` is ours.
     """
 
     kind = "trust"
@@ -40,17 +54,17 @@ class Trust(Sparing):
     )
 
     def draws(self) -> bool:
-        """Random observations too."""
+        """Return whether the rule has noise or random observations."""
         return super().draws() or self.observation == "random"
 
-    def start(self, around: Neighbourhood) -> Any:
-        """Nobody has earned anything."""
+    def start(self, around: Neighbourhood) -> Memory:
+        """Return the sum 0 for every source."""
         return around.weights.__array_namespace__().zeros(around.weights.shape)
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """By the sums so far."""
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Add the observations of this tick to the sums, and decide by the sums."""
         xp, heard = own[0].__array_namespace__(), around.weights > 0
         if self.observation == "random":
             alpha = self.random_alpha(around)
@@ -60,16 +74,16 @@ class Trust(Sparing):
         greatest = xp.where(heard, memory, -xp.inf).max(axis=0, keepdims=True)
         return self.spared(around) | (memory >= xp.minimum(greatest, 0.0)), memory
 
-    def random_alpha(self, around: Neighbourhood) -> Any:
-        """1 or 0, the truth with probability `accuracy`."""
+    def random_alpha(self, around: Neighbourhood) -> SlotNumbers:
+        """Return 1 or 0, the truth with probability `accuracy`."""
         from jax.random import uniform
 
         drawn = self.random(around.time, "observation", uniform, around.weights.shape[:-1])
         right = drawn < self.accuracy[None, None]
         return (right != around.attacked).astype(float)
 
-    def alpha(self, own: Any, position: Any, around: Neighbourhood) -> Any:
-        """`radius / (radius + Δ)`."""
+    def alpha(self, own: VehicleVectors, position: SlotVectors, around: Neighbourhood) -> SlotNumbers:
+        """Return `radius / (radius + Δ)`."""
         xp, trusts = own.__array_namespace__(), (around.weights > 0) & around.trusted[:, :, None]
         first, radius = trusts & (xp.cumsum(trusts, axis=0) == 1), self.radius[None, None]
         word = xp.where(first[None], position, 0.0).sum(axis=1)
@@ -77,7 +91,10 @@ class Trust(Sparing):
         return radius / (radius + length(position - there[:, None]))
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """In the end nobody attacked is believed but who is spared, or heard with nobody else."""
+        """Return the default reasons and "by earned trust".
+
+        In the end no attacked source is believed, unless it is spared or its listener hears no honest source.
+        """
         reasons, heard, spared = super().safe(graph, attacked, trusted), graph.heard, self.spares(trusted)
         drops, everyone = self.may_drop(graph, trusted), np.ones(graph.vehicles, bool)
         if self.observation == "random" and safety.stay_joined(drops, everyone).all():

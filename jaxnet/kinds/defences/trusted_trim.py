@@ -8,9 +8,21 @@ from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import MARK, NotNegative, Positive, member, names_distribution
-from jaxnet.kinds.kind import Fault, numbered, unknown_vehicles
-from jaxnet.model import hearing, safety
+from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member
+from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.shapes import (
+    AnyCounts,
+    AnyMask,
+    AxisSlotNumbers,
+    Decision,
+    LaneGains,
+    Memory,
+    SlotJets,
+    VehicleJets,
+    VehicleVectors,
+)
+from jaxnet.model import hearing, retained, safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import AnySubset
@@ -21,15 +33,16 @@ Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
 
 
-def whole_or_each(value: Any) -> str:
-    """Whether ϑ means to be one number or one for each vehicle."""
+def theta_tag(value: object) -> str:
+    """Return the tag of ϑ: one number for all vehicles, or one for each."""
     each = isinstance(value, dict) and not names_distribution(value)
     return MARK + ("each" if each else "all")
 
 
 class Trimming(NamedTuple):
-    """What lanes share: ϑ, and the slots of trusted sources, as many as the listener with most of them
-    has.
+    """What all lanes share: ϑ, and the slots of trusted sources.
+
+    `references` has as many rows as the listener with the most trusted sources needs.
     """
 
     theta: Int[np.ndarray, " m"]
@@ -37,9 +50,9 @@ class Trimming(NamedTuple):
 
 
 class Recollection(NamedTuple):
-    """What a vehicle remembers from tick to tick; () for what its score does not need.
+    """The memory of trimming; () for a part that the score does not need.
 
-    Who may be dropped, and who is trusted how much, is the same at all ticks.
+    `candidates` and `shares` are the same at all ticks.
     """
 
     candidates: Any  # (slots, m, lanes), who may be dropped
@@ -52,13 +65,13 @@ class Recollection(NamedTuple):
 class TrustedTrim(Sparing):
     """Drop the ϑ_i untrusted neighbours that are farthest, on average, from the trusted ones.
 
-    How far is a matter of `score`: of positions, as the paper has it, of positions, velocities and
-    accelerations together, or of what the law makes of them. A vehicle trims if it hears at least 2ϑ_i + 1
-    sources, ϑ_i of them trusted; the others retain everybody.
+    `score` chooses the distance: of positions, as in the paper, of positions, velocities and accelerations
+    together, or of what the law computes from them. A vehicle trims if it hears at least 2ϑ_i + 1 sources,
+    ϑ_i of them trusted. All other vehicles retain every source.
 
-    Or vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)` as it follows from what their retained
-    sources announced at the last tick, and drop the ϑ_i that announce most, if they hear more than ϑ_i
-    (SCIENCE, O11).
+    With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
+    announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
+    greatest announcements if it hears more than ϑ_i sources (SCIENCE, O11).
     """
 
     kind = "trusted_trim"
@@ -70,8 +83,8 @@ class TrustedTrim(Sparing):
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
-        Annotated[Theta, member("all")] | Annotated[dict[int, Theta], member("each")],
-        Discriminator(whole_or_each),
+        Annotated[Theta, union_member("all")] | Annotated[dict[int, Theta], union_member("each")],
+        Discriminator(theta_tag),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     tolerance: NotNegative = Field(
         default=1e-9, description="[m], by which who was dropped last counts as farther (SCIENCE O8)"
@@ -91,35 +104,39 @@ class TrustedTrim(Sparing):
     )
 
     def needs_ticks(self) -> bool:
-        """What is remembered is remembered from tick to tick."""
+        """Return whether the score has a filter or uses announcements, which have a memory."""
         return self.filter is not None or self.announcing()
 
     def announcing(self) -> bool:
-        """As `score` says."""
+        """Return whether `score` is `announced`."""
         return self.score == "announced"
 
     def draws(self) -> bool:
-        """Numbers of its noise, and of what vehicles announce at first."""
+        """Return whether the rule has noise or random first announcements."""
         return super().draws() or self.wakes()
 
     def wakes(self) -> bool:
-        """Whether vehicles announce anything at first."""
+        """Return whether vehicles announce random vectors at first."""
         return self.announcing() and self.first_announcement != 0
 
-    def drawn(self, draw: Any, name: str) -> Any:
-        """The same with its numbers drawn; no first announcement where vehicles announce nothing at first."""
-        drawn = super().drawn(draw, name)
-        return drawn if self.wakes() else self.filled({**vars(drawn), "first_announcement": None})
+    def drawn(self, draw: LaneDraw, name: str) -> "TrustedTrim":
+        """Return the rule with drawn numbers; `first_announcement` is None if vehicles announce nothing at
+        first.
+        """
+        values = {**vars(super().drawn(draw, name))}
+        if not self.wakes():
+            values["first_announcement"] = None
+        return self.filled(values)
 
     def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Trimming:
-        """ϑ, and where the trusted sources are heard."""
+        """Return ϑ, and the slots of the trusted sources."""
         slots = hearing.by_slot(graph, trusted, sources)
         most = max(1, int(slots.sum(axis=0).max()))
         references = np.argsort(~slots, axis=0, kind="stable")[:most]
         return Trimming(by_listener(self.theta, graph.vehicles), references)
 
-    def start(self, around: Neighbourhood) -> Any:
-        """Who may be dropped, and what vehicles announce at first; nothing was scored yet."""
+    def start(self, around: Neighbourhood) -> Memory:
+        """Return the memory at t = 0: the candidates to drop, the first announcements, and no score."""
         import jax
 
         from jaxnet.model import trimming
@@ -141,19 +158,19 @@ class TrustedTrim(Sparing):
         candidates = heard & ~self.spared(around) & trims[None]
         return Recollection(candidates, shares, score, time, announced)
 
-    def announcement(self, memory: Any) -> Any:
-        """ρ of the last tick."""
+    def announcement(self, memory: Memory) -> VehicleVectors | None:
+        """Return ρ of the last tick."""
         return memory.announced if self.announcing() else None
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """Drop the greatest scores, ties to the lower number.
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Drop the sources with the greatest scores; of equal scores the lower number is dropped first.
 
-        `tolerance` [m] is added to the score of those dropped last, so that rounding alone changes nobody's
-        mind (SCIENCE O8). Announced is `ρ_i = Σ w̃_ij ρ_j` over the retained, of what they announced.
+        `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
+        decision (SCIENCE O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
         """
-        from jaxnet.model import retained, trimming
+        from jaxnet.model import trimming
 
         if self.announcing():
             score = length(around.announced)
@@ -170,14 +187,14 @@ class TrustedTrim(Sparing):
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))
         return decision, memory
 
-    def trims(self, heard: Any, trusted: Any, theta: Any) -> Any:
-        """Who trims, by how many sources are heard and how many of them are trusted."""
+    def trims(self, heard: AnyCounts, trusted: AnyCounts, theta: AnyCounts) -> AnyMask:
+        """Return which vehicles trim, from the numbers of sources and of trusted sources that they hear."""
         if self.announcing():
             return heard > theta
         return (heard >= 2 * theta + 1) & (trusted >= theta)
 
-    def compared(self, received: Any, gain: Any) -> Any:
-        """What scores compare of what is received: (axes, slots, m, lanes)."""
+    def compared(self, received: SlotJets, gain: LaneGains) -> AxisSlotNumbers:
+        """Return the vectors that scores compare: (axes, slots, m, lanes)."""
         from jaxnet.model import control
 
         if self.score == "jets":
@@ -185,18 +202,18 @@ class TrustedTrim(Sparing):
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
     def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """A vehicle that trims drops exactly ϑ_i sources not spared, or all where it hears fewer."""
+        """Return that a trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
         theta = by_listener(self.theta, graph.vehicles)
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
         return AnySubset(graph, links, np.minimum(theta, links.sum(axis=1)))
 
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
-        """Vehicles that trim anybody on a graph."""
+        """Return the vehicles of a graph that trim."""
         theta = by_listener(self.theta, graph.vehicles)
         return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """If vehicles announce, unfiltered, those too that theorem 3 covers; other scores prove nothing."""
+        """Return the default reasons, and "by majority" of theorem 3 for unfiltered announcements."""
         reasons = super().safe(graph, attacked, trusted)
         if not self.announcing() or self.filter is not None:
             return reasons
@@ -207,7 +224,7 @@ class TrustedTrim(Sparing):
         return [*reasons, Safe("by majority" + rate, inside, consistent=True)]
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """Who trims, and where more than ϑ_i are attacked."""
+        """Return which vehicles trim, and where more than ϑ_i sources are attacked."""
         theta, meets = by_listener(self.theta, graph.vehicles), self.protected(graph, trusted)
         outnumbered = meets & ((attacked.sum(axis=1) > theta) | (attacked & trusted).any(axis=1))
         values = ", ".join(str(value) for value in sorted(set(theta.tolist())))
@@ -217,14 +234,16 @@ class TrustedTrim(Sparing):
             return {"trimming": line + "nobody is protected, so everybody keeps whom they hear"}
         line += "holds for every vehicle"
         if not meets.all():
-            line = line.removesuffix("every vehicle") + f"{ranges(numbered(meets))} only"
-            line += f"; {ranges(numbered(~meets))} unprotected"
+            line = line.removesuffix("every vehicle") + f"{ranges(vehicle_numbers(meets))} only"
+            line += f"; {ranges(vehicle_numbers(~meets))} unprotected"
         if outnumbered.any():
-            line += f"; more than ϑ attacked sources, or a trusted one, at {ranges(numbered(outnumbered))}"
+            line += (
+                f"; more than ϑ attacked sources, or a trusted one, at {ranges(vehicle_numbers(outnumbered))}"
+            )
         return {"trimming": line}
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Whoever is named must exist."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of vehicles that do not exist."""
         yield from super().faults(scenario)
         if isinstance(self.theta, dict):
             yield from unknown_vehicles("defence.theta", list(self.theta), scenario.vehicles, first=1)

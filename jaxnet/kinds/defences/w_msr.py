@@ -1,19 +1,18 @@
 """W-MSR, the weighted mean-subsequence-reduced rule, axis by axis."""
 
-from typing import Any
-
 from pydantic import Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing
+from jaxnet.kinds.shapes import AxisSlotMask, Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import AnySubset, any_untrusted
 
 
 class WMSR(Sparing):
-    """Drop, axis by axis, up to F values above one's own and up to F below, the most extreme first.
+    """Drop, axis by axis, up to F values above the vehicle's own and up to F below, the most extreme first.
 
-    Trusted sources, the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and Sundaram,
+    Trusted sources, among them the navigator, are spared. Source: LeBlanc, Zhang, Koutsoukos and Sundaram,
     Resilient asymptotic consensus in robust networks, 2013.
     """
 
@@ -28,11 +27,11 @@ class WMSR(Sparing):
     )
 
     def decide(
-        self, own: Any, received: Any, last: Any, memory: Any, around: Neighbourhood
-    ) -> tuple[Any, Any]:
-        """By counting, of those who are farther out on the same side, whether they are less than F.
+        self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
+    ) -> tuple[Decision, Memory]:
+        """Drop a source if fewer than F sources are farther out on the same side.
 
-        Of equal values (`ties`) the one in the lower slot is dropped first; one equal to one's own is kept.
+        Of equal values (`ties`) the lower slot is dropped first. A value equal to the vehicle's own is kept.
         """
         xp = own[0].__array_namespace__()
         above = received[0] - own[0][:, None]
@@ -42,7 +41,7 @@ class WMSR(Sparing):
         side = xp.where(candidate, sides, 0.0)
         order = xp.arange(above.shape[1])[None, :, None, None]
 
-        def beyond(k: int) -> Any:
+        def beyond(k: int) -> AxisSlotMask:
             """Who has the one in this slot farther out on the same side."""
             other = slice(k, k + 1)
             first = ~ties.over(size, size[:, other]) & (k < order)
@@ -52,9 +51,9 @@ class WMSR(Sparing):
         return ~((side != 0) & (before < self.F)), memory
 
     def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
-        """F on either side."""
+        """Return that at most 2F sources are dropped, F on either side."""
         return any_untrusted(graph, self.spares(trusted), 2 * self.F)
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
-        """What is known of it."""
+        """Return that no bound on the retained sources is known."""
         return {"defence": f"W-MSR, F = {self.F}; whom it retains is not bounded here, so no bound is told"}

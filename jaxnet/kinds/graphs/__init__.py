@@ -1,7 +1,7 @@
-"""Who hears whom, with what weight.
+"""Graphs: which sources a vehicle hears, and with what weights.
 
-A graph of m vehicles is given as an array (m, m + 1), dense or a sparse one of SciPy's: row i - 1 holds what
-vehicle i hears, column j the weight of source j, the navigator's first; or as a `model.graph.Digraph`.
+A graph of m vehicles is an array (m, m + 1), dense or sparse (SciPy), or a `model.graph.Digraph`. Row i - 1
+of the array holds the weights of vehicle i; column j belongs to source j, and column 0 to the navigator.
 """
 
 import functools
@@ -13,55 +13,68 @@ from jaxtyping import Bool, Float, Int
 from pydantic import AfterValidator, Discriminator, Field
 from scipy import sparse
 
-from jaxnet.kinds.fields import MARK, Number, Record, Within, bounds, is_drawn, median, member
+from jaxnet.kinds.fields import MARK, Number, Record, Within, is_drawn, median, union_member, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 
-LEAST_WEIGHT = 1e-15  # of a link, in proportion: with less, 1 - w is 1 and L is singular
-TRIES = 1000  # draws of a graph before it is given up that the navigator reaches everybody
+LEAST_WEIGHT = 1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
+TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
+
+GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a sparse array of SciPy
 
 
 class Graph(Kind):
-    """A weighted digraph with a navigator. A graph of one's own gives `weights`."""
+    """A weighted digraph with a navigator. A subclass gives `weights`."""
 
     linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 
-    def weights(self, vehicles: int) -> Any:
-        """Weights w_ij, not negative; the rows of listeners are normalised to sum 1.
+    def weights(self, vehicles: int) -> GivenGraph:
+        """Return the weights of the graph; drawn numbers count with their medians.
 
-        Where numbers are drawn, the graph with their medians.
+        Parameters
+        ----------
+        vehicles
+            Number m of vehicles.
+
+        Returns
+        -------
+            Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a `Digraph`. The
+            rows are normalised to sum 1 afterwards.
         """
         raise NotImplementedError
 
-    def links(self, vehicles: int) -> Any:
-        """Links that some lane may have, given as weights are; the weights of others are 0 in all lanes."""
+    def links(self, vehicles: int) -> GivenGraph:
+        """Return the links that a lane may have, in the form of `weights`; other links have weight 0 in all
+        lanes.
+        """
         return self.weights(vehicles)
 
     def linked(self, vehicles: int) -> Digraph:
-        """The graph of these links, each with weight 1; raises KindError."""
+        """Return the graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)
         return given._replace(weights=given.heard.astype(float))
 
     def differs(self) -> bool:
-        """Whether lanes have graphs or weights of their own."""
+        """Return whether lanes have graphs or weights of their own."""
         return bool(self.drawn_keys())
 
     def redrawn(self) -> bool:
-        """Whether lanes have links of their own, not weights alone."""
+        """Return whether lanes have links of their own, not only weights."""
         return self.differs() and not self.drawn_keys()
 
     def lane_weights(
-        self, draw: Any, vehicles: int, sources: Int[np.ndarray, "slots m"]
+        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Weights of each lane by slot; asked for where lanes differ."""
+        """Return the weights of each lane by slot. Only a graph that differs by lane needs this method."""
         raise NotImplementedError
 
     def weights_by_slot(
-        self, draw: Any, vehicles: int, sources: Int[np.ndarray, "slots m"]
+        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
     ) -> Float[np.ndarray, "samples slots m"]:
-        """Weights of each lane by slot, normalised."""
+        """Return the normalised weights of each lane by slot."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
         given = self.normalised(vehicles)
@@ -71,7 +84,7 @@ class Graph(Kind):
         """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
         return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
 
-    def digraph(self, given: Any, vehicles: int) -> Digraph:
+    def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
         """What `weights` and `links` may give, as a graph; raises KindError."""
         if not isinstance(given, Digraph):
             given = given if sparse.issparse(given) else np.asarray(given, float)
@@ -82,9 +95,9 @@ class Graph(Kind):
             )
         return given
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """The navigator must reach everybody, otherwise L is singular."""
-        lost, least = reached(Itself(self), scenario.vehicles)
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault if the navigator does not reach every vehicle, because L is singular then."""
+        lost, least = check_reach(ByIdentity(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))
             yield Fault((self.linked_by, "topology"), f"the navigator does not reach {words}")
@@ -93,78 +106,83 @@ class Graph(Kind):
             yield Fault((self.linked_by, "topology"), message)
 
     @classmethod
-    def adopted(cls, value: Any) -> "Graph | None":
-        """A graph that another library's object means, None if it means none (`edges` knows networkx's)."""
+    def adopted(cls, value: object) -> "Graph | None":
+        """Return the graph that an object of another library means, None if it means none (`edges`:
+        networkx).
+        """
         return None
 
 
-class Itself:
-    """An object that equals no other one, as a key of a cache."""
+class ByIdentity:
+    """A cache key that equals only keys of the same object."""
 
-    def __init__(self, one: Any):
+    def __init__(self, one: Graph):
         self.one = one
 
     def __eq__(self, other: object) -> bool:
-        """Whether both are one object."""
-        return isinstance(other, Itself) and self.one is other.one
+        """Return whether both keys hold the same object."""
+        return isinstance(other, ByIdentity) and self.one is other.one
 
     def __hash__(self) -> int:
-        """By identity."""
+        """Return the object's identity."""
         return id(self.one)
 
 
 @functools.lru_cache(maxsize=16)
-def reached(itself: Itself, vehicles: int) -> tuple[list[int], float]:
-    """Vehicles that the navigator does not reach, and the least weight of a link.
+def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
+    """Return the vehicles that the navigator does not reach, and the least weight of a link.
 
-    Remembered, because cells of a sweep share their graph.
+    The cache serves the cells of a sweep, which share their graph.
     """
     found = itself.one.normalised(vehicles)
     return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
 
 class ShareOfVehicles(Record):
-    """So great a share of the vehicles, drawn and rounded."""
+    """A share of the vehicles, drawn at random and rounded."""
 
     share: float = Field(gt=0, le=1, description="of the vehicles")
 
 
-def way_informed(value: Any) -> str | None:
-    """How it is said who hears the navigator."""
+def informed_tag(value: object) -> str | None:
+    """Return the tag of the form in which informed vehicles are given."""
     if isinstance(value, ShareOfVehicles) or (isinstance(value, dict) and "share" in value):
         return MARK + "share"
     return {str: MARK + "word", list: MARK + "listed"}.get(type(value))
 
 
-def leaves_neighbours(weight: Any) -> Any:
-    """The navigator's weight, if everybody hears the same sources whatever is drawn."""
-    if is_drawn(weight) and bounds(weight)[1] >= 1:
+def check_navigator_weight(weight: Number) -> Number:
+    """Return the navigator's weight; raise ValueError if a draw may be 1, which removes all links to
+    neighbours.
+    """
+    if is_drawn(weight) and value_range(weight)[1] >= 1:
         raise ValueError("must be less than 1 where it is drawn: at 1 nobody hears a neighbour")
     return weight
 
 
 class Unweighted(Graph):
-    """Links between vehicles, the navigator heard by all or some, and a rule that gives weights. A kind gives
-    `heard`.
+    """Links between vehicles, links from the navigator, and a rule for the weights. A subclass gives `heard`.
 
-    Where anything is drawn, it is drawn until the navigator reaches everybody, so that each such graph is as
-    likely as it is among them.
+    A random graph is drawn until the navigator reaches every vehicle, so each such graph is equally likely.
     """
 
     linked_by: ClassVar[str] = "topology.navigator"
 
     navigator: Annotated[
-        Annotated[Literal["all"], member("word")]
-        | Annotated[list[int], member("listed")]
-        | Annotated[ShareOfVehicles, member("share")],
+        Annotated[Literal["all"], union_member("word")]
+        | Annotated[list[int], union_member("listed")]
+        | Annotated[ShareOfVehicles, union_member("share")],
         Discriminator(
-            way_informed,
+            informed_tag,
             custom_error_type="navigator",
             custom_error_message="must be all, a list of vehicles or {share: s}",
         ),
     ] = Field(default="all", description="who hears the navigator: all, those listed, or a {share} drawn")
-    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(leaves_neighbours)] = Field(
-        default=0.1, description="of the navigator's word where it is heard, the neighbours share the rest"
+    navigator_weight: Annotated[Number, Within(gt=0.0, le=1.0), AfterValidator(check_navigator_weight)] = (
+        Field(
+            default=0.1,
+            description="of the navigator's word where it is heard, the neighbours share the rest",
+        )
     )
     weighting: Literal["uniform", "metropolis"] = Field(
         default="uniform",
@@ -176,26 +194,30 @@ class Unweighted(Graph):
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Which vehicles each one hears."""
+        """Return which vehicles each vehicle hears, (m, m) booleans, dense or sparse."""
         raise NotImplementedError
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Why there is no such graph of so many vehicles."""
+        """Yield the reasons why no such graph of this number of vehicles exists."""
         yield from ()
 
     def is_random(self) -> bool:
-        """Whether links are drawn."""
+        """Return whether links are drawn."""
         return isinstance(self.navigator, ShareOfVehicles)
 
     def informed(self, vehicles: int, random: np.random.Generator) -> Bool[np.ndarray, " m"]:
-        """Who hears the navigator; with the same draws more of them where the share is greater."""
+        """Return which vehicles hear the navigator; with one generator, a greater share contains a smaller
+        one.
+        """
         everyone = np.arange(1, vehicles + 1)
         if isinstance(self.navigator, ShareOfVehicles):
             return np.isin(everyone, random.permutation(everyone)[: round(self.navigator.share * vehicles)])
         return np.isin(everyone, everyone if self.navigator == "all" else self.navigator)
 
     def connected(self, vehicles: int, random: np.random.Generator) -> Digraph:
-        """Links by which the navigator reaches everybody, if they are drawn; raises KindError."""
+        """Return links by which the navigator reaches every vehicle; raise KindError if no draw has such
+        links.
+        """
         for _ in range(TRIES):
             informed = np.flatnonzero(self.informed(vehicles, random))
             listeners, heard, _ = graph.entries(self.heard(vehicles, random))
@@ -206,7 +228,7 @@ class Unweighted(Graph):
         raise KindError(f"{self.kind}: the navigator reaches everybody in none of {TRIES} draws")
 
     def parts(self, links: Digraph) -> tuple[Float[np.ndarray, "m slots"], Float[np.ndarray, " m"]]:
-        """Weights of neighbours in proportion to each other, and their sums."""
+        """Return the relative weights of the neighbours, and their sums."""
         if self.weighting == "uniform":
             parts = (links.heard & (links.sources > 0)).astype(float)
             return parts, parts.sum(axis=1)
@@ -214,28 +236,32 @@ class Unweighted(Graph):
         return parts, graph.totals(links.sources - 1, parts, links.vehicles)
 
     def weights(self, vehicles: int) -> Digraph:
-        """By the rule; the study's graph, where lanes have their own one like theirs."""
+        """Return the weights by the rule; for a graph drawn lane by lane, those of one such graph."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         return self.weighted(links, median(self.navigator_weight))
 
-    def weighted(self, links: Digraph, navigator_weight: Any) -> Digraph:
-        """Links with weights by the rule."""
+    def weighted(self, links: Digraph, navigator_weight: float) -> Digraph:
+        """Return links with weights by the rule."""
         parts, total = self.parts(links)
-        navigator, rest = shared_out(informed_in(links), total, navigator_weight)
+        navigator, rest = weight_shares(hears_navigator(links), total, navigator_weight)
         weights = np.where(links.sources == 0, navigator[:, None], parts * rest[:, None])
         return links._replace(weights=weights)
 
-    def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
-        """The same with each lane's own weight of the navigator."""
+    def lane_weights(
+        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
+    ) -> Float[np.ndarray, "samples slots m"]:
+        """Return the weights by the rule with each lane's own weight of the navigator."""
         links = self.connected(vehicles, np.random.default_rng(self.seed))
         parts, total = self.parts(links)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")[:, None]
-        navigator, rest = shared_out(informed_in(links), total, numbers)
+        navigator, rest = weight_shares(hears_navigator(links), total, numbers)
         by_slot = hearing.by_slot(links, parts, sources)
         return np.where(sources == 0, navigator[:, None], by_slot * rest[:, None])
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """There must be such a graph; then the navigator must reach everybody."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of the listed vehicles and of the graph, or else a fault if a vehicle is not
+        reached.
+        """
         listed = self.navigator if isinstance(self.navigator, list) else []
         found = [
             *unknown_vehicles("topology.navigator", listed, scenario.vehicles, first=1),
@@ -244,32 +270,36 @@ class Unweighted(Graph):
         yield from found or super().faults(scenario)
 
 
-def informed_in(links: Digraph) -> Bool[np.ndarray, " m"]:
-    """Who hears the navigator."""
+def hears_navigator(links: Digraph) -> Bool[np.ndarray, " m"]:
+    """Return which vehicles hear the navigator."""
     return (links.heard & (links.sources == 0)).any(axis=1)
 
 
-def shared_out(informed: Any, total: Any, navigator_weight: Any) -> tuple[Any, Any]:
-    """The navigator's weight in each row, and by what those of neighbours are multiplied, whose sum is
+def weight_shares(
+    informed: Bool[np.ndarray, " m"], total: Float[np.ndarray, " m"], navigator_weight: float | np.ndarray
+) -> tuple[Float[np.ndarray, "*samples m"], Float[np.ndarray, "*samples m"]]:
+    """Return the navigator's weight in each row, and the factor of the neighbours' weights, whose sum is
     `total`.
 
-    Who hears no neighbour hears the navigator alone.
+    A vehicle that hears no neighbour hears the navigator alone.
     """
     navigator = informed * np.where(total > 0, navigator_weight, 1.0)
     return navigator, (1.0 - navigator) / np.where(total > 0, total, 1.0)
 
 
 class Random(Unweighted):
-    """Links drawn at random: one graph for the study, by `seed`; or each lane its own, by the study's."""
+    """Links drawn at random: one graph for the study by `seed`, or one for each lane by the study's seed."""
 
     redraw: bool = Field(default=False, description="whether each lane has a graph of its own")
 
     def is_random(self) -> bool:
-        """Always."""
+        """Return True, because the links are drawn."""
         return True
 
-    def links(self, vehicles: int) -> Any:
-        """Where lanes have their own graph, anybody may hear anybody, and the navigator who is drawn."""
+    def links(self, vehicles: int) -> GivenGraph:
+        """Return every link between vehicles if each lane has its own graph, and the possible links of the
+        navigator.
+        """
         if not self.redraw:
             return super().links(vehicles)
         informed = np.ones(vehicles, bool)
@@ -278,15 +308,17 @@ class Random(Unweighted):
         return np.column_stack([informed, ~np.eye(vehicles, dtype=bool)])
 
     def differs(self) -> bool:
-        """By their graphs, or the navigator's weight."""
+        """Return whether lanes have graphs or navigator weights of their own."""
         return self.redraw or super().differs()
 
     def redrawn(self) -> bool:
-        """As `redraw` says."""
+        """Return the key `redraw`."""
         return self.redraw
 
-    def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
-        """The graph of each lane."""
+    def lane_weights(
+        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
+    ) -> Float[np.ndarray, "samples slots m"]:
+        """Return the weights of each lane's graph by slot."""
         if not self.redraw:
             return super().lane_weights(draw, vehicles, sources)
         numbers = draw.one(self.navigator_weight, "topology.navigator_weight")
@@ -296,7 +328,7 @@ class Random(Unweighted):
 
 
 def too_many(key: str, number: int, vehicles: int) -> Iterator[Fault]:
-    """A vehicle has fewer neighbours than there are vehicles."""
+    """Yield a fault if a number of neighbours is not less than the number of vehicles."""
     if number >= vehicles:
         message = f"must be less than the {vehicles} vehicles (got {number})"
         yield Fault((key, "topology", "vehicles"), message)

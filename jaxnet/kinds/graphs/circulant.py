@@ -14,7 +14,7 @@ from jaxnet.model.patterns import Neighbours
 
 
 class Circulant(Unweighted):
-    """A ring on which vehicle i hears i + o for each offset o that is listed; links need not be mutual."""
+    """A ring on which vehicle i hears vehicle i + o for each listed offset o; links need not be mutual."""
 
     kind = "circulant"
 
@@ -23,11 +23,11 @@ class Circulant(Unweighted):
     ]
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """All rows are alike."""
+        """Return a circulant pattern: all rows are shifts of one row."""
         return patterns.circulant(vehicles, self.offsets)
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Every offset leads to another vehicle, each to one of its own."""
+        """Yield a fault if an offset leads back to its vehicle, or two offsets lead to one vehicle."""
         around = [offset % vehicles for offset in self.offsets]
         if 0 in around or len(set(around)) < len(around):
             message = f"must lead to other vehicles, each to one of its own, around {vehicles}"

@@ -7,10 +7,10 @@ from jaxnet.model.patterns import Neighbours
 
 
 class Complete(Unweighted):
-    """Every vehicle hears every other."""
+    """Every vehicle hears every other vehicle."""
 
     kind = "complete"
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """All but oneself."""
+        """Return all links except those from a vehicle to itself."""
         return ~np.eye(vehicles, dtype=bool)

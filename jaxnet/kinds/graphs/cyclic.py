@@ -11,15 +11,15 @@ from jaxnet.model.patterns import Neighbours
 
 
 class Cyclic(Unweighted):
-    """A ring; every vehicle hears both its neighbours."""
+    """A ring on which every vehicle hears both its neighbours."""
 
     kind = "cyclic"
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """The one before and the one after."""
+        """Return the links to the vehicle before and the vehicle after."""
         return patterns.circulant(vehicles, (-1, 1))
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Two vehicles are no ring."""
+        """Yield a fault for fewer than three vehicles."""
         if vehicles < 3:
             yield Fault(("vehicles", "topology"), f"a ring has at least 3 vehicles (got {vehicles})")

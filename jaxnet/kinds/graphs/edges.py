@@ -1,29 +1,31 @@
-"""Any weighted digraph, edge by edge."""
+"""Any weighted digraph, given by its edges."""
 
 import numbers
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Len
+from jaxtyping import Float, Int
 from pydantic import Field
 
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-GREATEST = 1e9  # weight of an edge
+GREATEST_EDGE_WEIGHT = 1e9  # weight of an edge
 Edge = Annotated[
-    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST)]],
+    tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
     Field(strict=False),
 ]
 
 
 class Edges(Graph):
-    """Any weighted digraph; the weights of each listener are normalised to sum 1."""
+    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum 1."""
 
     kind = "edges"
     linked_by: ClassVar[str] = "topology.edges"
@@ -33,11 +35,13 @@ class Edges(Graph):
     ]
 
     def weights(self, vehicles: int) -> Digraph:
-        """The edges with their weights' medians."""
+        """Return the edges with the medians of their weights."""
         return graph.weighted(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
 
-    def lane_weights(self, draw: Any, vehicles: int, sources: Any) -> Any:
-        """The number of edge (i, j) is component j of vehicle i."""
+    def lane_weights(
+        self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
+    ) -> Float[np.ndarray, "samples slots m"]:
+        """Return the weights of each lane; the draw of edge (i, j) is component j of vehicle i."""
         links, numbers = [(i, j) for i, j, _ in self.edges], [number for *_, number in self.edges]
         listeners, heard = np.array(links).T
         rows = listeners - 1
@@ -46,14 +50,16 @@ class Edges(Graph):
         weights[:, slots, rows] = draw.placed(numbers, "topology.edges", links)
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Every edge joins two that exist and differ, once; then the navigator must reach everybody."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of unknown or repeated edges, loops and the size, or else of unreached vehicles."""
         found = list(edge_faults(self.edges, scenario.vehicles))
         yield from found or size_faults(self.edges, scenario.vehicles) or super().faults(scenario)
 
     @classmethod
     def adopted(cls, value: Any) -> "Edges | None":
-        """Edges of a networkx graph, whose name is the label; raises KindError as `edges_of` does."""
+        """Return the edges of a networkx graph, with its name as the label; raise KindError as `edges_of`
+        does.
+        """
         if not (hasattr(value, "edges") and hasattr(value, "is_directed")):
             return None
         edges = edges_of(value)
@@ -62,11 +68,11 @@ class Edges(Graph):
         return cls(edges=edges, label=value.graph.get("name") or None)
 
 
-def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[Any]:
-    """Edges (i, j, w) of a networkx graph: i hears j, 0 is the navigator, w is 1 without a weight.
+def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[tuple[int, int, float]]:
+    """Return the edges (i, j, w) of a networkx graph: i hears j, 0 is the navigator, w is 1 without a weight.
 
-    Attributes of edges other than `weight` and those `unread` raise KindError, as do nodes that are not
-    numbered or have no edge.
+    Raises KindError for an edge attribute other than `weight` and those in `unread`, and for a node that has
+    no number or no edge.
     """
     for node in network.nodes:
         if isinstance(node, bool | np.bool_) or not hasattr(node, "__index__") or operator.index(node) < 0:
@@ -84,15 +90,17 @@ def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[Any]:
 
 
 def weight_of(given: Any, ends: tuple[int, int]) -> float:
-    """The weight of an edge; raises KindError."""
+    """Return the weight of an edge; raise KindError."""
     number = isinstance(given, numbers.Real) and not isinstance(given, bool)
-    if not number or not given <= GREATEST or not float(given) > 0:
-        raise KindError(f"edge {ends}: a weight is a number > 0, at most {GREATEST:g} (got {given!r})")
+    if not number or not given <= GREATEST_EDGE_WEIGHT or not float(given) > 0:
+        raise KindError(
+            f"edge {ends}: a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g} (got {given!r})"
+        )
     return float(given)
 
 
-def size_faults(edges: list[Any], vehicles: int) -> list[Fault]:
-    """Whether the edges name fewer vehicles than there are."""
+def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list[Fault]:
+    """Return a fault if the edges name fewer vehicles than the scenario has."""
     last = max(max(listener, source) for listener, source, _ in edges)
     if last >= vehicles:
         return []
@@ -100,8 +108,8 @@ def size_faults(edges: list[Any], vehicles: int) -> list[Fault]:
     return [Fault(("vehicles", "topology"), f"the graph has {last} {noun} (got {vehicles})")]
 
 
-def edge_faults(edges: list[Any], vehicles: int) -> Iterator[Fault]:
-    """What is wrong with single edges."""
+def edge_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> Iterator[Fault]:
+    """Yield faults of single edges: unknown ends, a loop, or a repetition."""
     seen: set[tuple[int, int]] = set()
     for number, (listener, source, _) in enumerate(edges):
         key = f"topology.edges.{number}"

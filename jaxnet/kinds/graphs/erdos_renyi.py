@@ -8,12 +8,12 @@ from jaxnet.model.patterns import Neighbours
 
 
 class ErdosRenyi(Random):
-    """Erdős–Rényi digraph: every vehicle hears every other with the same probability, link by link."""
+    """An Erdős–Rényi digraph: every directed link between two vehicles exists with the same probability."""
 
     kind = "erdos_renyi"
 
     probability: float = Field(default=0.3, gt=0, le=1, description="of each directed link")
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Links need not be mutual."""
+        """Draw each directed link independently."""
         return (random.random((vehicles, vehicles)) < self.probability) & ~np.eye(vehicles, dtype=bool)

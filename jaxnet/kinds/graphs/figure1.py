@@ -1,26 +1,26 @@
-"""The paper's Fig. 1."""
+"""The network of the paper's Fig. 1."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-HEARD = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
+FIGURE1_LINKS = ((1, 0), (4, 0), (5, 0), (2, 1), (3, 2), (4, 5), (5, 4))
 
 
 class Figure1(Graph):
-    """The paper's Fig. 1, five vehicles: 1, 4 and 5 hear 0, 2 hears 1, 3 hears 2, 4 and 5 each other."""
+    """The paper's Fig. 1: 1, 4 and 5 hear 0; 2 hears 1; 3 hears 2; 4 and 5 hear each other."""
 
     kind = "figure1"
 
     def weights(self, vehicles: int) -> Digraph:
-        """Equal weights."""
-        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in HEARD])
+        """Return equal weights for the links of each vehicle."""
+        return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS])
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """It has five vehicles."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault unless there are five vehicles."""
         if scenario.vehicles != 5:
             yield Fault(("vehicles", "topology"), f"figure1 has 5 vehicles (got {scenario.vehicles})")

@@ -13,30 +13,31 @@ from pydantic import AfterValidator, Field
 from upath import UPath
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.graphs.edges import GREATEST, edge_faults, edges_of, size_faults
+from jaxnet.kinds.graphs.edges import GREATEST_EDGE_WEIGHT, edge_faults, edges_of, size_faults
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-Edges = Iterator[tuple[int, int, float]]
-LARGEST_FILE = 50_000_000  # of a file
-NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+EdgeIterator = Iterator[tuple[int, int, float]]
+LARGEST_FILE = 50_000_000  # bytes
+DECIMAL_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 NODE_ID = re.compile(r"n?([0-9]{1,9})", re.ASCII)  # igraph, and the GraphML primer, write n0, n1, …
-CALLED = ("name", "label", "id")  # attributes of a node that may number it otherwise
+CALLED = ("name", "label", "id")  # attributes of a node that may give it another number
 NOT_GRAPHML = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
 AN_EDGE = "i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0"
 READ = "no header; commas, semicolons or blanks between them"
 
 
-def edges_in(content: str) -> list[tuple[int, int, float]]:
-    """Edges i,j,w between blanks; raises ValueError."""
-    return [edge(*row.split(",")) for row in content.split()]
+def parse_edges(content: str) -> list[tuple[int, int, float]]:
+    """Return the edges in text of items i,j,w between blanks; raise ValueError."""
+    return [parse_edge(*row.split(",")) for row in content.split()]
 
 
-def edges_told(content: str) -> str:
-    """The content of a file as a study stores it, if that is edges; raises ValueError."""
+def check_edges(content: str) -> str:
+    """Return a file's content in the form that a study stores; raise ValueError if it holds no edges."""
     try:
-        edges = edges_in(content)
+        edges = parse_edges(content)
     except (TypeError, ValueError):
         edges = []
     if not edges:
@@ -45,42 +46,44 @@ def edges_told(content: str) -> str:
 
 
 class File(Graph):
-    """Any weighted digraph from a file: rows i, j or i, j, w of a table, or GraphML, which networkx reads.
+    """Any weighted digraph from a file: a table with rows i, j or i, j, w, or GraphML, which networkx reads.
 
-    Vehicle i hears j, 0 the navigator, with weight w, 1 if there is none; the weights of each listener are
-    normalised to sum 1. What the file holds becomes part of the study, so that its results need no file and
-    are of one version of it.
+    Vehicle i hears source j with weight w, or 1 if there is no weight; source 0 is the navigator. The weights
+    of each listener are normalised to sum 1. The content of the file becomes part of the study, so results
+    need no file and belong to one version of it.
     """
 
     kind = "file"
     linked_by: ClassVar[str] = "topology.path"
 
     path: str = Field(description="of the file, from the config's folder; GraphML if it ends with .graphml")
-    content: dict[str, Annotated[str, AfterValidator(edges_told)]] = Field(
+    content: dict[str, Annotated[str, AfterValidator(check_edges)]] = Field(
         default={}, description="edges i,j,w of the file at a path, as read by jaxnet"
     )
 
     @classmethod
-    def completed(cls, given: dict[Any, Any], folder: Any) -> dict[Any, Any]:
-        """With the file's edges, unless they are there already."""
+    def completed(cls, given: dict[Any, Any], folder: UPath) -> dict[Any, Any]:
+        """Return the mapping with the file's edges, unless it has them already."""
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):
             return given
-        edges = (",".join(map(str, edge)) for edge in read(UPath(folder) / path, path))
+        edges = (",".join(map(str, edge)) for edge in read_edges(UPath(folder) / path, path))
         return given | {"content": {path: " ".join(edges)}}
 
     def edges(self) -> list[tuple[int, int, float]]:
-        """What the file held when the study was loaded; raises KindError if that is not known."""
+        """Return the edges of the file at the time when the study was loaded; raise KindError if it was not
+        read.
+        """
         if self.path not in self.content:
             raise KindError(f"{self.path} was not read: a study reads it where topology names it")
-        return edges_in(self.content[self.path])
+        return parse_edges(self.content[self.path])
 
     def weights(self, vehicles: int) -> Digraph:
-        """The edges' weights."""
+        """Return the weights of the file's edges."""
         return graph.weighted(vehicles, self.edges())
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """As of edges that a config lists; of a file that cannot be read, loading the study has said so."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of the edges. A file that cannot be read is a fault of loading, reported there."""
         if self.path not in self.content:
             if self.content:
                 yield Fault(
@@ -94,8 +97,8 @@ class File(Graph):
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
 
 
-def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
-    """The edges (i, j, w) that a file holds; raises KindError."""
+def read_edges(file: UPath, name: str) -> list[tuple[int, int, float]]:
+    """Return the edges (i, j, w) of a file; raise KindError."""
     try:
         with file.open("rb") as stream:
             content = stream.read(LARGEST_FILE + 1)
@@ -104,14 +107,14 @@ def read(file: UPath, name: str) -> list[tuple[int, int, float]]:
         raise KindError(f"{name} cannot be read: {reason}") from error
     if len(content) > LARGEST_FILE:
         raise KindError(f"{name} has more than {LARGEST_FILE:,} bytes")
-    edges = list(graphml(content, name) if name.endswith(".graphml") else table(content, name))
+    edges = list(read_graphml(content, name) if name.endswith(".graphml") else read_edge_table(content, name))
     if not edges:
         raise KindError(f"{name} has no edge")
     return edges
 
 
-def table(content: bytes, name: str) -> Edges:
-    """The edges in the rows of a table. Empty rows and rows that begin with # do not count."""
+def read_edge_table(content: bytes, name: str) -> EdgeIterator:
+    """Yield the edges in the rows of a table. Empty rows and rows that begin with # do not count."""
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -119,19 +122,19 @@ def table(content: bytes, name: str) -> Edges:
     rows = [
         (number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"
     ]
-    fields = fields_by(next((line for _, line in rows), ""))
+    fields = row_splitter(next((line for _, line in rows), ""))
     for place, line in rows:
         try:
-            yield edge(*fields(line))
+            yield parse_edge(*fields(line))
         except (TypeError, ValueError) as error:
             got = shorten(line, 60, placeholder=" …")
             raise KindError(f"{name}:{place}: must be {AN_EDGE}; {READ} (got {got})") from error
 
 
-def fields_by(first: str) -> Callable[[str], list[str]]:
-    """What parts the rows of a table into numbers, as its first row shows.
+def row_splitter(first: str) -> Callable[[str], list[str]]:
+    """Return the function that splits a row into fields, by the separator in the first row.
 
-    Where semicolons do, a comma is a decimal point.
+    If the separator is a semicolon, a comma is a decimal point.
     """
     if ";" in first:
         return lambda line: [field.strip(' "').replace(",", ".") for field in line.split(";")]
@@ -140,23 +143,23 @@ def fields_by(first: str) -> Callable[[str], list[str]]:
     return str.split
 
 
-def edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
-    """An edge of numbers as text; raises ValueError."""
-    given = [number(listener), number(source)]
-    if not all(map(float.is_integer, given)) or not 0 < number(weight) <= GREATEST:
+def parse_edge(listener: str, source: str, weight: str = "1") -> tuple[int, int, float]:
+    """Return an edge from numbers as text; raise ValueError."""
+    given = [parse_number(listener), parse_number(source)]
+    if not all(map(float.is_integer, given)) or not 0 < parse_number(weight) <= GREATEST_EDGE_WEIGHT:
         raise ValueError("ends are whole, and a weight is positive")
-    return int(given[0]), int(given[1]), number(weight)
+    return int(given[0]), int(given[1]), parse_number(weight)
 
 
-def number(text: str) -> float:
-    """A decimal number; raises ValueError."""
-    if not NUMBER.fullmatch(text.strip()):
+def parse_number(text: str) -> float:
+    """Return a decimal number; raise ValueError."""
+    if not DECIMAL_NUMBER.fullmatch(text.strip()):
         raise ValueError("no number")
     return float(text)
 
 
-def graphml(content: bytes, name: str) -> Edges:
-    """The edges of a GraphML file, those of an undirected graph both ways."""
+def read_graphml(content: bytes, name: str) -> EdgeIterator:
+    """Yield the edges of a GraphML file; an undirected edge counts in both directions."""
     try:
         networkx = importlib.import_module("networkx")
     except ImportError as error:
@@ -164,7 +167,7 @@ def graphml(content: bytes, name: str) -> Edges:
     try:
         refuse_entities(content)
         with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)  # of networkx, for what it passes over
+            warnings.simplefilter("error", UserWarning)  # networkx warns of content that it ignores
             network = networkx.read_graphml(io.BytesIO(content))
         numbers = {node: node_of(node, data) for node, data in network.nodes(data=True)}
         if len({*numbers.values()}) < len(numbers):
@@ -180,7 +183,7 @@ def graphml(content: bytes, name: str) -> Edges:
 def refuse_entities(content: bytes) -> None:
     """Raise ValueError for XML that declares entities, which may stand for gigabytes or other files."""
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: object) -> None:
         raise ValueError("entities are not read")
 
     parser = expat.ParserCreate()
@@ -188,8 +191,8 @@ def refuse_entities(content: bytes) -> None:
     parser.Parse(content, True)
 
 
-def node_of(node: str, data: dict[str, Any]) -> int:
-    """The number of a node by its id, as 3 or n3; raises ValueError."""
+def node_of(node: str, data: dict[str, object]) -> int:
+    """Return the number of a node with an id such as 3 or n3; raise ValueError."""
     found = NODE_ID.fullmatch(node)
     if not found:
         raise ValueError(f"a node is called 3 or n3, got {node!r}")

@@ -12,7 +12,7 @@ from jaxnet.model.patterns import Neighbours
 
 
 class Grid(Unweighted):
-    """Vehicles in rows and columns, numbered row by row; each hears those beside, before and behind it."""
+    """Rows and columns of vehicles, numbered row by row; each hears those beside, before and behind it."""
 
     kind = "grid"
 
@@ -21,11 +21,11 @@ class Grid(Unweighted):
     torus: bool = Field(default=False, description="whether the last of a row or column hears the first")
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """Along both axes."""
+        """Return the links along rows and columns."""
         return patterns.grid(self.rows, self.columns, self.torus)
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """Every place is taken."""
+        """Yield a fault unless rows times columns is the number of vehicles."""
         if self.rows * self.columns != vehicles:
             message = f"times columns must be the {vehicles} vehicles (got {self.rows} × {self.columns})"
             yield Fault(("topology.rows", "topology", "vehicles"), message)

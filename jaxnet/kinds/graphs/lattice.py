@@ -17,16 +17,16 @@ Nearest = Annotated[
 
 
 class Lattice(Unweighted):
-    """A ring on which every vehicle hears the `neighbours` nearest."""
+    """A ring on which every vehicle hears the nearest `neighbours` vehicles."""
 
     kind = "lattice"
 
     neighbours: Nearest = 4
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """As many before as after."""
+        """Return equally many links to vehicles before and after."""
         return patterns.lattice(vehicles, self.neighbours)
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """There must be as many others."""
+        """Yield a fault if there are not enough other vehicles."""
         return too_many("topology.neighbours", self.neighbours, vehicles)

@@ -8,10 +8,10 @@ from jaxnet.model.graph import Digraph
 
 
 class Path(Graph):
-    """Vehicle 1 hears the navigator, vehicle i hears i - 1."""
+    """A line: vehicle 1 hears the navigator, vehicle i hears vehicle i - 1."""
 
     kind = "path"
 
     def weights(self, vehicles: int) -> Digraph:
-        """One source each."""
+        """Return one link with weight 1 for each vehicle."""
         return graph.of_links(vehicles, np.arange(vehicles), np.arange(vehicles))

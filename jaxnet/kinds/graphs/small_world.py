@@ -1,4 +1,4 @@
-"""Small worlds."""
+"""Small-world graphs of Watts and Strogatz."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,7 @@ from jaxnet.model.patterns import Neighbours
 
 
 class SmallWorld(Random):
-    """Watts and Strogatz: a ring lattice of mutual links, each joined elsewhere with a probability."""
+    """A small world (Watts and Strogatz): a ring lattice of mutual links, some of them rewired at random."""
 
     kind = "small_world"
 
@@ -23,9 +23,9 @@ class SmallWorld(Random):
     )
 
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
-        """As drawn; nobody is joined to itself, or twice to another."""
+        """Draw a small world without loops and repeated links."""
         return patterns.small_world(vehicles, self.neighbours, self.rewired, random)
 
     def impossible(self, vehicles: int) -> Iterator[Fault]:
-        """There must be as many others."""
+        """Yield a fault if there are not enough other vehicles."""
         return too_many("topology.neighbours", self.neighbours, vehicles)

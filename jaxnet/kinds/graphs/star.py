@@ -13,5 +13,5 @@ class Star(Graph):
     kind = "star"
 
     def weights(self, vehicles: int) -> Digraph:
-        """`a0 = 1`, no link between vehicles."""
+        """Return one link to the navigator for each vehicle, with weight 1."""
         return graph.of_links(vehicles, np.arange(vehicles), np.zeros(vehicles))

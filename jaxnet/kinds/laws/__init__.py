@@ -1,35 +1,55 @@
-"""How vehicles come by the jerk q = y‴ that is asked of them, `L q = b` (SCIENCE O2b, O12)."""
+"""Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (SCIENCE O2b, O12)."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
+
+import numpy as np
 
 from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.shapes import VehicleVectors
 
 
 class Law(Kind):
-    """A way to solve `L q = b`, where L couples everybody. One of one's own holds q, and gives `exchange`."""
+    """A way to solve `L q = b`, which couples all vehicles. A subclass holds q from tick to tick; it gives
+    `exchange`.
+    """
 
-    holds: ClassVar[bool] = True  # whether q is chosen at ticks and held between them
+    holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     jacobi: ClassVar[bool] = (
-        False  # whether it makes rounds of Jacobi's iteration, of which it is known how many do
+        False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )
 
-    def exchange(self, last: Any, demand: Any, heard: Callable[[Any], Any]) -> Any:
-        """The jerk (2, m, lanes) that vehicles hold from this tick on.
+    def exchange(
+        self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
+    ) -> VehicleVectors:
+        """Return the jerk that vehicles hold from this tick until the next.
 
-        `last` is what they held until now, 0 at first, `demand` the b of each, `heard(q)` the A q that each
-        makes of what its neighbours tell it of theirs.
+        Parameters
+        ----------
+        last
+            The jerk that vehicles held until now [m/s³], (2, m, lanes); 0 at first.
+        demand
+            The right-hand side b of each vehicle [m/s³], (2, m, lanes).
+        heard
+            Function from q to A q, which each vehicle computes from the q that its neighbours send.
+
+        Returns
+        -------
+            The jerk [m/s³], (2, m, lanes).
         """
         raise KindError(f"{self.kind}: a law gives exchange(self, last, demand, heard)")
 
-    def left(self, eigenvalues: Any) -> Any:
-        """What an exchange leaves of q's distance from L⁻¹b along eigenvectors of A with these eigenvalues.
+    def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
+        """Return the factor by which an exchange multiplies q - L⁻¹b along eigenvectors of A with these
+        eigenvalues.
 
-        None, the default, where that is not known, for then `jaxnet check` says nothing of stability.
+        None, the default, means that the factor is not known; `jaxnet check` then reports nothing on
+        stability.
         """
         return None
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
-        """What is held is held from tick to tick."""
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault if the law holds the jerk and the scenario has no ticks."""
         if self.holds and scenario.tick == 0:
             yield Fault(("law", "tick"), f"{self.kind} holds the jerk from tick to tick: give a tick")

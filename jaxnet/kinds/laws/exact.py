@@ -1,4 +1,4 @@
-"""The paper's law."""
+"""The paper's law, solved exactly."""
 
 from typing import ClassVar
 
@@ -6,7 +6,7 @@ from jaxnet.kinds.laws import Law
 
 
 class ExactLaw(Law):
-    """Solved for all vehicles together, at every instant, as if each knew what all others are about to do."""
+    """Solve the law for all vehicles together at every instant, as if each knew the jerk of all others."""
 
     kind = "exact"
     holds: ClassVar[bool] = False

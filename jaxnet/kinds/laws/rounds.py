@@ -1,16 +1,20 @@
-"""The law by exchanges with neighbours."""
+"""The law solved by rounds of exchanges with neighbours."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.laws import Law
+from jaxnet.kinds.protocols import LaneDraw
+from jaxnet.kinds.shapes import AnyCounts, VehicleVectors
 
 
 class Rounds(Law):
-    """`q ← A q + b` at each tick, so many times, from the q of the tick before, which neighbours tell each
-    other anew every time. What comes of it is held until the next tick.
+    """At each tick, iterate `q ← A q + b` for `rounds` exchanges, from the q of the last tick.
+
+    Neighbours send each other their q anew in every exchange. Vehicles hold the result until the next tick.
     """
 
     kind = "rounds"
@@ -18,21 +22,23 @@ class Rounds(Law):
 
     rounds: int = Field(default=1, ge=1, le=10_000, description="exchanges with the neighbours at each tick")
 
-    def drawn(self, draw: Any, name: str) -> Any:
-        """With the rounds as a number of each lane, by which no program is told apart."""
+    def drawn(self, draw: LaneDraw, name: str) -> "Rounds":
+        """Return the law with `rounds` as a number of each lane, so that one program serves all values."""
         drawn = super().drawn(draw, name)
         return self.filled({**vars(drawn), "rounds": draw.same(self.rounds)})
 
-    def exchange(self, last: Any, demand: Any, heard: Callable[[Any], Any]) -> Any:
-        """Jacobi's iteration."""
+    def exchange(
+        self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
+    ) -> VehicleVectors:
+        """Return the jerk after the rounds of Jacobi's iteration."""
         import jax
         import jax.numpy as jnp
 
-        def once(number: Any, jerk: Any) -> Any:
+        def once(number: AnyCounts, jerk: VehicleVectors) -> VehicleVectors:
             return jnp.where((number < self.rounds)[None, None], heard(jerk) + demand, jerk)
 
         return jax.lax.fori_loop(0, self.rounds.max(), once, last)  # pyright: ignore[reportAttributeAccessIssue]
 
-    def left(self, eigenvalues: Any) -> Any:
-        """λ^r."""
+    def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
+        """Return λ^r, the factor after r rounds."""
         return eigenvalues**self.rounds

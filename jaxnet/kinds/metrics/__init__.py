@@ -1,38 +1,54 @@
-"""What a row measures, one declaration each: rows, cells, tables and figures follow from it."""
+"""Metrics: what a row measures. Rows, cells, tables and figures follow from one declaration."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from jaxnet.kinds import modules, provenance
+from jaxnet.kinds.protocols import FleetView
 
 Reduction = Literal["mean", "max", "min"]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A number of a lane, gathered over output times.
+    """A number of a lane, reduced over output times and vehicles.
 
-    `of(seen)` gives (m, lanes) from what is seen of the fleet (`engine.metrics.Observation`); that is reduced
-    over the run's output times, or the tail's, and then over the vehicles.
+    `of(seen)` returns (m, lanes) from the fleet at one output time (`engine.metrics.Observation`). `time`
+    reduces it over the output times of the run or the tail, then `vehicles` reduces it over the vehicles.
+
+    Parameters
+    ----------
+    name
+        Name of the column.
+    unit
+        Unit, such as "m/s".
+    of
+        Function from an observation to one number for each vehicle, (m, lanes).
+    over
+        Output times: those of the whole run, or of the tail.
+    time, vehicles
+        Reductions: "mean", "max" or "min".
+    words
+        Meaning of the metric in tables and on axes.
     """
 
-    name: str  # of the column
+    name: str  # name of the column
     unit: str
-    of: Callable[[Any], Any]
+    of: Callable[["FleetView"], Any]
     over: Literal["run", "tail"] = "run"
     time: Reduction = "max"
     vehicles: Reduction = "max"
-    words: str = ""  # what it is, for tables and axes
+    words: str = ""  # meaning, for tables and axes
 
-    def __reduce__(self) -> Any:
-        """Another process is told in which file the metric is, and what that file must hold."""
-        return rebuilt, (provenance.origin_of(self), provenance.name_in(self))
+    def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
+        """Pickle the file of the metric with its hash, so that another process loads the same metric."""
+        return restore_metric, (provenance.origin_of(self), provenance.name_in(self))
 
 
-def rebuilt(origin: Any, name: str) -> Metric:
-    """A metric that another process has sent; raises KindError if its module is not the same here."""
-    return modules.attribute(modules.loaded(origin), name)
+def restore_metric(origin: modules.Origin, name: str) -> Metric:
+    """Return a metric that another process has sent; raise KindError if its module differs here."""
+    return modules.attribute(modules.load_origin(origin), name)
 
 
 CONTRACT = (

@@ -1,13 +1,15 @@
 """The least distance between two vehicles."""
 
-from typing import Any
-
 from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.shapes import VehicleNumbers
 from jaxnet.model.plane import length
 
 
-def nearest(seen: Any) -> Any:
-    """Distance [m] of each vehicle to the nearest other one: (m, lanes); infinite where there is none."""
+def nearest(seen: FleetView) -> VehicleNumbers:
+    """Return the distance [m] of each vehicle to the nearest other one, (m, lanes); infinite for a single
+    vehicle.
+    """
     xp = seen.error.__array_namespace__()
     apart = length(seen.error[:, :, None] - seen.error[:, None])
     itself = xp.eye(apart.shape[0], dtype=bool)[:, :, None]

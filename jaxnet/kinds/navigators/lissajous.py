@@ -1,18 +1,18 @@
-"""The Lissajous figure."""
+"""The Lissajous navigator."""
 
 import functools
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from jaxnet.kinds.fields import Amplitude, Frequency, Vector
 from jaxnet.kinds.navigators import Navigator
+from jaxnet.kinds.shapes import AnyTimes, PathJets
 from jaxnet.model.circle import circle
 
 
 class Lissajous(Navigator):
-    """`amplitude · sin(frequency · t + phase)` per axis."""
+    """A Lissajous figure, `amplitude · sin(frequency · t + phase)` on each axis."""
 
     kind = "lissajous"
 
@@ -20,8 +20,8 @@ class Lissajous(Navigator):
     frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s], of each axis")
     phase: Vector = Field(default=[0.0, 0.0], description="[rad], of each axis")
 
-    def jets(self, time: Any) -> Any:
-        """A sine's derivatives."""
+    def jets(self, time: AnyTimes) -> PathJets:
+        """Return the sines and their first three derivatives."""
         xp = time.__array_namespace__()
         numbers = (xp.asarray(each) for each in (self.amplitude, self.frequency, self.phase))
         amplitude, w, phase = (
@@ -32,24 +32,29 @@ class Lissajous(Navigator):
         return xp.stack([now, ahead, -(w**2) * now, -(w**2) * ahead])
 
     def slowest(self, horizon: float) -> tuple[float, float]:
-        """Least speed [m/s] within [0, horizon], to 1e-4 of the greatest it could have, and when [s]."""
-        return slowest(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
+        """Return the least speed [m/s] in [0, horizon], to 1e-4 of the greatest possible speed, and its time
+        [s].
+        """
+        return slowest_instant(*map(tuple, (self.amplitude, self.frequency, self.phase)), horizon)
 
     def sizes(self, start: float, end: float) -> np.ndarray:
-        """Bounds at all times."""
+        """Return bounds on the path and its derivatives at all times."""
         amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
         return np.stack([np.linalg.norm(amplitude * frequency**k, axis=0) for k in range(4)])
 
 
-Pair = tuple[float, float]
+AxisPair = tuple[float, float]
 
 
 @functools.lru_cache
-def slowest(amplitude: Pair, frequency: Pair, phase: Pair, horizon: float) -> tuple[float, float]:
-    """The same, remembered, for the cells of a study mostly share their navigator.
+def slowest_instant(
+    amplitude: AxisPair, frequency: AxisPair, phase: AxisPair, horizon: float
+) -> tuple[float, float]:
+    """Return the least speed [m/s] of a Lissajous figure in [0, horizon], and its time [s].
 
-    Branch and bound on v²: from an interval's middle it falls by no more than its slope and the bound on its
-    second derivative allow, so an interval that stays above the least speed found is left.
+    Branch and bound on v²: the slope in an interval's middle and a bound on the second derivative limit how
+    far v² falls. An interval whose limit is above the least speed found is dropped. The cache serves the
+    cells of a study, which mostly share one navigator.
     """
     path = Lissajous(amplitude=list(amplitude), frequency=list(frequency), phase=list(phase))
     greatest = [float(np.hypot(*(np.array(amplitude) * np.array(frequency) ** k))) for k in (1, 2, 3)]

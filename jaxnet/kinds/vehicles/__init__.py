@@ -1,61 +1,71 @@
-"""Vehicles that are flat with order three: three integrators for each axis of their position (SCIENCE O4).
+"""Vehicles that are flat with order three: three integrators for each axis of the position (SCIENCE O4).
 
-A vehicle's state (n, m, lanes) begins with position x, y [m], heading [rad] and speed [m/s]. Off speed 0 the
-output's jets (y, ẏ, ÿ) and the state are two descriptions of the same, and `y‴ = σ + ψ u` for an input u of
-two. Everything is written against the array API.
+A vehicle's state (n, m, lanes) begins with position x, y [m], heading [rad] and speed [m/s]. At nonzero speed
+the state and the output's jets (y, ẏ, ÿ) determine each other, and `y‴ = σ + ψ u` for an input u with two
+components. All formulas use the array API, for NumPy and JAX.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.shapes import (
+    AxisMatrices,
+    VehicleInput,
+    VehicleJets,
+    VehicleNumbers,
+    VehicleState,
+    VehicleVectors,
+)
 from jaxnet.model.circle import circle
 
 HEADING, SPEED = 2, 3
 
 
 class Vehicle(Kind):
-    """A vehicle of six states or so. One of one's own gives all but `start`; singular at speed 0."""
+    """A vehicle model, singular at speed 0. A subclass gives every method except `start`."""
 
     states: ClassVar[tuple[str, ...]]  # names; the first four are x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
 
-    def start(self, position: Any, heading: Any, speed: Any) -> Any:
-        """State (n, m, lanes) at t = 0 of vehicles that begin with this pose and speed and all else 0."""
+    def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
+        """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
         xp = position.__array_namespace__()
         rest = [xp.zeros_like(speed)] * (len(self.states) - 4)
         return xp.stack([position[0], position[1], heading, speed, *rest])
 
-    def output_jets(self, state: Any) -> tuple[Any, Any, Any]:
-        """Position, velocity and acceleration, each (2, m, lanes)."""
+    def output_jets(self, state: VehicleState) -> VehicleJets:
+        """Return position [m], velocity [m/s] and acceleration [m/s²], each (2, m, lanes), of a state."""
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
-    def drift(self, state: Any) -> Any:
-        """σ (2, m, lanes), the jerk that is there without input [m/s³]."""
+    def drift(self, state: VehicleState) -> VehicleVectors:
+        """Return σ (2, m, lanes), the jerk without input [m/s³]."""
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
-    def decoupling(self, state: Any) -> Any:
-        """ψ (2, 2, m, lanes) by axis and column, by which the input enters the jerk."""
+    def decoupling(self, state: VehicleState) -> AxisMatrices:
+        """Return ψ (2, 2, m, lanes) by axis and column, the matrix from the input to the jerk."""
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
-    def inputs_for(self, state: Any, jerk: Any) -> Any:
-        """`u = ψ⁻¹ (jerk - σ)` (2, m, lanes), the input that makes the output's jerk what is asked."""
+    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
+        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this jerk [m/s³]."""
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
-    def motion(self, state: Any, inputs: Any) -> Any:
-        """`ẋ = f(x, u)` (n, m, lanes)."""
+    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
+        """Return the time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
-    def state_of(self, jets: Any) -> Any:
-        """State with these output jets that moves forwards; undefined where the velocity is zero."""
+    def state_of(self, jets: VehicleJets) -> VehicleState:
+        """Return the state of a vehicle that moves forwards with these output jets; undefined at zero
+        velocity.
+        """
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
-    def pace(self, state: Any) -> tuple[Any, Any]:
-        """Speed [m/s] and turn rate [rad/s], each (m, lanes)."""
+    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
+        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes)."""
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state)")
 
 
-def directions(state: Any) -> tuple[Any, Any]:
-    """Unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
+def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
+    """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
     xp = state.__array_namespace__()
     cosine, sine = circle(state[HEADING])
     return xp.stack([cosine, sine]), xp.stack([-sine, cosine])

@@ -12,7 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patches import Patch, Rectangle
 
-from jaxnet.config.naming import bare, quantity
+from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import decades
 from jaxnet.statistics.tiles import NEGLIGIBLE_ERROR, Tiling, blank_reasons, tile_notes, tile_table, tile_text
 from jaxnet.store.results import Results
@@ -106,7 +106,7 @@ def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = sty
 
 def wrap_value(key: str, value: Any, letters: int) -> str:
     """Return a swept value as an axis label, wrapped to so many letters a line."""
-    return textwrap.fill(multiples.escape_dollars(bare(key, value)), letters)
+    return textwrap.fill(multiples.escape_dollars(value_alone(key, value)), letters)
 
 
 def draw_tiles(panel: Axes, numbers: Int[np.ndarray, "rows columns"], look: TileStyle) -> None:

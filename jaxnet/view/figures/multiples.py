@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jaxnet.config.naming import title
+from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import MOST_PANELS
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
@@ -73,13 +73,13 @@ def shared_labels(labels: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def distinct_titles(labels: Sequence[dict[str, Any]]) -> list[str]:
     """Return a title for each panel from the labels that differ between panels."""
     common = shared_labels(labels)
-    return [title({key: value for key, value in each.items() if key not in common}) for each in labels]
+    return [labels_title({key: value for key, value in each.items() if key not in common}) for each in labels]
 
 
 def write_shared_labels(drawn: Figure, labels: Sequence[dict[str, Any]]) -> None:
     """Write the labels that all panels or rows share, if there are several."""
     if common := shared_labels(labels):
-        write_note(drawn, f"all with {escape_dollars(title(common))}")
+        write_note(drawn, f"all with {escape_dollars(labels_title(common))}")
 
 
 def panels_across(width: float) -> int:

@@ -12,7 +12,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import NO_BREAK, called
+from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.store.results import Results
@@ -130,7 +130,7 @@ def row_caption(cell: Cell) -> str:
     if attack.amplitude() != 0:
         words = [f"{cell.labels.get('attack', attack.label or attack.kind)} attack", *words]
     told = ("topology", "attack", "attack.magnitude")
-    words += [called(key, value) for key, value in cell.labels.items() if key not in told]
+    words += [value_name(key, value) for key, value in cell.labels.items() if key not in told]
     return multiples.escape_dollars(", ".join(words))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.naming import title
+from jaxnet.config.naming import labels_title
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
@@ -47,7 +47,7 @@ def cells_named_first(results: Results, numbers: Sequence[int]) -> str:
     """Return the name of the first cell, and the number of further cells."""
     labels = results.study.cells[numbers[0]].labels
     more = f" and {count(len(numbers) - 1, 'other')}" if len(numbers) > 1 else ""
-    return f"{escape(title(labels))} (cell {numbers[0]}){more}" if labels else "all lanes"
+    return f"{escape(labels_title(labels))} (cell {numbers[0]}){more}" if labels else "all lanes"
 
 
 def extremes_sentence(results: Results) -> str:
@@ -120,7 +120,7 @@ def tightest_sentence(results: Results, found: Sequence[Curve], fit: str) -> str
     words = []
     if over:
         ratio, name, slope, curve = min(over, key=lambda each: each[0])
-        where = f" in {escape(title(curve.group.labels))}" if curve.group.labels else ""
+        where = f" in {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         words.append(
             f"The tightest bound over the worst found is <b>{four_digits(ratio)}</b>{where}:"
             f" {BOUND_NAMES[name]}, {four_digits(slope)} ā, over {four_digits(curve.worst)} ā"

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import bare, quantity, title
+from jaxnet.config.naming import labels_title, quantity, value_alone
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
 from jaxnet.statistics.bands import Band, bands_span
@@ -58,7 +58,7 @@ def finite_numbers(values: Iterable[float]) -> list[float | None]:
 
 def panel_data(cells: Iterable[int], labels: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of every panel: the numbers of its cells, and its title."""
-    return {"cells": list(cells), "title": title(labels)}
+    return {"cells": list(cells), "title": labels_title(labels)}
 
 
 def ultimate_data(found: Sequence[Curve]) -> dict[str, Any]:
@@ -126,12 +126,12 @@ def tiles_data(results: Results, tiling: Tiling) -> dict[str, Any]:
     found: Any = tile_table(results)
     *titled, across = tiling.panels[0] or [""]
     return {
-        "rows": [quantity(tiling.row), [bare(tiling.row, value) for value in tiling.rows]],
-        "columns": [quantity(tiling.column), [bare(tiling.column, value) for value in tiling.columns]],
+        "rows": [quantity(tiling.row), [value_alone(tiling.row, value) for value in tiling.rows]],
+        "columns": [quantity(tiling.column), [value_alone(tiling.column, value) for value in tiling.columns]],
         "panels": [
             {
-                "title": title({key: labels[key] for key in titled}),
-                "across": title({key: labels[key] for key in labels if key == across}),
+                "title": labels_title({key: labels[key] for key in titled}),
+                "across": labels_title({key: labels[key] for key in labels if key == across}),
                 "cells": numbered.tolist(),
             }
             for labels, numbered in zip(tiling.panels, tiling.cells, strict=True)

@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import title
+from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph
@@ -60,7 +60,7 @@ def search_label(results: Results, of: Results, one: Watched) -> dict[str, Any]:
     if of is results:
         return {}
     number = int(of.path.name)
-    where = title(results.study.cells[number].labels)
+    where = labels_title(results.study.cells[number].labels)
     error = float(of.lanes["tail_max"].iloc[0])
     told = f"found by the search, cell {number}: greatest tail error {error_text(error)} m"
     return {"cells": [number], "label": ", ".join(filter(None, [where, told]))}
@@ -125,7 +125,7 @@ def lane_label(results: Results, one: Watched, cell: Cell) -> str:
     """Return the name of a lane in the page's menu."""
     row = results.row(one.cell, one.sample)
     error = float("nan") if row is None else float(row.loc["tail_mean"])
-    where = f"{title(cell.labels)}, " if cell.labels else ""
+    where = f"{labels_title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"

@@ -12,7 +12,7 @@ from jaxnet.config.scenario import Situation, safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
-from jaxnet.kinds.kind import numbered
+from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, Row, dense
 from jaxnet.model.retained import AnySubset
@@ -321,7 +321,7 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
-        reached = numbered(robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:])
+        reached = vehicle_numbers(robustness.percolated_vehicles(graph, trusted, leaders) & ~leaders[1:])
         most = robustness.leader_robustness(graph, leaders)
         line += f"; led by {names}, whom somebody trusts, strongly {most}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
@@ -330,7 +330,7 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
 
 def cut_off_line(drops: AnySubset) -> dict[str, str]:
     """Return a line on vehicles that dropped links may cut off from the navigator, if there are any."""
-    lost = numbered(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
+    lost = vehicle_numbers(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
 
 
@@ -340,12 +340,12 @@ def safe_line(reasons: Sequence[Safe]) -> str:
     for why, vehicles, _ in reasons:
         words += [f"{vehicles_text(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
-    return "; ".join(words + [f"not known of {ranges(numbered(left))}"] * bool(left.any()))
+    return "; ".join(words + [f"not known of {ranges(vehicle_numbers(left))}"] * bool(left.any()))
 
 
 def vehicles_text(vehicles: Vehicles) -> str:
     """Return the numbers of vehicles, given as flags."""
-    return "every vehicle" if vehicles.all() else ranges(numbered(vehicles))
+    return "every vehicle" if vehicles.all() else ranges(vehicle_numbers(vehicles))
 
 
 def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxnet.kinds.attacks import scaled
+from jaxnet.kinds.attacks import signal_scale
 from jaxnet.kinds.attacks.chirp import Chirp
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
@@ -29,7 +29,7 @@ def chirp(**numbers):
 def jets_of(attack, horizon, times):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
     return np.stack(
-        signal.jets(attack.vectors() * scaled(attack, attack.sizes(horizon)), attack.basis(times))
+        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon)), attack.basis(times))
     )
 
 

@@ -7,7 +7,7 @@ from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.kinds import registry
 from tests import systems
 
-NAMES = [name for name in registry.names("defence") if name != "none"]
+NAMES = [name for name in registry.kind_names("defence") if name != "none"]
 GRAPH = {"vehicles": 6, "topology": {"kind": "random_regular", "degree": 4}, "tick": 0.1}
 
 

@@ -66,9 +66,10 @@ def decide(weights, received, trusted, memory, shared):
     """The decision of one moment in one lane: weights in force and slots dropped."""
     keys = {"tolerance": jnp.full(1, TOLERANCE), "score": "position", "filter": None, "drop_trusted": False}
     rule = TrustedTrim.filled(keys)
-    around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, None, None, shared)
+    around = Neighbourhood(jnp.asarray(SOURCES), weights[..., None], trusted, jnp.ones((3, 1)), None, shared)
     jets = (received[..., None],) * 3
-    decision, _ = rule.decide(jets, jets, ~memory[..., None], rule.start(around), around)
+    own = (received[:, 0, :, None],) * 3
+    decision, _ = rule.decide(own, jets, ~memory[..., None], rule.start(around), around)
     return retained.in_force(around.weights, decision)[0, ..., 0], ~decision[..., 0]
 
 

@@ -40,7 +40,7 @@ OLDER = {"star", "cyclic", "path", "figure1", "edges"}
 
 def test_every_kind_has_its_config():
     """But for those that other tests have long had."""
-    assert set(TOPOLOGIES) | OLDER == set(registry.names("topology"))
+    assert set(TOPOLOGIES) | OLDER == set(registry.kind_names("topology"))
 
 
 @pytest.mark.parametrize("kind", TOPOLOGIES)

@@ -1,0 +1,42 @@
+"""Shapes of the arrays that the methods of kinds take and return, for NumPy and JAX. Lanes are the last axis.
+
+m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar functions.
+"""
+
+from typing import Any
+
+from jaxtyping import Bool, Float, Int, Shaped
+
+LaneTimes = Float[Any, "*lanes"]  # [s]
+LaneNumbers = Float[Any, "*lanes"]
+AnyTimes = Float[Any, "..."]  # [s], of any shape
+
+SignalBasis = Float[Any, "4 functions ..."]  # β_b and three derivatives
+SignalVectors = Float[Any, "2 _ functions ..."]  # v_b of each vehicle; the second axis is 1 if all are alike
+SignalSizes = Float[Any, "4 _"]  # greatest norm of β and of its three derivatives
+
+AnyNumbers = Float[Any, "..."]
+PlaneVectors = Float[Any, "2 ..."]
+NumberJets = Float[Any, "4 ..."]  # a number and three derivatives
+PathJets = Float[Any, "4 2 ..."]  # position and three derivatives
+VehicleVectors = Float[Any, "2 m *lanes"]
+VehicleNumbers = Float[Any, "m *lanes"]
+VehicleJets = tuple[VehicleVectors, VehicleVectors, VehicleVectors]  # position, velocity, acceleration
+VehicleState = Float[Any, "n m *lanes"]
+VehicleInput = Float[Any, "2 m *lanes"]
+AxisMatrices = Float[Any, "2 2 m *lanes"]  # by axis and column
+
+SlotVectors = Float[Any, "2 slots m *lanes"]
+SlotNumbers = Float[Any, "slots m *lanes"]
+SlotMask = Bool[Any, "slots m *lanes"]
+SlotSources = Int[Any, "slots m"]  # numbers of the sources, 0 is the navigator
+SlotLinks = Bool[Any, "slots m"]  # the same in all lanes
+SlotJets = tuple[SlotVectors, SlotVectors, SlotVectors]  # position, velocity, acceleration
+AxisSlotNumbers = Float[Any, "axes slots m *lanes"]
+AxisSlotMask = Bool[Any, "2 slots m *lanes"]
+LaneGains = Float[Any, "3 *lanes"]  # of ε, ε̇, ε̈
+AnyCounts = Int[Any, "..."]
+AnyMask = Bool[Any, "..."]
+Decision = Shaped[Any, "..."]  # (slots, m, lanes), or (2, slots, m, lanes) to decide by axis
+
+Memory = Any  # a pytree of arrays whose last axis is lanes; a kind chooses its structure
