@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from click.testing import CliRunner
+from upath import UPath
 
 import jaxnet
 from jaxnet.cli import main
@@ -213,6 +214,36 @@ def test_a_manifest_is_told(change, wrong, results):
     Path("manifest.json").write_text(json.dumps(manifest | change if change else change))
     assert one_line("show", ".") == f"manifest.json: not a manifest of ours: {wrong}"
     assert "unfinished" in said("list", ".")
+
+
+def test_a_study_that_was_edited_is_told(tmp_path):
+    """Its rows are those of another study, and bounds that hold for it do not hold for them."""
+    config = {"name": "x", "samples": 2, "horizon": 0.4, "output_step": 0.1, "tail": 0.2, "engine": "exact"}
+    made = jaxnet.run(config, tmp_path / "x", progress=False)
+    file = tmp_path / "x" / "study.yaml"
+    file.write_text(file.read_text().replace("horizon: 0.4", "horizon: 0.5"))
+    told = one_line("fit", made.path)
+    assert told.endswith("study.yaml is not the study whose rows the folder holds: it was edited since")
+
+
+@pytest.mark.parametrize("content", ["", "one,two\n1,2\n", None])
+def test_a_table_that_is_not_ours_is_told(content, results):
+    """Also a folder in its place."""
+    Path("cells.csv").unlink()
+    if content is None:
+        Path("cells.csv").mkdir()
+    else:
+        Path("cells.csv").write_text(content)
+    assert "cells.csv is not a table of ours" in one_line("show", ".")
+
+
+def test_a_folder_in_the_place_of_rows_is_told(results):
+    """It cannot be simulated again either."""
+    row_file = next(Path("lanes").glob("*.parquet"))
+    row_file.unlink()
+    row_file.mkdir()
+    with pytest.raises(FolderError, match=r"is a folder, where a file of rows is due$"):
+        read_rows(UPath(row_file.absolute()))
 
 
 def test_a_manifest_that_is_too_deep_is_told(results):

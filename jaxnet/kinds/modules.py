@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 PREFIX = "jaxnet_kinds_"
 PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
@@ -246,7 +246,16 @@ def version_of(module: str) -> str | None:
     return next((each.version for each in metadata.distributions() if installs(each, top)), None)
 
 
-def installs(distribution: metadata.Distribution, top: str) -> bool:
+@runtime_checkable
+class HasMetadata(Protocol):
+    """A distribution of `importlib.metadata`, or of the package that `importlib.metadata` came from."""
+
+    def read_text(self, filename: str) -> str | None:
+        """Return the text of a metadata file, None if there is none."""
+        ...
+
+
+def installs(distribution: HasMetadata, top: str) -> bool:
     """Return whether a distribution declares or contains a top-level package or module."""
     if declared := (distribution.read_text("top_level.txt") or "").split():
         return top in declared

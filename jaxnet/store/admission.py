@@ -130,6 +130,20 @@ def shorten_value(value: object) -> str:
     return shorten(str(value), 100, placeholder=" …")
 
 
+def refuse_edited(folder: Folder, config: Config) -> None:
+    """Raise FolderError where `study.yaml` is no longer the study whose rows the folder holds.
+
+    Modules are compared apart, by `changed_modules`. Another version may hash a study otherwise.
+    """
+    written_by, holds = version_and_hash(folder)
+    made_of = folder.manifest.get("modules", {}).items()
+    modules = {name: (each["sha256"], each.get("version")) for name, each in made_of}
+    if written_by == __version__ and holds not in (None, digest(config, modules)):
+        raise FolderError(
+            f"{folder.path}/study.yaml is not the study whose rows the folder holds: it was edited since"
+        )
+
+
 def changed_modules(folder: Folder, config: Config) -> list[str]:
     """Return the names of the kinds' modules that have changed since the rows were made."""
     theirs, ours = folder.manifest.get("modules", {}), modules_of(config)

@@ -13,7 +13,7 @@ import os
 import platform
 import shutil
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any, BinaryIO, TypedDict, cast
@@ -100,12 +100,17 @@ def unhashed(config: Config) -> tuple[str, ...]:
     return UNHASHED if config.draws == "random" else tuple(key for key in UNHASHED if key != "samples")
 
 
-def digest(config: Config) -> str:
-    """Return the hash of all that changes rows: the config, and the modules of kinds from outside."""
+def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None = None) -> str:
+    """Return the hash of all that changes rows: the config, and the modules of kinds from outside.
+
+    `modules` are the hash and the version of each module, by default of the modules as they are now.
+    """
     data = to_plain(config)
     kept = {key: value for key, value in data.items() if key not in unhashed(config)}
-    if made_of := modules_of(config):
-        kept["modules"] = {module: (each.sha256, each.version) for module, each in made_of.items()}
+    if modules is None:
+        modules = {name: (each.sha256, each.version) for name, each in modules_of(config).items()}
+    if modules:
+        kept["modules"] = modules
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 

@@ -15,7 +15,7 @@ from upath import UPath
 from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import admit_made, changed_modules
+from jaxnet.store.admission import admit_made, changed_modules, refuse_edited
 from jaxnet.store.folder import Folder, FolderError, Manifest
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError
@@ -44,6 +44,8 @@ class Results:
         study = read_study(
             Document.read(self.path / "study.yaml"), (), Looking(local, self.manifest, self.code_places())
         )
+        if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
+            refuse_edited(Folder(self.path), study.config)
         for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
         return study
@@ -197,7 +199,10 @@ class Results:
         """
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
-        return read_table(self.path / "cells.csv")
+        table = read_table(self.path / "cells.csv")
+        if missing := {"lanes", "ok", "failed"} - {*table.columns}:
+            raise FolderError(f"{self.path}/cells.csv is not a table of ours (no column {min(missing)})")
+        return table
 
     @property
     def fits(self) -> pd.DataFrame:
@@ -352,9 +357,15 @@ def arrays_at(path: UPath) -> "xarray.Dataset":
 
 
 def read_table(path: UPath) -> pd.DataFrame:
-    """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text."""
-    with path.open("rb") as file:
-        return pd.read_csv(file, keep_default_na=False, na_values=[""])
+    """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text.
+
+    Raises FolderError for a file that is no table.
+    """
+    try:
+        with path.open("rb") as file:
+            return pd.read_csv(file, keep_default_na=False, na_values=[""])
+    except (IsADirectoryError, ValueError) as error:
+        raise FolderError(f"{path} is not a table of ours ({str(error).splitlines()[0]})") from error
 
 
 def open_folder(

@@ -107,8 +107,14 @@ def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> Non
 
 
 def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
-    """Read a row file and its stamp, and verify every page; raise FileNotFoundError or TornError."""
-    content = pa.BufferReader(path.fs.cat_file(path.path))
+    """Read a row file and its stamp, and verify every page.
+
+    Raises FileNotFoundError, TornError, or FolderError for a folder in place of the file.
+    """
+    try:
+        content = pa.BufferReader(path.fs.cat_file(path.path))
+    except IsADirectoryError as error:
+        raise FolderError(f"{path} is a folder, where a file of rows is due") from error
     try:
         rows = pq.read_table(content, page_checksum_verification=True)
         if strange := strange_columns(rows.schema):

@@ -65,11 +65,15 @@ class Edges(Graph):
         edges = edges_of(value)
         if not edges:
             raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
-        return cls(edges=edges, label=value.graph.get("name") or None)
+        return cls(edges=edges, label=str(value.graph.get("name") or "") or None)
 
 
-def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[tuple[int, int, float]]:
-    """Return the edges (i, j, w) of a networkx graph: i hears j, 0 is the navigator, w is 1 without a weight.
+def edges_of(
+    network: Any, unread: tuple[str, ...] = (), weight: object = 1.0
+) -> list[tuple[int, int, float]]:
+    """Return the edges (i, j, w) of a networkx graph: i hears j, and 0 is the navigator.
+
+    `weight` is that of edges without one.
 
     Raises KindError for an edge attribute other than `weight` and those in `unread`, and for a node that has
     no number or no edge.
@@ -84,8 +88,8 @@ def edges_of(network: Any, unread: tuple[str, ...] = ()) -> list[tuple[int, int,
         ends = operator.index(listener), operator.index(source)
         if other := [name for name in data if name not in ("weight", *unread)]:
             raise KindError(f"edge {ends} has the attribute {other[0]!r}; only 'weight' is read")
-        given.append((*ends, weight_of(data.get("weight", 1.0), ends)))
-    back = [] if network.is_directed() else [(j, i, weight) for i, j, weight in given if i != j]
+        given.append((*ends, weight_of(data.get("weight", weight), ends)))
+    back = [] if network.is_directed() else [(j, i, w) for i, j, w in given if i != j]
     return [edge for edge in [*given, *back] if edge[0] > 0]
 
 

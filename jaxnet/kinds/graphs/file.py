@@ -165,14 +165,15 @@ def read_graphml(content: bytes, name: str) -> EdgeIterator:
     except ImportError as error:
         raise KindError(f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'") from error
     try:
-        refuse_entities(content)
+        refuse_unread(content)
         with warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)  # networkx warns of content that it ignores
             network = networkx.read_graphml(io.BytesIO(content))
         numbers = {node: node_of(node, data) for node, data in network.nodes(data=True)}
         if len({*numbers.values()}) < len(numbers):
             raise ValueError("two nodes have one number")
-        yield from edges_of(networkx.relabel_nodes(network, numbers), unread=("id",))
+        weight = network.graph.get("edge_default", {}).get("weight", 1.0)
+        yield from edges_of(networkx.relabel_nodes(network, numbers), unread=("id",), weight=weight)
     except KindError as error:
         raise KindError(f"{name}: {error}") from error
     except (networkx.NetworkXException, *NOT_GRAPHML) as error:
@@ -180,14 +181,30 @@ def read_graphml(content: bytes, name: str) -> EdgeIterator:
         raise KindError(f"{name}: must be GraphML with edges {AN_EDGE} ({reason})") from error
 
 
-def refuse_entities(content: bytes) -> None:
-    """Raise ValueError for XML that declares entities, which may stand for gigabytes or other files."""
+def refuse_unread(content: bytes) -> None:
+    """Raise ValueError for GraphML with content that no network is read from.
+
+    Entities may stand for gigabytes or other files. networkx reads the first of several graphs, takes a graph
+    without `edgedefault` for an undirected one, and reads data named `id` as the id of the edge.
+    """
+    graphs = 0
 
     def refuse(*_: object) -> None:
         raise ValueError("entities are not read")
 
+    def begin(element: str, attributes: dict[str, str]) -> None:
+        nonlocal graphs
+        tag = element.rpartition(":")[2]
+        graphs += tag == "graph"
+        if graphs > 1:
+            raise ValueError("more than one graph")
+        if tag == "graph" and "edgedefault" not in attributes:
+            raise ValueError("the graph has no edgedefault")
+        if tag == "key" and attributes.get("attr.name") == "id":
+            raise ValueError("data called 'id' are not read")
+
     parser = expat.ParserCreate()
-    parser.EntityDeclHandler = refuse
+    parser.EntityDeclHandler, parser.StartElementHandler = refuse, begin
     parser.Parse(content, True)
 
 

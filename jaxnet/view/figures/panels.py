@@ -123,6 +123,11 @@ def topology_name(cell: Cell) -> str:
     return str(cell.labels.get("topology", cell.scenario.topology.label or cell.scenario.topology.kind))
 
 
+def figure_name(cell: Cell) -> str:
+    """Return the name of a cell's topology as text for matplotlib."""
+    return multiples.escape_dollars(topology_name(cell))
+
+
 def row_caption(cell: Cell) -> str:
     """Return a short description of a row: attack, magnitude and other swept values."""
     attack = cell.scenario.attack
@@ -146,7 +151,7 @@ def draw_trajectories(
     for number, (cell, spot) in enumerate(zip(cells, spots, strict=False)):
         panel = drawn.add_subplot(spot)
         draw_plane(panel, cell, lanes[cell.number])
-        panel.set_title(f"({chr(ord('a') + letters + number)}) {topology_name(cell)}", pad=3)
+        panel.set_title(f"({chr(ord('a') + letters + number)}) {figure_name(cell)}", pad=3)
         panel.set_xlabel("x [m]")
         if number == 0:
             panel.set_ylabel(f"{textwrap.fill(row_caption(cell), ROW_LETTERS)}\ny [m]")
@@ -227,7 +232,7 @@ def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
 def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
     """Return legend entries for the errors, for panels too small for a legend."""
     pairs = zip(cells, style.SERIES_STYLES, strict=False)
-    return [Line2D([], [], **look, label=f"error, {topology_name(cell)}") for cell, look in pairs]
+    return [Line2D([], [], **look, label=f"error, {figure_name(cell)}") for cell, look in pairs]
 
 
 def draw_errors(
@@ -240,7 +245,7 @@ def draw_errors(
         panel = drawn.add_subplot(inner[number], sharex=upper)
         for cell, look in zip(cells, style.SERIES_STYLES, strict=False):
             values = data[variable].isel(cell=cell.number).values
-            draw_quantiles(panel, data["time"].values, values, look, topology_name(cell))
+            draw_quantiles(panel, data["time"].values, values, look, figure_name(cell))
         panel.set_yscale("log")
         panel.autoscale_view()
         multiples.log_ticks(panel.yaxis)

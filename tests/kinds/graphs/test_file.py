@@ -220,6 +220,13 @@ def test_nodes_of_igraph_are_numbered_by_their_ids(tmp_path):
         assert loaded(tmp_path, HEAD + nodes + LINKS + TAIL).cells[0].scenario.topology.edges() == edges
 
 
+def test_the_default_of_a_key_is_the_weight_of_edges_without_one(tmp_path):
+    """As the standard of GraphML says."""
+    head = HEAD.replace('attr.type="double"/>', 'attr.type="double"><default>9</default></key>', 1)
+    edges = [(1, 0, 9.0), (2, 1, 9.0), (3, 2, 2.0)]
+    assert loaded(tmp_path, head + NODES + LINKS + TAIL).cells[0].scenario.topology.edges() == edges
+
+
 LAUGHS = '<!DOCTYPE x [<!ENTITY a0 "ha">'
 LAUGHS += "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(12)) + "]>"
 
@@ -232,6 +239,16 @@ LAUGHS += "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(12)) +
         (HEAD + NODES + '<node id="n7"/>' + LINKS + TAIL, "node 7 has no edge"),
         (HEAD + NODES.replace('"n2"/>', '"n2"><data key="v">9</data></node>') + LINKS + TAIL, "called '9'"),
         (HEAD + NODES + LINKS.replace(">2<", ">-2<") + TAIL, "a weight is a number > 0"),
+        (
+            HEAD + NODES + LINKS + '</graph><graph edgedefault="directed"><node id="n4"/>' + TAIL,
+            "more than one graph",
+        ),
+        (
+            HEAD + NODES.replace('"n3"/>', '"n3"><graph edgedefault="directed"/></node>') + LINKS + TAIL,
+            "more than one graph",
+        ),
+        (HEAD.replace(' edgedefault="directed"', "") + NODES + LINKS + TAIL, "no edgedefault"),
+        (HEAD.replace('"cost"', '"id"') + NODES + LINKS + TAIL, "data called 'id' are not read"),
         (LAUGHS + HEAD + "&a12;" + NODES + LINKS + TAIL, "entities are not read"),
         ('<!DOCTYPE x [<!ENTITY a SYSTEM "study.yaml">]>' + HEAD + "&a;" + TAIL, "entities are not read"),
     ],
