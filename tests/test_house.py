@@ -311,12 +311,8 @@ def test_what_is_stored_does_not_depend_on_what_was_loaded_before(monkeypatch):
 
 # --- words -----------------------------------------------------------------------------------------
 
-# Names that more than two modules define and that mean one thing wherever they stand.
-ONE_MEANING = {
-    "simulate": "outcomes of lanes, of a study (api), a job (batch) and a load (the engines)",
-    "ROUNDING": "what rounding may amount to, of the numbers that a module has",
-}
-ENGINES = {"engine.integration", "engine.propagation", "engine.methods.stacked"}
+# Names of the interface that the modules behind it have too.
+OF_THE_INTERFACE = {"Results", "simulate"}
 
 
 def defined(tree: ast.Module) -> set[str]:
@@ -330,18 +326,12 @@ def defined(tree: ast.Module) -> set[str]:
     return {name for name in names if not name.startswith("_")}
 
 
-def homes_of_names() -> dict[str, set[str]]:
-    """Modules that define each name; the engines, whose motions have one interface, count as one."""
+def test_a_top_level_name_stands_in_one_module():
+    """A reader who finds a name knows what it is, wherever the name stands."""
     homes = defaultdict(set)
     for path in MODULES:
-        module = name_of(path).removeprefix("jaxnet.")
         for name in defined(ast.parse(path.read_text())):
-            homes[name].add("engines" if module in ENGINES else module)
-    return homes
-
-
-def test_a_name_means_one_thing():
-    """Two modules may share one, as the command does with what it calls; a name in more needs its reason."""
-    many = {name: sorted(homes) for name, homes in homes_of_names().items() if len(homes) > 2}
-    assert {name: homes for name, homes in many.items() if name not in ONE_MEANING} == {}
-    assert set(ONE_MEANING) <= set(many), "no longer needs its reason"
+            homes[name].add(name_of(path))
+    several = {name: sorted(found) for name, found in homes.items() if len(found) > 1}
+    assert {name: found for name, found in several.items() if name not in OF_THE_INTERFACE} == {}
+    assert set(several) == OF_THE_INTERFACE, "no longer needs its exception"

@@ -65,7 +65,7 @@ def fleets(job: Job) -> list[Fleet]:
 def fleet(lane: Any, heard: Any) -> Fleet:
     """A lane of these slots, and by how much each harmonic is received."""
     assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
-    assert (heard.speakers == heard.sources).all(), "the peers know attacks that add alone"
+    assert (heard.carried_sources == heard.sources).all(), "the peers know attacks that add alone"
     laplacian, from_navigator, added = links(lane.weights, heard.sources, heard.attacked, heard.signals)
     # What is received is the real part of these vectors times exp(i frequency t).
     vectors: Any = np.zeros((3, *lane.initial[:2].shape), complex)

@@ -8,7 +8,7 @@ from jaxnet.config.keys import Scenario
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
 
 
@@ -23,7 +23,7 @@ class Situation(NamedTuple):
     graph: Digraph
     attacked: Links
     trusted: Links
-    retained: AnySubset | None
+    retained: DropPolicy | None
 
 
 def situation_of(scenario: Scenario) -> Situation:

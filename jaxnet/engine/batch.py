@@ -23,9 +23,9 @@ from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.model import xla
 from jaxnet.model.lane import Network
 
-Tree = TypeVar("Tree")
+Lanes = TypeVar("Lanes")
 
-FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
+TYPICAL_FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
 CHOOSING = 16_000  # vehicles of all lanes side by side where anybody chooses at ticks: more gain little
 LEAST_CHUNK = 2
 SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
@@ -74,7 +74,7 @@ class Machine(NamedTuple):
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
-        few = min(chunk * math.sqrt(FLEET / max(FLEET, vehicles)), cached / vehicles)
+        few = min(chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
 
@@ -143,7 +143,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
         COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
         # All of it is one loop, that XLA may compile it as one function, which other loads do not disturb.
-        return xla.computed(lambda: plan.engine.simulate(queue, count, network, clock, plan))
+        return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 
@@ -203,11 +203,11 @@ def size(batch: Inputs) -> int:
     return len(batch.lane.initial)
 
 
-def joined(trees: Sequence[Tree]) -> Tree:
+def joined(trees: Sequence[Lanes]) -> Lanes:
     """Lanes of several trees as one."""
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
 
 
-def part(tree: Tree, start: int, stop: int | None) -> Tree:
+def part(tree: Lanes, start: int, stop: int | None) -> Lanes:
     """Some lanes of a tree."""
     return jax.tree.map(lambda leaf: leaf[start:stop], tree)

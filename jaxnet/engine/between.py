@@ -8,14 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxnet.engine import flow, standstill
-from jaxnet.engine.flow import Lanes
+from jaxnet.engine.flow import Durations
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import Code, Status, fail
-from jaxnet.engine.subset import Few as LaneIndices
-from jaxnet.engine.subset import for_each, once, picked, put
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
+from jaxnet.engine.tick import LaneFlags
 from jaxnet.model import control, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane, length
@@ -23,12 +23,10 @@ from jaxnet.model.signal import Vectors
 
 FEW = 16  # lanes that are looked at
 
-Flags = Bool[Array, "lanes"]
-
 
 def stopped(
-    straight: Flags, status: Code, outputs: Callable[[], Jets], stood: Callable[[LaneIndices], Flags]
-) -> tuple[Code, Flags]:
+    straight: LaneFlags, status: Code, outputs: Callable[[], Jets], stood: Callable[[LaneIndices], LaneFlags]
+) -> tuple[Code, LaneFlags]:
     """Return the status, and the lanes in which some vehicle may have gone straight on, a tick later.
 
     `outputs()` are y with two derivatives; `stood(few)` says which of a few lanes have a vehicle that stood
@@ -43,7 +41,7 @@ def stopped(
         straight = straight & standstill.straight(*outputs()[1:]) & (status == Status.ok)
         return for_each(straight, FEW, some, status), straight
 
-    return once(straight.any(), work, (status, straight))
+    return run_if(straight.any(), work, (status, straight))
 
 
 def stood(
@@ -52,10 +50,10 @@ def stood(
     effect: flow.Effect,
     lane: Lane,
     reach: Float[Array, "3 lanes"],
-    time: Lanes,
+    time: Durations,
     interval: Any,
     plan: Plan,
-) -> Flags:
+) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
     Lanes go back in time. E‴ is `-P(E) + K R(β)` with attack vectors K, so its bound follows from E, Ė and Ë
@@ -74,7 +72,7 @@ def stood(
         _, *driven = signal.jets(forced, effect)
         return velocity[:, None] + driven[0] + free[1], -(acceleration[:, None] + driven[1] + free[2])
 
-    def go_back(state: Any, step: Lanes) -> Any:
+    def go_back(state: Any, step: Durations) -> Any:
         (now, free, effect), over = state, flow.brief(lane.gain, -step)
         if plan.consistent:
             effect = lane.signal.basis(now - step)[:3]
@@ -87,13 +85,13 @@ def stood(
     return standstill.stands(pace, go_back, (time, free, effect), jerk, interval, longest)
 
 
-def stood_held(jets: Jets, held: Vectors, interval: Any) -> Flags:
+def stood_held(jets: Jets, held: Vectors, interval: Any) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, while it held a jerk."""
 
     def pace(jets: Jets) -> tuple[Plane, Plane]:
         return jets[1], -jets[2]
 
-    def go_back(jets: Jets, step: Lanes) -> Jets:
+    def go_back(jets: Jets, step: Durations) -> Jets:
         free = flow.propagate(flow.of_integrators(-step), jets)
         moved = signal.jets(held, flow.held_input(-step))
         return free[0] + moved[0], free[1] + moved[1], free[2] + moved[2]

@@ -14,7 +14,7 @@ NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 TERMS = 18  # of the exponential's series; 1/18! is under rounding
 
-Lanes = Float[Array, "lanes"]
+Durations = Float[Array, "lanes"]
 Transition = Float[Array, "3 3 lanes"]  # expm(A_c h)
 Effect = Float[Array, "3 functions lanes"]  # functions of G, with two derivatives
 Responses = Float[Array, "nodes 3 lanes"]  # expm(A_c (1 - x) h) B at the NODES x
@@ -29,24 +29,24 @@ def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
     return a, b, c
 
 
-def of_integrators(time: Lanes) -> Transition:
+def of_integrators(time: Durations) -> Transition:
     """Return the flow of three integrators over a time [s]."""
     one, zero = jnp.ones_like(time), jnp.zeros_like(time)
     rows = [one, time, time**2 / 2], [zero, one, time], [zero, zero, one]
     return jnp.stack([jnp.stack(row) for row in rows])
 
 
-def held_input(time: Lanes) -> Effect:
+def held_input(time: Durations) -> Effect:
     """Return what a third derivative of 1, held for a time [s], adds to a signal and its derivatives."""
     return jnp.stack([time**3 / 6, time**2 / 2, time])[:, None]
 
 
-def longest(gain: control.Gain) -> Lanes:
+def longest(gain: control.Gain) -> Durations:
     """A time over which the series of `brief` holds to rounding."""
     return 1.0 / jnp.maximum(1.0, jnp.abs(gain).sum(axis=0))
 
 
-def brief(gain: control.Gain, time: Lanes) -> Transition:
+def brief(gain: control.Gain, time: Durations) -> Transition:
     """The flow over a time of `longest` at most, or as far back, by its series."""
     identity = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, *gain.shape))
 
@@ -66,13 +66,13 @@ def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
     return jax.vmap(jax.vmap(jax.scipy.linalg.expm, -1, -1))(rest)[:, :, 2]
 
 
-def brief_responses(gain: control.Gain, time: Lanes) -> Responses:
+def brief_responses(gain: control.Gain, time: Durations) -> Responses:
     """Responses over a time of `longest` at most, or as far back."""
     return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, 2]
 
 
 def passed_on(
-    effect: Effect, flow: Transition, responses: Responses, lane: Lane, time: Lanes, interval: Any
+    effect: Effect, flow: Transition, responses: Responses, lane: Lane, time: Durations, interval: Any
 ) -> Effect:
     """What an axis makes of the attacks' functions an interval on: `g‴ + P(g) = R(β)`, from g now.
 

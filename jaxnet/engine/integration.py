@@ -14,13 +14,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import multirate, stepper, tick
-from jaxnet.engine.loop import Flags, Motion, Tick, Ticks
+from jaxnet.engine import stepper, tick
+from jaxnet.engine.large import multirate
+from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import Few as LaneIndices
-from jaxnet.engine.subset import for_each, picked, put, select
+from jaxnet.engine.stepper import States
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, elimination, signal
@@ -30,13 +31,12 @@ from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 2  # lanes whose Laplacians are factorised at once
-LARGE = 24  # vehicles; from there on lanes that need it not cost more than another pass does
+LARGE_TO_FACTORISE = 24  # vehicles; from there on lanes that need it not cost more than another pass does
 
-States = Float[Array, "n m lanes"]
 Jerk = Float[Array, "2 m lanes"]
 
 
-class Followed(NamedTuple):
+class FollowedLaw(NamedTuple):
     """What vehicles follow until the next tick. Absent parts are None."""
 
     weights: AxisWeights
@@ -45,7 +45,7 @@ class Followed(NamedTuple):
     response: Vectors | None  # L⁻¹ d, from which an iteration starts
 
 
-class State(NamedTuple):
+class IntegrationState(NamedTuple):
     """Lanes under way."""
 
     state: States
@@ -53,17 +53,17 @@ class State(NamedTuple):
     signals: Signals
     step: Instants  # [s] proposed for the next attempt
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
-    followed: Followed
+    followed: FollowedLaw
 
 
 class Integration(Motion):
     """How lanes move under the nonlinear vehicles' law, by adaptive steps. `numbers` are the tolerances."""
 
-    def begin(self) -> State:
+    def begin(self) -> IntegrationState:
         """Return the state at t = 0; nothing is followed yet."""
-        lane, zero = self.lane, jnp.zeros_like(self.lane.amplitude)
+        lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
         shapes = jax.eval_shape(self.followed_first)
-        return State(
+        return IntegrationState(
             state=lane.initial,
             slope=jnp.zeros_like(lane.initial),
             signals=signals(lane, zero),
@@ -72,40 +72,42 @@ class Integration(Motion):
             followed=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes),
         )
 
-    def followed_first(self) -> Followed:
+    def followed_first(self) -> FollowedLaw:
         """Return what is followed before the first tick, for its shapes alone."""
         lane, network, plan = self.lane, self.network, self.plan
         decided = tick.before_first(lane, network, plan)
         if lane.law.holds:
-            return Followed(
+            return FollowedLaw(
                 tick.drive(lane, decided, plan).weights, None, jnp.zeros_like(lane.initial[:2]), None
             )
-        return factorised(lane, network, decided, plan)[0]
+        return follow_weights(lane, network, decided, plan)[0]
 
-    def errors(self, state: State) -> Jets:
+    def errors(self, state: IntegrationState) -> Jets:
         """Return E and its first two derivatives now."""
         return errors_of(self.lane, state.state, state.signals)
 
-    def basis(self, state: State) -> tuple[Instants, Basis]:
+    def basis(self, state: IntegrationState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
         return state.signals.time, state.signals.basis
 
-    def seen(self, state: State) -> tuple[Any, Any, States]:
+    def seen(self, state: IntegrationState) -> tuple[Any, Any, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         return *self.lane.vehicle.pace(state.state), state.state
 
-    def drive(self, state: State, decided: DecisionState) -> Drive:
+    def drive(self, state: IntegrationState, decided: DecisionState) -> Drive:
         """Return what the motion follows now."""
         vectors = tick.attack_vectors(self.lane, decided)
         if self.plan.in_field:
             return tick.drive(self.lane, decided, self.plan)
         return Drive(state.followed.weights, vectors)
 
-    def steps(self, state: State) -> Int[Array, " lanes"]:
+    def steps(self, state: IntegrationState) -> Int[Array, " lanes"]:
         """Return the attempts so far."""
         return state.steps
 
-    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+    def hold(
+        self, state: IntegrationState, decided: DecisionState, at: Tick
+    ) -> tuple[IntegrationState, LaneFlags]:
         """Factorise the Laplacian where a weight changed, and evaluate the vector field anew.
 
         Where the law holds a jerk, vehicles exchange it at every tick instead.
@@ -123,22 +125,22 @@ class Integration(Motion):
                     part, network, chosen, picked(followed.jerk, few), now, states, plan
                 )
             else:
-                new, connected = factorised(part, network, chosen, plan)
-            there = field(part, network, new, chosen, now, states, plan)
+                new, connected = follow_weights(part, network, chosen, plan)
+            there = vector_field(part, network, new, chosen, now, states, plan)
             proposed = stepper.first_step(states, there, tolerated)
             proposed = jnp.where(picked(at.first, few) & (proposed > 0), proposed, picked(step, few))
             followed = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new)
             return followed, put(slope, few, there), put(step, few, proposed), put(cut_off, few, ~connected)
 
         flagged = at.here if lane.law.holds else at.anew
-        at_once = SOLVED if lane.initial.shape[1] < LARGE else SOLVED_OF_LARGE
+        at_once = SOLVED if lane.initial.shape[1] < LARGE_TO_FACTORISE else SOLVED_OF_LARGE
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
         followed, slope, step, cut_off = for_each(flagged, at_once, some, carry)
         return state._replace(followed=followed, slope=slope, step=step), cut_off
 
     def advance(
-        self, state: State, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[State, Code, Flags]:
+        self, state: IntegrationState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[IntegrationState, Code, LaneFlags]:
         """Attempt one step of the lanes that have neither failed nor reached the horizon."""
         lane, network, clock, plan = self.lane, self.network, self.clock, self.plan
         tolerances, time, rule = self.numbers, state.signals.time, stepper.method(plan.options[0])
@@ -147,7 +149,7 @@ class Integration(Motion):
         goal = clock.at(ticks + 1)
         end = stepper.towards(goal, time, state.step)
         trial = stepper.attempt(
-            lambda now, states: field(lane, network, state.followed, decided, now, states, plan),
+            lambda now, states: vector_field(lane, network, state.followed, decided, now, states, plan),
             lambda time: signals(lane, time),
             rule,
             time,
@@ -162,7 +164,7 @@ class Integration(Motion):
         proposed = stepper.next_step(end - time, trial.error, rule)
         states = jnp.where(kept[None, None], trial.state, state.state)
         still = (states[SPEED] * jnp.sign(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
-        stuck = going & ~kept & (proposed <= stepper.ROUNDING * jnp.maximum(goal, 1.0))
+        stuck = going & ~kept & (proposed <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0))
         arrived = kept & (end == goal)
         status = fail(status, Status.singular, going & still)
         status = fail(status, Status.nonfinite, stuck & ~trial.finite)
@@ -184,19 +186,19 @@ def errors_of(lane: Lane, states: States, now: Signals) -> Jets:
     return y, velocity, acceleration
 
 
-def factorised(
+def follow_weights(
     lane: Lane, network: Network, decided: DecisionState, plan: Plan
-) -> tuple[Followed, Bool[Array, " few"]]:
+) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the weights in force with their Laplacian's factors, and whether all hear of the navigator."""
     weights, vectors = tick.drive(lane, decided, plan)
     factors, residual = elimination.factorised(network.order, network.hearing, weights)
-    followed = Followed(weights, factors, None, None)
+    followed = FollowedLaw(weights, factors, None, None)
     if isinstance(network.order, elimination.NoOrder):
         followed = followed._replace(response=response(vectors, followed, network))
     return followed, residual < CONNECTED
 
 
-def response(vectors: Vectors, followed: Followed, network: Network) -> Vectors:
+def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
     """Return `L⁻¹ d` for the attacks' vectors."""
 
     def of_one(vector: Any) -> Any:
@@ -214,18 +216,18 @@ def exchanged(
     now: Signals,
     states: States,
     plan: Plan,
-) -> tuple[Followed, Bool[Array, " few"]]:
+) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the weights in force, the jerk of the exchanges, and whether the navigator reaches everybody."""
     (weights, vectors), own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
     attack = signal.combined(vectors, now.drive)
     jerk = tick.exchange(lane, network, weights, own, now.path, attack, last)
-    return Followed(weights, None, jerk, None), network.hearing.all_reached(weights)
+    return FollowedLaw(weights, None, jerk, None), network.hearing.all_reached(weights)
 
 
-def field(
+def vector_field(
     lane: Lane,
     network: Network,
-    followed: Followed,
+    followed: FollowedLaw,
     decided: DecisionState,
     now: Signals,
     states: States,
@@ -237,7 +239,7 @@ def field(
     if plan.in_field:
         before, errors = tick.before_first(lane, network, plan), errors_of(lane, states, now)
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
-        followed, _ = factorised(lane, network, chosen, plan)
+        followed, _ = follow_weights(lane, network, chosen, plan)
     own, vectors = lane.vehicle.output_jets(states), tick.attack_vectors(lane, decided)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)

@@ -14,33 +14,31 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Int
 
 from jaxnet.engine import metrics, tick
 from jaxnet.engine.metrics import Gathered, Observation
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
-from jaxnet.engine.subset import once, select
-from jaxnet.engine.tick import DecisionState, Drive, Instants
+from jaxnet.engine.subset import run_if, select
+from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
 
-Flags = Bool[Array, " lanes"]
-Vehicles = Bool[Array, "m lanes"]
 Ticks = Int[Array, "*ticks"]  # ticks passed; one number where lanes are in lockstep
 
 
 class Tick(NamedTuple):
     """Which lanes are at a tick, and where anything was decided otherwise than before."""
 
-    here: Flags
-    first: Flags  # the lanes at their first tick
-    anew: Flags  # the lanes here in which any decision changed, and those at their first tick
-    vehicles: Vehicles  # that retain other sources
+    here: LaneFlags
+    first: LaneFlags  # the lanes at their first tick
+    anew: LaneFlags  # the lanes here in which any decision changed, and those at their first tick
+    vehicles: VehicleFlags  # that retain other sources
 
 
 class Batch(NamedTuple):
@@ -86,13 +84,13 @@ class Motion(ABC):
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
 
     @abstractmethod
-    def hold(self, state: Any, decided: DecisionState, at: Tick) -> tuple[Any, Flags]:
+    def hold(self, state: Any, decided: DecisionState, at: Tick) -> tuple[Any, LaneFlags]:
         """Return the state that follows the decisions, and the lanes in which a vehicle is cut off."""
 
     @abstractmethod
     def advance(
         self, state: Any, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[Any, Code, Flags]:
+    ) -> tuple[Any, Code, LaneFlags]:
         """Return the state later, at most at the next tick; the status; the lanes that have arrived there."""
 
     def drive(self, state: Any, decided: DecisionState) -> Drive:
@@ -101,7 +99,7 @@ class Motion(ABC):
 
     def steps(self, state: Any) -> Int[Array, " lanes"]:
         """Return the steps of an integrator so far; 0 without one."""
-        return jnp.zeros(self.lane.amplitude.shape, int)
+        return jnp.zeros(self.lane.attack_scale.shape, int)
 
 
 class Fleet(NamedTuple):
@@ -110,7 +108,7 @@ class Fleet(NamedTuple):
     state: Any  # of the engine's motion
     decided: DecisionState
     ticks: Ticks
-    at_tick: Flags
+    at_tick: LaneFlags
     switches: Int[Array, " lanes"]
     status: Code
     gathered: Gathered
@@ -151,7 +149,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     decided = tick.decide(lane, network, plan, before, motion.errors(fleet.state), basis, time)
     if not lockstep:
         decided = select(here, decided, fleet.decided)
-    lanes, vehicles = tick.changed(decided, fleet.decided, lane)
+    lanes, vehicles = tick.changes(decided, fleet.decided, lane)
     switches = fleet.switches + jnp.where(here & ~first, vehicles.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
@@ -163,7 +161,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     """Return what is measured of the fleets now."""
     drive = motion.drive(fleet.state, fleet.decided)
     _, basis = motion.basis(fleet.state)
-    shown = drive.vectors[:, batch.network.shown]
+    shown = drive.vectors[:, batch.network.display_signals]
     return Observation(
         motion.errors(fleet.state)[0],
         *motion.seen(fleet.state),
@@ -178,7 +176,7 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: dict[str, Any
     clock, gathered = batch.clock, fleet.gathered
     status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    found = metrics.of_fleet(
+    found = metrics.fleet_values(
         batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
     )
     return Outcome(status, found, motion.steps(fleet.state), fleet.switches, series)
@@ -190,7 +188,7 @@ def in_lockstep(
     """Simulate lanes side by side from 0 to the horizon. `make(batch)` gives their motion."""
     batch = Batch(inputs, network, clock, plan)
     motion = make(batch)
-    everywhere = jnp.ones(inputs.lane.amplitude.shape, bool)
+    everywhere = jnp.ones(inputs.lane.attack_scale.shape, bool)
 
     def move(number: Any) -> Any:
         def moved(fleet: Fleet) -> Fleet:
@@ -200,7 +198,7 @@ def in_lockstep(
         return moved
 
     def pass_tick(number: Any, fleet: Fleet) -> Fleet:
-        fleet = once((number > 0) & (fleet.status == Status.ok).any(), move(number), fleet)
+        fleet = run_if((number > 0) & (fleet.status == Status.ok).any(), move(number), fleet)
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
@@ -237,7 +235,7 @@ def from_queue(make: Any, queue: Inputs, count: Any, network: Network, clock: Cl
 
     def start(inputs: Inputs) -> Fleet:
         batch = Batch(inputs, network, clock, plan)
-        return begin(make(batch), batch, jnp.zeros(inputs.lane.amplitude.shape, int))
+        return begin(make(batch), batch, jnp.zeros(inputs.lane.attack_scale.shape, int))
 
     def advance(places: Places, series: Any) -> tuple[Fleet, Any]:
         batch = Batch(places.inputs, network, clock, plan)
@@ -256,7 +254,7 @@ def from_queue(make: Any, queue: Inputs, count: Any, network: Network, clock: Cl
         rest = {"ticks": ticks, "at_tick": arrived, "status": status, "gathered": gathered}
         return fleet._replace(state=state, **rest), series
 
-    def under_way(fleet: Fleet) -> Flags:
+    def under_way(fleet: Fleet) -> LaneFlags:
         before_end = fleet.ticks < clock.outputs * clock.ticks
         return (fleet.status == Status.ok) & (fleet.at_tick | before_end)
 

@@ -55,8 +55,8 @@ def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]
 
 
 NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
-STEP = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
-FLEET = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
+STEP_OVER_TIME = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
+OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 
 Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric, vehicle by vehicle: free of sums over vehicles
 
@@ -77,18 +77,18 @@ def add(
     run, tail = ([metric for metric in metrics if metric.over == over] for over in ("run", "tail"))
     counts = there & in_tail
     before = {metric.name: gathered[metric.name] for metric in tail}
-    after = jax.lax.cond(counts.any(), lambda: reduced(tail, gathered, seen, counts), lambda: before)
-    return reduced(run, gathered, seen, there) | after
+    after = jax.lax.cond(counts.any(), lambda: reduce_over_time(tail, gathered, seen, counts), lambda: before)
+    return reduce_over_time(run, gathered, seen, there) | after
 
 
-def reduced(
+def reduce_over_time(
     metrics: Sequence[Metric], gathered: Gathered, seen: Observation, there: Bool[Array, "*lanes"]
 ) -> dict[str, Any]:
     """These metrics with what is seen of the lanes that are `there`."""
     found = {}
     for metric in metrics:
         known = gathered[metric.name]
-        step = STEP[metric.time](known, jnp.broadcast_to(metric.of(seen), known.shape))
+        step = STEP_OVER_TIME[metric.time](known, jnp.broadcast_to(metric.of(seen), known.shape))
         found[metric.name] = jnp.where(there[None], step, known)
     return found
 
@@ -98,7 +98,7 @@ def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:
     return jnp.isfinite(jnp.stack([gathered[metric.name] for metric in CONTRACT])).all(axis=(0, 1))
 
 
-def of_fleet(
+def fleet_values(
     metrics: Sequence[Metric],
     gathered: Gathered,
     outputs: Int[Array, ""],
@@ -109,7 +109,7 @@ def of_fleet(
     times = {"run": outputs + 1, "tail": tail_outputs}
     found = {}
     for metric in metrics:
-        value = FLEET[metric.vehicles](gathered[metric.name], axis=0)
+        value = OVER_VEHICLES[metric.vehicles](gathered[metric.name], axis=0)
         value = value / times[metric.over].astype(float) if metric.time == "mean" else value
         found[metric.name] = jnp.where(ok, value, jnp.nan)
     return found

@@ -33,17 +33,17 @@ from jaxnet.engine.flow import (
     passed_on,
     propagate,
 )
-from jaxnet.engine.loop import Batch, Flags, Motion, Tick, Ticks
+from jaxnet.engine.large import windowed
+from jaxnet.engine.loop import Batch, LaneFlags, Motion, Tick, Ticks
 from jaxnet.engine.status import Code
-from jaxnet.engine.subset import Few as LaneIndices
-from jaxnet.engine.subset import once, picked
+from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
 
-class State(NamedTuple):
+class PropagationState(NamedTuple):
     """Lanes under way."""
 
     jets: Jets  # x
@@ -51,49 +51,51 @@ class State(NamedTuple):
     time: Instants
     basis: Basis  # the attacks' functions β now
     effect: Effect | None  # g now, with two derivatives; None where g = β
-    straight: Flags  # lanes in which some vehicle may have gone straight on until now
+    straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
 
 
 class Propagation(Motion):
     """What both ways to move have in common."""
 
-    def basis(self, state: State) -> tuple[Instants, Basis]:
+    def basis(self, state: PropagationState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
         return state.time, state.basis
 
-    def navigator(self, state: State) -> Float[Array, "4 2 lanes"]:
+    def navigator(self, state: PropagationState) -> Float[Array, "4 2 lanes"]:
         """Return the navigator's jets now."""
         return barrier(self.lane.navigator.jets(state.time))
 
     def instant(self, ticks: Any) -> Instants:
         """Return the time of the tick with this number."""
-        return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.amplitude.shape)
+        return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.attack_scale.shape)
 
-    def seen(self, state: State) -> tuple[Any, Any, Any]:
+    def seen(self, state: PropagationState) -> tuple[Any, Any, Any]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         jets = self.outputs(state)
         return *plane.pace(jets), self.lane.vehicle.state_of(jets)
 
-    def outputs(self, state: State) -> Jets:
+    def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""
         raise NotImplementedError
 
-    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+    def over_tick(
+        self, state: PropagationState, time: Instants
+    ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
         raise NotImplementedError
 
-    def stood(self, state: State, few: LaneIndices) -> Flags:
+    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         raise NotImplementedError
 
     def advance(
-        self, state: State, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[State, Code, Flags]:
+        self, state: PropagationState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[PropagationState, Code, LaneFlags]:
         """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
         flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
         now = now._replace(jets=plus(propagate(flow, state.jets), signal.jets(state.vectors, forcing)))
 
-        def stood(few: Any) -> Flags:
+        def stood(few: Any) -> LaneFlags:
             return self.stood(now, few)
 
         status, straight = between.stopped(now.straight, status, lambda: self.outputs(now), stood)
@@ -108,12 +110,12 @@ class Solved(Propagation):
         consistent = batch.plan.consistent
         self.responses = None if consistent else impulse_responses(self.lane.gain, self.clock.interval)
 
-    def begin(self) -> State:
+    def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks make nothing of the fleet yet."""
         lane, time = self.lane, self.instant(0)
         basis = lane.signal.basis(time)
         jets = lane.vehicle.output_jets(lane.initial)
-        return State(
+        return PropagationState(
             jets=plus(jets, [-jet[:, None] for jet in lane.navigator.jets(time)]),
             vectors=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
             time=time,
@@ -122,29 +124,33 @@ class Solved(Propagation):
             straight=jnp.ones(time.shape, bool),
         )
 
-    def errors(self, state: State) -> Jets:
+    def errors(self, state: PropagationState) -> Jets:
         """Return E and its first two derivatives now."""
         return state.jets
 
-    def outputs(self, state: State) -> Jets:
+    def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""
         return plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
-    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+    def hold(
+        self, state: PropagationState, decided: DecisionState, at: Tick
+    ) -> tuple[PropagationState, LaneFlags]:
         """Solve `L v = d` in lanes that decide otherwise; near the vehicles that do, where that suffices."""
         lane, network, plan = self.lane, self.network, self.plan
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
         def solve(carry: Any) -> Any:
             (vectors, cut_off), left = carry, at.anew
-            if response.local(decided, network, plan):
-                vectors, left = response.solved_near(vectors, at.anew, changed, decided, lane, network)
-            return response.solved(vectors, cut_off, left, decided, lane, network, plan)
+            if windowed.can_update_locally(decided, network, plan):
+                vectors, left = windowed.solve_locally(vectors, at.anew, changed, decided, lane, network)
+            return response.solve_response(vectors, cut_off, left, decided, lane, network, plan)
 
-        vectors, cut_off = once(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
+        vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
         return state._replace(vectors=vectors), cut_off
 
-    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+    def over_tick(
+        self, state: PropagationState, time: Instants
+    ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
         flow, basis = self.numbers.flow, barrier(self.lane.signal.basis(time))
         before, effect = state.basis, None
@@ -155,7 +161,7 @@ class Solved(Propagation):
         forcing = barrier(now[:3] - jnp.stack(propagate(flow, before)))
         return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
 
-    def stood(self, state: State, few: LaneIndices) -> Flags:
+    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         effect = state.basis[:3] if state.effect is None else state.effect
         given = state.jets, state.vectors, effect, self.lane, self.numbers.reach, state.time
@@ -166,22 +172,26 @@ class Solved(Propagation):
 class Held(Propagation):
     """A jerk that vehicles exchange at each tick, and hold until the next."""
 
-    def begin(self) -> State:
+    def begin(self) -> PropagationState:
         """Return the state at t = 0; no jerk is held yet."""
         lane, time = self.lane, self.instant(0)
         jets = lane.vehicle.output_jets(lane.initial)
         vectors = jnp.zeros_like(jets[0])[:, :, None]
-        return State(jets, vectors, time, lane.signal.basis(time), None, jnp.ones(time.shape, bool))
+        return PropagationState(
+            jets, vectors, time, lane.signal.basis(time), None, jnp.ones(time.shape, bool)
+        )
 
-    def errors(self, state: State) -> Jets:
+    def errors(self, state: PropagationState) -> Jets:
         """Return E and its first two derivatives now."""
         return plus(state.jets, [-jet[:, None] for jet in self.navigator(state)])
 
-    def outputs(self, state: State) -> Jets:
+    def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""
         return state.jets
 
-    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+    def hold(
+        self, state: PropagationState, decided: DecisionState, at: Tick
+    ) -> tuple[PropagationState, LaneFlags]:
         """Exchange the jerk, in all lanes."""
         lane, network, plan = self.lane, self.network, self.plan
         weights, vectors = tick.drive(lane, decided, plan)
@@ -191,26 +201,28 @@ class Held(Propagation):
         attack = signal.combined(vectors, functions)
         last = state.vectors[:, :, 0]
         jerk = tick.exchange(lane, network, weights, state.jets, path, attack, last)
-        cut_off = once(
+        cut_off = run_if(
             at.first.any() | plan.decides,
             lambda _: ~network.hearing.all_reached(weights),
             jnp.zeros_like(at.here),
         )
         return state._replace(vectors=jerk[:, :, None]), cut_off
 
-    def over_tick(self, state: State, time: Instants) -> tuple[Transition, Effect, State]:
+    def over_tick(
+        self, state: PropagationState, time: Instants
+    ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
         basis = barrier(self.lane.signal.basis(time))
         return of_integrators(interval), held_input(interval), state._replace(time=time, basis=basis)
 
-    def stood(self, state: State, few: LaneIndices) -> Flags:
+    def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         jets, held = jax.tree.map(lambda leaf: picked(leaf, few), (state.jets, state.vectors))
         return between.stood_held(jets, held, self.clock.interval)
 
 
-def motion(batch: Batch) -> Propagation:
+def exact_motion(batch: Batch) -> Propagation:
     """Return how the lanes of a batch move."""
     return Held(batch) if batch.lane.law.holds else Solved(batch)
 

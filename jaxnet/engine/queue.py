@@ -14,13 +14,13 @@ from jaxnet.engine.subset import picked, put, select
 
 SPARE = 16  # one place in so many may stand idle before the idle ones are filled
 
-Numbers = Int[Array, " places"]
+QueueNumbers = Int[Array, " places"]
 
 
 class Places(NamedTuple):
     """Lanes side by side, each under way or at its end; every array's last axis is over places."""
 
-    number: Numbers  # of the lane in the queue; beyond it where there is none
+    number: QueueNumbers  # of the lane in the queue; beyond it where there is none
     inputs: Any
     state: Any
 

@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
+from jaxnet.engine.tick import Instants
 from jaxnet.model import control
 from jaxnet.model.lane import Lane
 from jaxnet.model.signal import Basis
-
-Times = Float[Array, " lanes"]
 
 
 class Signals(NamedTuple):
@@ -16,14 +15,14 @@ class Signals(NamedTuple):
     vehicle.
     """
 
-    time: Times  # itself
+    time: Instants  # itself
     navigator: Float[Array, "4 2 lanes"]
     basis: Basis
     path: Float[Array, "2 lanes"]  # R(y_0)
     drive: Float[Array, "functions lanes"]  # R(β)
 
 
-def signals(lane: Lane, time: Times) -> Signals:
+def signals(lane: Lane, time: Instants) -> Signals:
     """The navigator and the attacks' functions at these times."""
     navigator, basis = lane.navigator.jets(time), lane.signal.basis(time)
     path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))

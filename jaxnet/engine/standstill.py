@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from jaxnet.engine.status import LEAST_SPEED
 from jaxnet.model.plane import Plane, cross, dot, length
 
-State = TypeVar("State")
+Passing = TypeVar("Passing")
 Spans = Float[Array, "lanes"]
 
 FLOOR = LEAST_SPEED / 2  # [m/s] so that a step comes under LEAST_SPEED where a vehicle does
@@ -25,9 +25,9 @@ LEAST_PART = 2.0**-40  # of an interval; rounding hides what happens in less
 
 
 def stands(
-    pace: Callable[[State], tuple[Plane, Plane]],
-    advance: Callable[[State, Spans], State],
-    state: State,
+    pace: Callable[[Passing], tuple[Plane, Plane]],
+    advance: Callable[[Passing, Spans], Passing],
+    state: Passing,
     jerk: Float[Array, "m lanes"],
     interval: Any,
     longest: Spans,

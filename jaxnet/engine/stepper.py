@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from jaxnet.engine.plan import Tolerances
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
-ROUNDING = 4 * 2.0**-52  # a relative step below this no longer moves the time
+LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the factor from one step to the next
 FIRST_STEP = 0.01  # of the time in which the state would change by itself
 
@@ -94,8 +94,8 @@ def attempt(
     slopes = jax.lax.fori_loop(1, len(rule.nodes), stage, slopes)
     moved = state + length * jnp.tensordot(jnp.asarray(rule.solution), slopes, axes=1)
     error = length * jnp.tensordot(jnp.asarray(rule.error), slopes, axes=1)
-    errors = norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
-    size = of_fleet(errors)
+    errors = error_norm(error, jnp.maximum(jnp.abs(state), jnp.abs(moved)), tolerances)
+    size = fleet_norm(errors)
     finite = jnp.isfinite(moved).all(axis=(0, 1)) & jnp.isfinite(size)
     return Trial(
         moved,
@@ -108,13 +108,13 @@ def attempt(
     )
 
 
-def norm(change: States, size: States, tolerances: Tolerances) -> Float[Array, "m lanes"]:
+def error_norm(change: States, size: States, tolerances: Tolerances) -> Float[Array, "m lanes"]:
     """A change of states of this size over what is tolerated, root mean square over a vehicle's states."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
     return jnp.sqrt(((change / scale) ** 2).mean(axis=0))
 
 
-def of_fleet(each: Float[Array, "m lanes"]) -> Times:
+def fleet_norm(each: Float[Array, "m lanes"]) -> Times:
     """Root mean square over the vehicles of a lane."""
     return jnp.sqrt(jnp.full(len(each), 1 / len(each)) @ each**2)
 
@@ -135,5 +135,5 @@ def next_step(step: Times, error: Times, rule: Method) -> Times:
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
     """A step to begin with (Hairer, Nørsett, Wanner, Solving ODEs I, II.4, the first guess there)."""
     size = jnp.abs(state)
-    whole, change = (of_fleet(norm(each, size, tolerances)) for each in (state, slope))
+    whole, change = (fleet_norm(error_norm(each, size, tolerances)) for each in (state, slope))
     return FIRST_STEP * whole / change

@@ -10,11 +10,11 @@ from jaxtyping import Array, Bool, Int
 from jaxnet.model import xla
 
 Carry = TypeVar("Carry")
-Few = Int[Array, " few"]  # numbers of lanes
+LaneIndices = Int[Array, " few"]  # numbers of lanes
 
 
 def for_each(
-    flagged: Bool[Array, "lanes"], width: int, work: Callable[[Few, Carry], Carry], carry: Carry
+    flagged: Bool[Array, "lanes"], width: int, work: Callable[[LaneIndices, Carry], Carry], carry: Carry
 ) -> Carry:
     """The carry after `work` on the flagged lanes, `width` of them at a time, told by their numbers.
 
@@ -29,7 +29,7 @@ def for_each(
     return jax.lax.while_loop(lambda state: state[0] < up_to[-1], some, (jnp.zeros((), int), carry))[1]
 
 
-def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> Few:
+def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> LaneIndices:
     """Numbers of so many flagged ones after the first `done`; one past the last where there are fewer.
 
     `up_to` says how many are flagged up to each one.
@@ -37,7 +37,7 @@ def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> Few:
     return (up_to[None] <= done + jnp.arange(number)[:, None]).sum(axis=1)
 
 
-def once(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
+def run_if(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
     """The carry after `work` where the flag is set, by a loop: XLA would copy what a `cond` passes on."""
 
     def one(state: tuple[Bool[Array, ""], Carry]) -> tuple[Bool[Array, ""], Carry]:
@@ -51,12 +51,12 @@ def select(flagged: Bool[Array, "lanes"], new: Carry, old: Carry) -> Carry:
     return jax.tree.map(lambda a, b: jnp.where(flagged.reshape(*[1] * (a.ndim - 1), -1), a, b), new, old)
 
 
-def picked(array: jax.Array, few: Few) -> jax.Array:
+def picked(array: jax.Array, few: LaneIndices) -> jax.Array:
     """These lanes of an array."""
     return array.at[..., few].get(mode="clip")
 
 
-def put(array: jax.Array, few: Few, lanes: jax.Array) -> jax.Array:
+def put(array: jax.Array, few: LaneIndices, lanes: jax.Array) -> jax.Array:
     """The array with these lanes replaced."""
 
     def one(number: Any, array: jax.Array) -> jax.Array:

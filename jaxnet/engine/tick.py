@@ -64,7 +64,7 @@ class Seen(NamedTuple):
 
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     """Return the state before the first tick: every vehicle retains every source."""
-    time, zero = jnp.zeros_like(lane.amplitude), jnp.zeros_like(lane.initial[:2])
+    time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
     errors = zero, zero, zero
     decision = memory = None
     if plan.decides:
@@ -172,7 +172,7 @@ def sight(
     heard, decision = network.hearing, state.decision
     if decision is None:
         decision = jnp.ones(lane.weights.shape, bool)
-    rest = basis, time, lane.amplitude, in_force
+    rest = basis, time, lane.attack_scale, in_force
     return Seen(errors, decision, lane.weights, heard.sources, heard.attacked, *rest)
 
 
@@ -209,7 +209,7 @@ def bounded(vectors: Any, lane: Lane) -> Vectors:
     norm = jnp.sqrt((unit**2).sum(axis=(0, 2), keepdims=True))
     unit = unit / jnp.maximum(1.0 / greatest, norm)
     attacked = (lane.vectors != 0).any(axis=(0, 2), keepdims=True)
-    return jnp.where(attacked, lane.amplitude[None, None, None] * unit, 0.0)
+    return jnp.where(attacked, lane.attack_scale[None, None, None] * unit, 0.0)
 
 
 def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
@@ -222,12 +222,12 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
     return retained.in_force(lane.weights, state.decision) if plan.decides else lane.weights[None]
 
 
-def changed(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
+def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
     """Return the lanes in which any decision is another one, and the vehicles that retain other sources."""
-    lanes, others = jnp.zeros(lane.amplitude.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
+    lanes, others = jnp.zeros(lane.attack_scale.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
-        others = xla.computed(lambda: retained.changed(*supports))
+        others = xla.materialised(lambda: retained.changed(*supports))
         lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)

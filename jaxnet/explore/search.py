@@ -36,7 +36,7 @@ SLOPE_STEP = 1e-6  # of the difference quotient
 LINE_STEPS = 0.25 * 0.5 ** np.arange(24)  # along the slope
 LEAST_IMPROVEMENT = 1e-9  # relative; a smaller one ends the polishing
 
-Item = TypeVar("Item")
+Element = TypeVar("Element")
 BoxPoint = Float[np.ndarray, " coordinates"]
 Means = Float[np.ndarray, " choices"]
 Starts = Float[np.ndarray, "choices starts"]
@@ -289,6 +289,6 @@ def shifted_points(box: Box, point: BoxPoint, steps: Coordinates) -> Coordinates
     return np.where(box.turns, points % 1, np.clip(points, 0, 1))
 
 
-def split_items(items: Sequence[Item], size: int) -> Iterator[Sequence[Item]]:
+def split_items(items: Sequence[Element], size: int) -> Iterator[Sequence[Element]]:
     """Yield the items in parts of `size`."""
     return (items[first : first + size] for first in range(0, len(items), size))

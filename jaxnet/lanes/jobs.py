@@ -29,10 +29,10 @@ def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[
     In double precision whatever the process's default is.
     """
     with jax.enable_x64(True):
-        return made(scenario, Draw(source, samples, scenario.vehicles), save)
+        return build_job(scenario, Draw(source, samples, scenario.vehicles), save)
 
 
-def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
+def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     """The same of a draw's samples."""
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
@@ -50,7 +50,7 @@ def made(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         defence=tree(scenario.defence.drawn(draw, "defence")),
         signal=tree(signal, len(draw.samples)),
         vectors=lanes_first(vectors),
-        amplitude=amplitude,
+        attack_scale=amplitude,
         announces=tree(announcement_of(scenario, draw)),
         sizes=lanes_first(sizes),
     )
@@ -116,21 +116,21 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     if scenario.attack.splits():
         attacked = attacked & hearing.again(sources)
     trusted = scenario.defence.trusts(linked)
-    speakers = np.where(attacked & scenario.attack.replaces(), 0, sources)
+    carried_sources = np.where(attacked & scenario.attack.replaces(), 0, sources)
     shared = scenario.defence.shared(linked, trusted, sources)
     signals = signals_of(scenario, sources)
     shown = np.arange(scenario.vehicles)
     if scenario.attack.by_link():
         first = np.nonzero(attacked.T)[::-1]  # slots and listeners, in the order of the latter
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
-    heard = Hearing(*map(as_array, hearing.of_slots(sources, speakers, attacked, signals)))
+    heard = Hearing(*map(as_array, hearing.of_slots(sources, carried_sources, attacked, signals)))
     order = elimination.order_of(sources, scenario.engine.one_block)
     return Network(heard, as_array(hearing.by_slot(linked, trusted, sources)), as_array(shown), shared, order)
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
     """The number of the signal of each link."""
-    return hearing.of_links(sources) if scenario.attack.by_link() else hearing.of_transmitters(sources)
+    return hearing.link_signals(sources) if scenario.attack.by_link() else hearing.of_transmitters(sources)
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
@@ -175,7 +175,7 @@ def attack_of(
     """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, ā over its size, and
     the greatest norms of the navigator's path and of the signal's functions (2, 4, samples).
 
-    Where each listener is told something of its own, vectors are of links instead (`hearing.of_links`).
+    Where each listener is told something of its own, vectors are of links instead (`hearing.link_signals`).
 
     `navigator` is the one drawn, `start` the states at t = 0.
     """
@@ -190,9 +190,9 @@ def attack_of(
     else:
         start = np.where(heard_by(scenario)[None, :, None], first[:, None], start)
     if attack.apart():
-        signal, vectors, scale, sizes = each_alone(scenario, draw, chosen, start)
+        signal, vectors, scale, sizes = basis_by_vehicle(scenario, draw, chosen, start)
     else:
-        signal, vectors, scale, sizes = as_one(scenario, draw, navigator, start)
+        signal, vectors, scale, sizes = shared_basis(scenario, draw, navigator, start)
         vectors = vectors * chosen[None, :, None]
     path = scenario.navigator.sizes(0.0, scenario.horizon)[:, None]
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
@@ -205,7 +205,7 @@ def heard_by(scenario: Scenario) -> np.ndarray:
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
-    """What attacked links announce, with numbers of every vehicle, or of every link (`hearing.of_links`)."""
+    """Return what attacked links announce, with numbers of every vehicle or link (`hearing.link_signals`)."""
     attack = scenario.attack
     theirs = Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():
@@ -213,7 +213,7 @@ def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
     return attack.announcement().drawn(theirs, "attack.announces")
 
 
-def each_alone(
+def basis_by_vehicle(
     scenario: Scenario, draw: Draw, chosen: np.ndarray, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     """The same where attacked vehicles have functions of their own: each is alone in lanes of its own, which
@@ -223,7 +223,7 @@ def each_alone(
     attacked = np.argsort(~chosen, axis=0, kind="stable")[:n]
     alone = Alone(draw, attacked)
     theirs = np.take_along_axis(start, attacked[None], axis=1).reshape(2, 1, -1)
-    signal, given, scale, sizes = as_one(
+    signal, given, scale, sizes = shared_basis(
         scenario, alone, scenario.navigator.drawn(alone, "navigator"), theirs
     )
     vectors = np.zeros((2, m, given.shape[2], n, count))
@@ -235,7 +235,7 @@ def each_alone(
     return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0), together
 
 
-def as_one(
+def shared_basis(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     """Signal, vectors, ā over its size, and the greatest norms of the functions.

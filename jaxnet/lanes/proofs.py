@@ -16,9 +16,9 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.kind import KindError
 
 INSTANTS = 65
-STEP = 1e-4  # [s] of the difference quotients
-NEAR = 1e-3  # relative, of a derivative and its difference quotient
-ROUNDING = 1e-9
+FINITE_STEP = 1e-4  # [s] of the difference quotients
+CLOSE_ENOUGH = 1e-3  # relative, of a derivative and its difference quotient
+PROOF_ROUNDING = 1e-9
 
 
 def prove(
@@ -37,13 +37,13 @@ def prove(
         raise KindError(f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})")
     if vectors is not None:
         prove_vectors(name, vectors, first.shape[1], count)
-    times = np.linspace(STEP, horizon - STEP, INSTANTS)
-    around = np.add.outer([-STEP, 0.0, STEP], times)
+    times = np.linspace(FINITE_STEP, horizon - FINITE_STEP, INSTANTS)
+    around = np.add.outer([-FINITE_STEP, 0.0, FINITE_STEP], times)
     before, now, after = np.asarray(jax.vmap(jax.vmap(lambda t: basis(jnp.full(count, t))))(around))
     if attack.derived:
-        prove_derivatives(name, times, (after - before)[:, :3] / (2 * STEP), now[:, 1:])
+        prove_derivatives(name, times, (after - before)[:, :3] / (2 * FINITE_STEP), now[:, 1:])
     greatest = np.linalg.norm(now, axis=2).max(axis=0)
-    if not (greatest <= sizes * (1 + ROUNDING) + ROUNDING).all():
+    if not (greatest <= sizes * (1 + PROOF_ROUNDING) + PROOF_ROUNDING).all():
         order = int(np.argmax((greatest - sizes).max(axis=1)))
         raise KindError(
             f"{name}.sizes: the functions' derivative of order {order} comes to {greatest[order].max():.4g},"
@@ -58,7 +58,7 @@ def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) ->
         wanted = f"(2, vehicles, B = {functions}, lanes = {count})"
         raise KindError(f"{name}.vectors must have the shape {wanted} (got {shape})")
     norm = np.linalg.norm(vectors.transpose(1, 3, 0, 2), 2, axis=(2, 3)).max()
-    if not norm <= 1 + ROUNDING:
+    if not norm <= 1 + PROOF_ROUNDING:
         raise KindError(f"{name}.vectors must have a spectral norm of at most 1 (got {norm:.4g})")
 
 
@@ -69,9 +69,9 @@ def prove_derivatives(
     given: Float[np.ndarray, "instants 3 functions lanes"],
 ) -> None:
     """Raise KindError if derivatives of orders 1 to 3 are not those of the order below."""
-    scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + ROUNDING
+    scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + PROOF_ROUNDING
     apart = np.abs(quotients - given).max(axis=(2, 3)) / scale
-    if not (apart <= NEAR).all():
+    if not (apart <= CLOSE_ENOUGH).all():
         instant, order = np.unravel_index(np.nanargmax(np.nan_to_num(apart, nan=np.inf)), apart.shape)
         raise KindError(
             f"{name}.basis: what stands at order {order + 1} is not the derivative of order {order}"

@@ -16,7 +16,10 @@ from jaxtyping import Float, Int, UInt32
 
 COMPONENTS = 4  # of a vehicle whose slots are side by side
 PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
-BLOCK = (256, 32)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
+UNIFORMS_BLOCK = (
+    256,
+    32,
+)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
 
 BITS = 32  # of a point's coordinates: with more SciPy cannot go on from the middle
 MOST_DIMENSIONS = 21_201  # that Joe and Kuo (2008) have direction numbers for
@@ -53,7 +56,10 @@ class Keyed(NamedTuple):
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         """In steps of 2⁻⁵³."""
-        rows, columns = in_blocks(samples, BLOCK[0]), in_blocks([slot(*place) for place in places], BLOCK[1])
+        rows, columns = (
+            draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
+            draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
+        )
         with jax.enable_x64(True):
             key = jax.random.fold_in(jax.random.key(self.seed), zlib.crc32(name.encode()))
             drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
@@ -177,7 +183,7 @@ def slot(vehicle: int, component: int) -> int:
     return page * PAGE + vehicle * COMPONENTS + component
 
 
-def in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
+def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
     """Numbers in rows of this size, the last one filled up with zeros."""
     padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
     padded[: len(numbers)] = numbers

@@ -13,22 +13,22 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxnet.model import elimination
+from jaxnet.model.hearing import SlotWeights
 from jaxnet.model.plane import dot, length
 
 NEAR = 1e-9  # [m], by which half-planes are widened, against rounding
 SAME = 1e-9  # [m], and as a sine: sides so much alike are one
 PARALLEL = 1e-12  # sine of the angle below which two lines are
 CLOSE = 1e-8  # [m], of a mean to the point that it should be
-ROUNDS = 40  # of Newton's method, at most; some 6 are taken
+CENTERPOINT_ROUNDS = 40  # of Newton's method, at most; some 6 are taken
 SHORTER = tuple(8.0**-number for number in range(1, 11))  # steps that are tried besides a whole one
-ROUNDING = 1e-12  # by which a cost is lower
+CENTERPOINT_ROUNDING = 1e-12  # by which a cost is lower
 RIDGE = 1e-11  # relative, added to the curvature, which is singular where few points count
 TRIFLE = 1e-4  # a weight under which a position may not count at all
 TINY = 1e-14  # and this, where it is 0
 
 Points = Float[Array, "2 slots m lanes"]
 Point = Float[Array, "2 m lanes"]
-SlotWeights = Float[Array, "slots m lanes"]
 
 
 class HalfPlanes(NamedTuple):
@@ -56,7 +56,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
     def moved(_: None) -> SlotWeights:
         mean = (of[None] * position).sum(axis=1)
         point = jnp.where(many[None], middle(half_planes(position, of > 0), mean), mean)
-        return jnp.where(many[None], least(position, of, point), of)
+        return jnp.where(many[None], least_value(position, of, point), of)
 
     return jax.lax.cond(many.any(), moved, lambda _: of, None)
 
@@ -71,10 +71,10 @@ def half_planes(position: Points, heard: Any) -> HalfPlanes:
     normal = jnp.concatenate([across, axes], axis=1)
     size = length(normal)
     normal = normal / jnp.where(size > 0, size, 1.0)[None]
-    least = (heard.sum(axis=0) + 2) // 3
+    least_value = (heard.sum(axis=0) + 2) // 3
     along = dot(normal[:, :, None], position[:, None])
     along = jnp.where(heard[None], along, -jnp.inf)
-    return HalfPlanes(normal, ranked(along, least))
+    return HalfPlanes(normal, ranked(along, least_value))
 
 
 def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Any:
@@ -113,7 +113,7 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
     return jnp.where((total > 0)[None], moment / jnp.where(total > 0, total, 1.0)[None], beside)
 
 
-def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
+def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     """Weights λ with `Σ λ = 1` and `Σ λ y = point` of least `Σ λ²/w`.
 
     They are `λ_j = w_j max(0, a + b·(y_j - point))`, where a and b minimise the convex function
@@ -142,7 +142,7 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
 
     def off(state: Any) -> Any:
         number, factors = state
-        return (number < ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
+        return (number < CENTERPOINT_ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
 
     def better(state: Any) -> Any:
         number, factors = state
@@ -150,7 +150,7 @@ def least(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
         best = factors - step
         for share in SHORTER:
             trial = factors - share * step
-            best = jnp.where((cost(trial) < cost(best) - ROUNDING)[None], trial, best)
+            best = jnp.where((cost(trial) < cost(best) - CENTERPOINT_ROUNDING)[None], trial, best)
         return number + 1, best
 
     first = jnp.zeros_like(features[:, 0]).at[0].set(1.0)

@@ -14,7 +14,7 @@ def brunovsky() -> tuple[Float[Array, "6 6"], Float[Array, "6 2"]]:
     return jnp.kron(jnp.eye(3, k=1), jnp.eye(2)), jnp.kron(jnp.eye(3)[:, 2:], jnp.eye(2))
 
 
-def feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
+def stacked_feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
     """`𝒦 = -[k0 I₂, k1 I₂, k2 I₂]`, the paper's diagonal in the order of η."""
     return -jnp.kron(gain[None], jnp.eye(2))
 
@@ -22,7 +22,7 @@ def feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
 def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
     """`𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
     chains, entry = brunovsky()
-    return jnp.kron(jnp.eye(vehicles), chains + entry @ feedback(gain))
+    return jnp.kron(jnp.eye(vehicles), chains + entry @ stacked_feedback(gain))
 
 
 def stacked(psi: Float[Array, "2 2 m"]) -> Float[Array, "n n"]:
@@ -52,7 +52,7 @@ def inputs(
     vehicles, psi = drift.shape[1], stacked(decoupling)
     sigma = drift.T.reshape(-1)
     eta = error.transpose(2, 0, 1).reshape(-1)
-    gains = jnp.kron(jnp.eye(vehicles), feedback(gain))
+    gains = jnp.kron(jnp.eye(vehicles), stacked_feedback(gain))
     spread = jnp.kron(weights[:, 1:], jnp.eye(2))
     demand = -sigma + spread @ sigma + received_third.T.reshape(-1) + gains @ eta
     u = jnp.linalg.solve(mixing(psi, weights), jnp.linalg.solve(psi, demand))

@@ -29,7 +29,7 @@ LARGEST_BLOCK = 96  # vehicles; iteration is quicker than larger ones
 
 Columns = Float[Array, "m columns axes lanes"]
 Blocks = Float[Array, "blocks size _ axes lanes"]
-Vectors = Float[Array, "blocks axes size lanes"]
+RightSides = Float[Array, "blocks axes size lanes"]
 Products = Float[Array, "blocks size axes size lanes"]
 Residual = Float[Array, " lanes"]
 
@@ -126,7 +126,7 @@ def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Block
             beside = beyond.at[:, size:].add(carried[:, size:])
             return jnp.concatenate([own - carried[:, :size], beside], axis=1)
 
-        found = eliminated(rest() if size <= SMALL else xla.computed(rest))
+        found = eliminated(rest() if size <= SMALL else xla.materialised(rest))
         return found, found
 
     def back(following: Any, block: Any) -> tuple[Any, Any]:
@@ -191,7 +191,7 @@ def applied(
     return by_vehicle(order, found.swapaxes(1, 2)).swapaxes(0, 1)
 
 
-def through(factors: Factors, right: Vectors) -> Vectors:
+def through(factors: Factors, right: RightSides) -> RightSides:
     """There and back over the blocks."""
     if len(right) == 1:
         return product(factors.inverse[0], right[0])[None]
@@ -217,10 +217,12 @@ def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Bl
     Of one block alone there is nothing before and after.
     """
     blocks, size = order.vehicles.shape
-    speakers = hearing.speakers.at[:, order.vehicles].get(mode="fill", fill_value=0)
+    carried_sources = hearing.carried_sources.at[:, order.vehicles].get(mode="fill", fill_value=0)
     heard = jnp.moveaxis(weights, 0, 2).at[:, order.vehicles].get(mode="fill", fill_value=0.0)
     first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column but a0's
-    columns = jnp.where(speakers > 0, jnp.asarray(order.place)[speakers - 1] - first[None] + 1, 0)
+    columns = jnp.where(
+        carried_sources > 0, jnp.asarray(order.place)[carried_sources - 1] - first[None] + 1, 0
+    )
     width = 1 + (size if blocks == 1 else 3 * size)
     nothing = jnp.zeros((blocks, size, width, *heard.shape[3:]))
     table = summed(nothing, columns, heard)
@@ -237,7 +239,7 @@ def summed(table: Blocks, columns: Int[Any, "slots blocks size"], heard: Any) ->
         slot, row = jnp.divmod(number, blocks * size)
         block, row = jnp.divmod(row, size)
         place = block, row, columns[slot, block, row]
-        return xla.increased(table, place, heard[slot, block, row][None, None, None])
+        return xla.add_slice(table, place, heard[slot, block, row][None, None, None])
 
     rows = np.arange(blocks)[None, :, None], np.arange(size)[None, None]
     return xla.on_cpus(
@@ -325,7 +327,7 @@ def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, 
     """The rows after the first ones have eliminated; these go last, and their columns are left out."""
     if len(rows) == first:
         return reduced(rows)
-    pivots = xla.computed(lambda: reduced(rows[:first]))
+    pivots = xla.materialised(lambda: reduced(rows[:first]))
     return jnp.concatenate([without(rows[first:], pivots), pivots])
 
 

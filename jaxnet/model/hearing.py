@@ -29,7 +29,7 @@ class Hearing(NamedTuple):
     """
 
     sources: Int[Any, "slots m"]
-    speakers: Int[Any, "slots m"]
+    carried_sources: Int[Any, "slots m"]
     attacked: Bool[Any, "slots m"]
     signals: Int[Any, "slots m"]  # the number of the signal that a link carries if it is attacked
     listeners: Int[Any, "slots m"]  # in each slot, those of attacked links first
@@ -51,10 +51,10 @@ class Hearing(NamedTuple):
         """What is received in each slot, attacked or not."""
         from jaxnet.model import xla
 
-        heard = sources.at[:, self.speakers].get(mode="promise_in_bounds")
+        heard = sources.at[:, self.carried_sources].get(mode="promise_in_bounds")
 
         def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
-            return xla.increased(heard, (0, slot, listener), lie[:, None, None])
+            return xla.add_slice(heard, (0, slot, listener), lie[:, None, None])
 
         if signal.shape[1] < MANY:
             return heard + self.added(signal)
@@ -71,7 +71,7 @@ class Hearing(NamedTuple):
         from jaxnet.model import xla
 
         def falsified(mean: Any, slot: Any, listener: Any, lie: Any) -> Any:
-            return xla.increased(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
+            return xla.add_slice(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
 
         nothing = jnp.zeros((2, *weights.shape[2:]))
         return xla.on_cpus(
@@ -134,7 +134,7 @@ class Hearing(NamedTuple):
         def spread(carry: Any) -> Any:
             reached, _ = carry
             word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
-            said = word.at[:, self.speakers].get(mode="promise_in_bounds")
+            said = word.at[:, self.carried_sources].get(mode="promise_in_bounds")
             further = reached | (heard & said).any(axis=1)
             return further, (further != reached).any()
 
@@ -144,7 +144,7 @@ class Hearing(NamedTuple):
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """`[a0 | A]` of whose word is carried, from weights by slot."""
-        return self.spread_out(weights, self.speakers)
+        return self.spread_out(weights, self.carried_sources)
 
     def retained(self, weights: AxisWeights) -> Float[Any, "m n *lanes"]:
         """Weights in force by vehicle and source, the mean over the axes."""
@@ -162,12 +162,12 @@ class Hearing(NamedTuple):
 
 def of_slots(
     sources: Int[np.ndarray, "slots m"],
-    speakers: Int[np.ndarray, "slots m"],
+    carried_sources: Int[np.ndarray, "slots m"],
     attacked: Bool[np.ndarray, "slots m"],
     signals: Int[np.ndarray, "slots m"],
 ) -> Hearing:
     """Who hears whom, of arrays by slot."""
-    return Hearing(sources, speakers, attacked, signals, np.argsort(~attacked, axis=1, kind="stable"))
+    return Hearing(sources, carried_sources, attacked, signals, np.argsort(~attacked, axis=1, kind="stable"))
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
@@ -188,7 +188,7 @@ def of_transmitters(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slo
     return np.where(sources > 0, sources - 1, np.arange(sources.shape[1]))
 
 
-def of_links(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
+def link_signals(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
     """Each link's signal where every link has one, those of a listener after each other."""
     most, m = sources.shape
     return np.arange(m)[None] * most + np.arange(most)[:, None]

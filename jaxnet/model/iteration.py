@@ -34,18 +34,21 @@ InverseBound = Float[Array, "axes lanes"]
 
 def of_vehicles(hearing: Hearing, weights: AxisWeights) -> AxisWeights:
     """The weights of vehicles, 0 where the navigator is heard."""
-    return jnp.where((jnp.asarray(hearing.speakers) > 0)[None, :, :, None], weights, 0.0)
+    return jnp.where((jnp.asarray(hearing.carried_sources) > 0)[None, :, :, None], weights, 0.0)
 
 
-def laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
+def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
     """L, from weights of vehicles alone."""
-    speakers, heard = jnp.maximum(jnp.asarray(hearing.speakers) - 1, 0), jnp.moveaxis(weights, 0, 2)
+    carried_sources, heard = (
+        jnp.maximum(jnp.asarray(hearing.carried_sources) - 1, 0),
+        jnp.moveaxis(weights, 0, 2),
+    )
 
     def times(x: Unknowns) -> Unknowns:
         def less(slot: Any, total: Any) -> Any:
-            return total - heard[slot][:, None] * x.at[speakers[slot]].get(mode="promise_in_bounds")
+            return total - heard[slot][:, None] * x.at[carried_sources[slot]].get(mode="promise_in_bounds")
 
-        return jax.lax.fori_loop(0, len(speakers), less, x)
+        return jax.lax.fori_loop(0, len(carried_sources), less, x)
 
     return times
 
@@ -55,11 +58,11 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
     not a number where none was found.
     """
     reached = hearing.all_reached(weights)
-    times = laplacian(hearing, of_vehicles(hearing, weights))
+    times = apply_laplacian(hearing, of_vehicles(hearing, weights))
     m, axes, lanes = weights.shape[2], len(weights), weights.shape[-1]
     right = jnp.ones((m, 1, axes, lanes))
     v = iterated(times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
-    greatest = norm(v)[0]
+    greatest = residual_norm(v)[0]
     least = times(v).min(axis=0)[0] - rounding(hearing) * greatest
     bound = jnp.where(least > 0, greatest / least, jnp.nan)
     return jnp.where(reached[None], bound, jnp.inf)
@@ -73,20 +76,20 @@ def certified(
     It is not a number where b is not finite, the inverse has no bound, or nothing as accurate as LOOSEST was
     found; of what is not a number no error is told.
     """
-    times, size, limited = laplacian(hearing, weights), norm(right), jnp.isfinite(bound)[None]
+    times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
     share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
     unit = jnp.where(size > 0, size, 1.0)[None]
     x, left = iterated(
         times, right / unit, start / unit, lambda reached: jnp.where(limited, share * reached, jnp.inf)
     )
-    error = jnp.where(left == 0.0, 0.0, bound[None] * left / norm(x))
+    error = jnp.where(left == 0.0, 0.0, bound[None] * left / residual_norm(x))
     found = limited & (error < LOOSEST)
     return jnp.where(found[None], x * unit, jnp.nan), jnp.where(found, error, 0.0)
 
 
 def rounding(hearing: Hearing) -> float:
     """How far `b - L x` may be from what it is computed as, relative to x."""
-    return (4 + len(hearing.speakers) / 2) * float(np.finfo(float).eps)
+    return (4 + len(hearing.carried_sources) / 2) * float(np.finfo(float).eps)
 
 
 def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
@@ -103,14 +106,14 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
         shadow = jnp.broadcast_to(shadow[:, None, None, None], left.shape)
         found = stabilised(times, x, left, shadow, going, allowed)
         rest = right - times(found)
-        better = going & (norm(rest) < size)
+        better = going & (residual_norm(rest) < size)
         x, left = jnp.where(better[None], found, x), jnp.where(better[None], rest, left)
-        size = jnp.where(better, norm(rest), size)
-        return number + 1, x, left, size, going & (size > allowed(norm(x)))
+        size = jnp.where(better, residual_norm(rest), size)
+        return number + 1, x, left, size, going & (size > allowed(residual_norm(x)))
 
     left = right - times(x)
-    size = norm(left)
-    carry = jnp.asarray(0), x, left, size, size > allowed(norm(x))
+    size = residual_norm(left)
+    carry = jnp.asarray(0), x, left, size, size > allowed(residual_norm(x))
     _, x, _, size, _ = jax.lax.while_loop(lambda carry: (carry[0] < STARTS) & carry[4].any(), start, carry)
     return x, size
 
@@ -123,28 +126,28 @@ def stabilised(
     def step(carry: Any) -> Any:
         number, x, left, direction, along, going = carry
         image = times(direction)
-        alpha = jnp.where(going, along / dot(shadow, image), 0.0)
+        alpha = jnp.where(going, along / inner_product(shadow, image), 0.0)
         half = left - alpha * image
         turned = times(half)
-        square = dot(turned, turned)
-        omega = jnp.where(going & (square > 0), dot(turned, half) / square, 0.0)
+        square = inner_product(turned, turned)
+        omega = jnp.where(going & (square > 0), inner_product(turned, half) / square, 0.0)
         x = jnp.where(going, x + alpha * direction + omega * half, x)
         left = half - omega * turned
-        following = dot(shadow, left)
+        following = inner_product(shadow, left)
         beta = following / along * (alpha / omega)
         direction = left + beta * (direction - omega * image)
-        going = going & (norm(left)[None] > allowed(norm(x))[None]) & jnp.isfinite(beta)
+        going = going & (residual_norm(left)[None] > allowed(residual_norm(x))[None]) & jnp.isfinite(beta)
         return number + 1, x, left, direction, following, going
 
-    carry = jnp.asarray(0), x, left, left, dot(shadow, left), going[None]
+    carry = jnp.asarray(0), x, left, left, inner_product(shadow, left), going[None]
     return jax.lax.while_loop(lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry)[1]
 
 
-def dot(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:
+def inner_product(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:
     """The product of each column with another."""
     return (x * y).sum(axis=0, keepdims=True)
 
 
-def norm(x: Unknowns) -> Sizes:
+def residual_norm(x: Unknowns) -> Sizes:
     """The greatest component of each column."""
     return jnp.abs(x).max(axis=0)

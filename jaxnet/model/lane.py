@@ -23,7 +23,7 @@ class Lane(NamedTuple):
     defence: Any
     signal: Any
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attacks [m]; strategic ones' at first
-    amplitude: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
+    attack_scale: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
     announces: Any  # what attacked links announce, a kind with its numbers drawn
     sizes: Float[Array, "2 4 *lanes"]  # greatest norms, by order: of the navigator's path, of the functions
 
@@ -35,6 +35,8 @@ class Network(NamedTuple):
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
-    shown: Int[Array, "m"]  # the signal that stands for what a vehicle says, where its listeners' differ
+    display_signals: Int[
+        Array, "m"
+    ]  # the signal that stands for what a vehicle says, where its listeners' differ
     shared: Any  # of the defence
     order: Any  # of `elimination`

@@ -13,7 +13,7 @@ from jaxnet.model.graph import Digraph, Links, normalised
 from jaxnet.model.hearing import AxisWeights, SlotWeights
 
 
-class AnySubset(NamedTuple):
+class DropPolicy(NamedTuple):
     """What a defence promises of whom it retains, for theory: of some links each vehicle drops a fixed
     number.
 
@@ -31,22 +31,22 @@ class AnySubset(NamedTuple):
             return None
         return normalised(self.graph.only(~self.links))
 
-    def believed(self) -> "AnySubset":
+    def believed(self) -> "DropPolicy":
         """The same without links that are dropped for good."""
         for_good = self.links & (self.number >= self.links.sum(axis=1))[:, None]
         number = np.where(for_good.any(axis=1), 0, self.number)
-        return AnySubset(self.graph.only(~for_good), self.links & ~for_good, number)
+        return DropPolicy(self.graph.only(~for_good), self.links & ~for_good, number)
 
 
-def everybody(graph: Digraph) -> AnySubset:
+def everybody(graph: Digraph) -> DropPolicy:
     """Nobody drops anybody."""
-    return AnySubset(graph, graph.none, np.zeros(graph.vehicles, int))
+    return DropPolicy(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
-def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> AnySubset:
+def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> DropPolicy:
     """Each drops so many untrusted sources, or all where it hears fewer."""
     links = graph.heard & ~trusted
-    return AnySubset(graph, links, np.minimum(number, links.sum(axis=1)))
+    return DropPolicy(graph, links, np.minimum(number, links.sum(axis=1)))
 
 
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from jaxnet.model.graph import Digraph, Links, by_source
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 
 Vehicles = Bool[np.ndarray, " m"]
 Nodes = Bool[np.ndarray, " sources"]
@@ -52,7 +52,7 @@ def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nod
     return np.array(there)
 
 
-def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
+def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
     """Vehicles that stay joined to the navigator by some of themselves, whoever is dropped.
 
     Each of them never drops one that is joined, or hears more that are than it drops.
@@ -62,7 +62,7 @@ def stay_joined(drops: AnySubset, among: Vehicles) -> Vehicles:
     return percolate(drops.graph, votes, np.where(among, drops.number + 1, NEVER), navigator)[1:]
 
 
-def greatest(drops: AnySubset, attacked: Links, bears: Counts) -> Vehicles:
+def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
     """Greatest set of vehicles that hears nobody outside, bears its attacked links and stays joined.
 
     Each vehicle of the set bears so many attacked links that it may drop, and no other attacked link. The
@@ -79,7 +79,7 @@ def greatest(drops: AnySubset, attacked: Links, bears: Counts) -> Vehicles:
         out[1:] = ~inside
 
 
-def contraction(drops: AnySubset, inside: Vehicles) -> tuple[int, float] | None:
+def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None:
     """Rounds, and the factor by which the greatest announced disturbance of a set shrinks in them, at worst.
 
     By (c) of the proof, from the navigator on; None where that is next to 1, or vehicles are many.

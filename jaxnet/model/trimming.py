@@ -68,7 +68,7 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
         turn, taken = carry
         nobody = jnp.full(score.shape[1:], -1, jnp.int32), jnp.full(score.shape[1:], -jnp.inf)
         left = jnp.where(taken, -jnp.inf, score)
-        number = xla.computed(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
+        number = xla.materialised(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
         return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
 
     turns = jnp.max(theta)

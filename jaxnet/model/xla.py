@@ -22,7 +22,7 @@ def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
     return work() if platform == "cpu" else elsewhere()
 
 
-def computed(work: Callable[[], Tree]) -> Tree:
+def materialised(work: Callable[[], Tree]) -> Tree:
     """What the work gives, computed once: on CPUs by a loop of one pass."""
 
     def in_a_loop() -> Tree:
@@ -36,7 +36,7 @@ def computed(work: Callable[[], Tree]) -> Tree:
     return on_cpus(in_a_loop, work)
 
 
-def increased(array: jax.Array, place: tuple[Any, ...], by: jax.Array) -> jax.Array:
+def add_slice(array: jax.Array, place: tuple[Any, ...], by: jax.Array) -> jax.Array:
     """The array with something of as many axes added from a place on, named on the first axes; no scatter."""
     start = (*place, *[0] * (array.ndim - len(place)))
     before = jax.lax.dynamic_slice(array, start, by.shape)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 
 from jaxnet.config.study import Study
-from jaxnet.engine.methods.stacked import Followed, motion
+from jaxnet.engine.methods.stacked import FieldInputs, lane_field
 from jaxnet.lanes.jobs import job, source_of
 
 LaneField = Callable[..., jax.Array]  # of time [s], state (n, m) and an ignored argument
@@ -32,10 +32,10 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
-    followed = Followed(lane, lane.weights[None], lane.vectors)
+    followed = FieldInputs(lane, lane.weights[None], lane.vectors)
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:
-        return motion(jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan)
+        return lane_field(jnp.asarray(time, float), jnp.asarray(state, float), followed, network, one.plan)
 
     return derivative, lane.initial

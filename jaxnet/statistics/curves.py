@@ -132,9 +132,9 @@ STORED_COLUMNS = {
     "bounds": ("bound", "vehicle", "slope"),
     "fit": ("metric", "model", "quantile", "parameter", "estimate", "low", "high"),
 }
-COLUMN_TYPES: Any = dict.fromkeys(("bound", "vehicle", "metric", "model", "parameter"), str) | dict.fromkeys(
-    ("slope", "quantile", "estimate", "low", "high"), float
-)
+CURVE_COLUMN_TYPES: Any = dict.fromkeys(
+    ("bound", "vehicle", "metric", "model", "parameter"), str
+) | dict.fromkeys(("slope", "quantile", "estimate", "low", "high"), float)
 
 
 def stored_table(results: Results, name: str) -> pd.DataFrame:
@@ -142,9 +142,9 @@ def stored_table(results: Results, name: str) -> pd.DataFrame:
     file = results.file(f"{name}.csv")
     if not file.exists():
         empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *STORED_COLUMNS[name]])
-        return empty.astype({key: COLUMN_TYPES[key] for key in STORED_COLUMNS[name]})
+        return empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]})
     with file.open("rb") as held:
-        return pd.read_csv(held, dtype=COLUMN_TYPES, keep_default_na=False, na_values=[""])
+        return pd.read_csv(held, dtype=CURVE_COLUMN_TYPES, keep_default_na=False, na_values=[""])
 
 
 def group_rows(rows: pd.DataFrame, labels: Mapping[str, Label]) -> pd.DataFrame:

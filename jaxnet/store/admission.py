@@ -119,13 +119,13 @@ def difference(folder: Folder, config: Config) -> str:
     if not keys:
         return ": its sweep has another order"
     apart = (
-        f"{key} is {shorten_value(theirs.get(key))} there and {shorten_value(ours.get(key))} here"
+        f"{key} is {shorten_setting(theirs.get(key))} there and {shorten_setting(ours.get(key))} here"
         for key in keys[:3]
     )
     return ": " + ", ".join(apart)
 
 
-def shorten_value(value: object) -> str:
+def shorten_setting(value: object) -> str:
     """Return a value as text of at most 100 characters."""
     return shorten(str(value), 100, placeholder=" …")
 

@@ -21,7 +21,7 @@ from jaxnet.config.scenario import sources_of
 from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lazy import LazyModule
 from jaxnet.store.foreign import refuse_foreign
-from jaxnet.store.layout import Label, Variable, cell_variables, coordinates
+from jaxnet.store.layout import CellLabel, Variable, cell_variables, coordinates
 
 if TYPE_CHECKING:
     import xarray
@@ -177,12 +177,12 @@ def cell_values(cell: Cell, variables: Mapping[str, Variable], time: np.ndarray)
     return {name: made[name]() for name in variables}
 
 
-def swept_labels(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[Label]]:
+def swept_labels(cells: Sequence[Cell], along: Sequence[Cell]) -> dict[str, list[CellLabel]]:
     """Return the values of the swept keys in the cells `along`."""
     return {key: [cell.labels[key] for cell in along] for key in cells[0].labels}
 
 
-def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Label]]) -> None:
+def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[CellLabel]]) -> None:
     """Write the swept keys as further coordinates along a dimension."""
     names = []
     for key, given in labels.items():

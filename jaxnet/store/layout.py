@@ -12,7 +12,7 @@ from jaxnet.config.scenario import sources_of
 SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
 
-Label = str | int | float  # value of a swept key, as tables and coordinates show it
+CellLabel = str | int | float  # value of a swept key, as tables and coordinates show it
 
 
 class Variable(NamedTuple):

@@ -20,7 +20,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.lazy import LazyModule
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.layout import Label, Shard
+from jaxnet.store.layout import CellLabel, Shard
 
 if TYPE_CHECKING:
     from jaxnet.engine import status
@@ -53,7 +53,7 @@ def column_types(study: Config, cells: Sequence[Cell]) -> dict[str, pa.DataType]
     return {key: column_type(study, key, label) for key, label in cells[0].labels.items()}
 
 
-def column_type(study: Config, key: str, label: Label) -> pa.DataType:
+def column_type(study: Config, key: str, label: CellLabel) -> pa.DataType:
     """Return the type of a swept key's column."""
     if isinstance(label, str):
         return pa.string()

@@ -41,12 +41,12 @@ def certify(network: Digraph, attacked: Links) -> Certificate:
         unreachable=lost,
         inverse_norm=norm,
         attacked_links=[(int(i) + 1, int(network.sources[i, slot])) for i, slot in np.argwhere(attacked)],
-        all_attacked=vehicle_numbers(np.asarray(~honest.any(axis=1))),
+        all_attacked=numbered_vehicles(np.asarray(~honest.any(axis=1))),
         cut_off=graph.unreachable(network.only(honest)),
     )
 
 
-def vehicle_numbers(mask: Bool[np.ndarray, " m"]) -> list[int]:
+def numbered_vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
     """Return the numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]
 

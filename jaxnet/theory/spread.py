@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 from jaxnet.model.signal import ORDERS
 from jaxnet.theory.certificate import MOST_INVERTED
 from jaxnet.theory.response import LawGain
@@ -38,7 +38,7 @@ class AttackGain(NamedTuple):
 
 
 def attack_gain(
-    retained: AnySubset,
+    retained: DropPolicy,
     attacked: Links,
     carried: Links,
     smooth: bool = True,
@@ -60,7 +60,7 @@ def attack_gain(
     return AttackGain(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
 
 
-def disconnected_vehicles(retained: AnySubset) -> Bool[np.ndarray, " m"]:
+def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:
     """Return the vehicles that the navigator may not reach, and those that may keep a link from them.
 
     The unreachable vehicles are the largest set whose members can each drop all sources outside the set. The
@@ -82,7 +82,7 @@ def disconnected_vehicles(retained: AnySubset) -> Bool[np.ndarray, " m"]:
     return cut
 
 
-def worst_gains(retained: AnySubset, attacked: Links, carried: Links) -> Gains:
+def worst_gains(retained: DropPolicy, attacked: Links, carried: Links) -> Gains:
     """Return γ by policy iteration; infinite where some choice disconnects a vehicle.
 
     `carried` are the links that transmit the signal of their source. The gains hold for every sequence of

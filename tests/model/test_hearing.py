@@ -41,8 +41,8 @@ def test_attacks_add_up_over_the_links_that_carry_them(replaces, seed):
     graph = of_matrix(weights)
     slots = hearing.slots(graph, np.ones(graph.sources.shape, int))
     by_slot = [hearing.by_slot(graph, slotwise(graph, each), slots) for each in (weights, links)]
-    speakers = np.where(by_slot[1] & replaces, 0, slots)
-    heard = hearing.of_slots(slots, speakers, by_slot[1], hearing.of_transmitters(slots))
+    carried_sources = np.where(by_slot[1] & replaces, 0, slots)
+    heard = hearing.of_slots(slots, carried_sources, by_slot[1], hearing.of_transmitters(slots))
     network = jax.tree.map(jnp.asarray, heard)
     sent, signal = rng.normal(size=(2, FLEET + 1)), rng.normal(size=(2, FLEET))
     arrays = jnp.asarray(sent), jnp.asarray(signal)

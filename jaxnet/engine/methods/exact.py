@@ -39,4 +39,4 @@ class Exact(Engine):
         """See `engine.propagation`."""
         from jaxnet.engine import loop, propagation
 
-        return loop.in_lockstep(propagation.motion, queue, network, clock, plan)
+        return loop.in_lockstep(propagation.exact_motion, queue, network, clock, plan)

@@ -1,6 +1,6 @@
 """The stacked engine: the paper's program to the letter, stepped by any adaptive solver of diffrax.
 
-One lane is one pure vector field (`motion`): its law solves the dense Kronecker-stacked system `M u = …`
+One lane is one pure vector field (`lane_field`): its law solves the dense Kronecker-stacked system `M u = …`
 (`model.definition`; paper, sections 4.2 and 4.3), and `diffrax.diffeqsolve` steps it, under `jax.vmap` over
 the lanes. Whom to retain is decided at ticks and held between them, one `diffeqsolve` each, or, with
 `tick: 0`, inside the vector field. It is slow, and shares neither its law nor its stepping with the other
@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from jaxnet.engine import loop, tick
-from jaxnet.engine.loop import Flags, Motion, Tick, Ticks
+from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
 from jaxnet.engine.methods import Engine
 from jaxnet.engine.plan import Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
@@ -89,7 +89,7 @@ class Stacked(Engine):
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
 
-class State(NamedTuple):
+class StackedState(NamedTuple):
     """Lanes at a tick."""
 
     state: Float[Array, "n m lanes"]
@@ -97,7 +97,7 @@ class State(NamedTuple):
     steps: Int[Array, " lanes"]
 
 
-class Followed(NamedTuple):
+class FieldInputs(NamedTuple):
     """What one lane's vector field takes besides time and state; no leaf has an axis over lanes."""
 
     lane: Lane
@@ -108,51 +108,51 @@ class Followed(NamedTuple):
 class ByDiffrax(Motion):
     """How lanes move under the stacked law: diffrax solves each lane from tick to tick."""
 
-    def begin(self) -> State:
+    def begin(self) -> StackedState:
         """Return the state at t = 0."""
-        zero = jnp.zeros_like(self.lane.amplitude)
-        return State(self.lane.initial, zero, jnp.zeros(zero.shape, int))
+        zero = jnp.zeros_like(self.lane.attack_scale)
+        return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
 
-    def errors(self, state: State) -> Jets:
+    def errors(self, state: StackedState) -> Jets:
         """Return E and its first two derivatives now."""
         own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.navigator.jets(state.time)
         y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
         return y, velocity, acceleration
 
-    def basis(self, state: State) -> tuple[Instants, Basis]:
+    def basis(self, state: StackedState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
         return state.time, self.lane.signal.basis(state.time)
 
-    def seen(self, state: State) -> tuple[Any, Any, Any]:
+    def seen(self, state: StackedState) -> tuple[Any, Any, Any]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         return *self.lane.vehicle.pace(state.state), state.state
 
-    def steps(self, state: State) -> Int[Array, " lanes"]:
+    def steps(self, state: StackedState) -> Int[Array, " lanes"]:
         """Return the steps that diffrax has taken."""
         return state.steps
 
-    def hold(self, state: State, decided: DecisionState, at: Tick) -> tuple[State, Flags]:
+    def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
         """Return the state as it is, and the lanes in which a vehicle is cut off."""
         weights = self.drive(state, decided).weights
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
         return state, ~reached
 
     def advance(
-        self, state: State, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[State, Code, Flags]:
+        self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[StackedState, Code, LaneFlags]:
         """Return the state at the next tick; a lane that has failed stays where it is."""
         lane, tolerances, clock, plan = self.lane, self.numbers, self.clock, self.plan
         ok = status == Status.ok
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
         weights, vectors = self.drive(state, decided)
         solve = functools.partial(solution, network=self.network, plan=plan)
-        followed = Followed(lane, weights, vectors)
+        followed = FieldInputs(lane, weights, vectors)
         moved, steps, reason = jax.vmap(solve, -1, -1)(followed, tolerances, state.time, end, state.state)
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)
         needed = steps + (ticks + 1 < last).astype(int)  # a tick takes one step at least
         status = fail(status, Status.max_steps, needed > tolerances.max_steps)
-        return State(moved, end, steps), status, ok
+        return StackedState(moved, end, steps), status, ok
 
 
 def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
@@ -202,7 +202,7 @@ class Controller(diffrax.PIDController):
 
 
 def solution(
-    followed: Followed,
+    followed: FieldInputs,
     tolerances: Tolerances,
     begin: Any,
     end: Any,
@@ -214,10 +214,10 @@ def solution(
     solver, max_steps = plan.options
     shortest = LEAST_STEP * jnp.maximum(end, 1.0)
 
-    def field(time: Any, state: StateOfOne, followed: Followed) -> StateOfOne:
-        return motion(time, state, followed, network, plan)
+    def field(time: Any, state: StateOfOne, followed: FieldInputs) -> StateOfOne:
+        return lane_field(time, state, followed, network, plan)
 
-    def stands(time: Any, state: StateOfOne, followed: Followed, **_: Any) -> Any:
+    def stands(time: Any, state: StateOfOne, followed: FieldInputs, **_: Any) -> Any:
         return (state[SPEED] * jnp.sign(followed.lane.initial[SPEED]) < LEAST_SPEED).any()
 
     found = diffrax.diffeqsolve(
@@ -242,7 +242,9 @@ def solution(
 
 
 @functools.partial(jax.jit, static_argnames="plan")
-def motion(time: Any, state: StateOfOne, followed: Followed, network: Network, plan: Plan) -> StateOfOne:
+def lane_field(
+    time: Any, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
+) -> StateOfOne:
     """`ẋ = f(x, u(t, x))` of one lane, with the weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds take lanes

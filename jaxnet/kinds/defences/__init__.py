@@ -25,7 +25,7 @@ from jaxnet.kinds.shapes import (
 )
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
-from jaxnet.model.retained import AnySubset, any_untrusted
+from jaxnet.model.retained import DropPolicy, any_untrusted
 from jaxnet.model.safety import Safe
 
 
@@ -132,11 +132,11 @@ class AnyDefence(Kind):
         """
         raise KindError(f"{self.kind}: a defence gives decide(self, own, received, last, memory, around)")
 
-    def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
+    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
         """Return which sources the defence may retain, for bounds; None, the default, if not known."""
         return None
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return a bound on the sources that the defence drops; by default every untrusted source, no trusted
         one.
         """
@@ -300,7 +300,7 @@ class Sparing(Defence):
         """Return those of the trusted links or slots whose weight the rule does not change."""
         return trusted & (not self.drop_trusted)
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return a bound on the sources that the rule drops: every source that it does not spare."""
         known = self.retained(graph, trusted)
         return known or any_untrusted(graph, self.spares(trusted), len(trusted) + 1)

@@ -7,7 +7,7 @@ from jaxnet.kinds.fields import Positive
 from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import AnySubset, everybody
+from jaxnet.model.retained import DropPolicy, everybody
 
 
 class Clipping(Sparing):
@@ -31,6 +31,6 @@ class Clipping(Sparing):
         share = radius / xp.maximum(length(received[0] - own[0][:, None]), radius)
         return around.weights * xp.where(self.spared(around), 1.0, share), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that no source is dropped, because no weight becomes 0."""
         return everybody(graph)

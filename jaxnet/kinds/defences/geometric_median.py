@@ -9,7 +9,7 @@ from jaxnet.kinds.fields import Positive
 from jaxnet.kinds.shapes import Decision, Memory, SlotJets, SlotNumbers, VehicleJets, VehicleVectors
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import AnySubset, everybody
+from jaxnet.model.retained import DropPolicy, everybody
 
 
 class GeometricMedian(Defence):
@@ -50,6 +50,6 @@ class GeometricMedian(Defence):
         middle = lax.fori_loop(1, self.rounds, lambda _, z: mean(weighed(z)), mean(around.weights))
         return weighed(middle), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that no source is dropped, because no weight becomes 0."""
         return everybody(graph)

@@ -7,7 +7,7 @@ from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import AnySubset, any_untrusted
+from jaxnet.model.retained import DropPolicy, any_untrusted
 
 
 class MSNorm(Sparing):
@@ -41,7 +41,7 @@ class MSNorm(Sparing):
         beyond = candidate[:, None] & (ties.over(other, this) | (~ties.over(this, other) & first))
         return ~(candidate & (beyond.sum(axis=0) < self.F)), memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that F untrusted sources are dropped, or all if a vehicle hears fewer."""
         return any_untrusted(graph, self.spares(trusted), self.F)
 

@@ -3,7 +3,7 @@
 from jaxnet.kinds.defences import AnyDefence, Neighbourhood
 from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import AnySubset, everybody
+from jaxnet.model.retained import DropPolicy, everybody
 
 
 class NoDefence(AnyDefence):
@@ -18,7 +18,7 @@ class NoDefence(AnyDefence):
         """Return the last decision, which retains every source."""
         return last, memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> AnySubset | None:
+    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy | None:
         """Return that every source is retained."""
         return everybody(graph)
 

@@ -3,7 +3,7 @@
 from jaxnet.kinds.defences import Defence, Neighbourhood
 from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 
 
 class TrustedOnly(Defence):
@@ -27,10 +27,10 @@ class TrustedOnly(Defence):
         trusts = (around.weights > 0) & around.trusted[:, :, None]
         return trusts | ~trusts.any(axis=0, keepdims=True), memory
 
-    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that all untrusted sources of a listener with a trusted source are dropped."""
         links = graph.heard & ~trusted & trusted.any(axis=1, keepdims=True)
-        return AnySubset(graph, links, links.sum(axis=1))
+        return DropPolicy(graph, links, links.sum(axis=1))
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Return the rule in words."""

@@ -25,7 +25,7 @@ from jaxnet.kinds.shapes import (
 from jaxnet.model import hearing, retained, safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
 from jaxnet.model.wording import count, ranges
 
@@ -201,11 +201,11 @@ class TrustedTrim(Sparing):
             return received[0].__array_namespace__().concatenate(received)
         return control.feedback(gain, received) if self.score == "feedback" else received[0]
 
-    def retained(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that a trimming vehicle drops ϑ_i sources, or all unspared ones if it hears fewer."""
         theta = by_listener(self.theta, graph.vehicles)
         links = graph.heard & ~self.spares(trusted) & self.protected(graph, trusted)[:, None]
-        return AnySubset(graph, links, np.minimum(theta, links.sum(axis=1)))
+        return DropPolicy(graph, links, np.minimum(theta, links.sum(axis=1)))
 
     def protected(self, graph: Digraph, trusted: Links) -> Bool[np.ndarray, " m"]:
         """Return the vehicles of a graph that trim."""

@@ -6,7 +6,7 @@ from jaxnet.kinds.defences import Neighbourhood, Sparing
 from jaxnet.kinds.shapes import AxisSlotMask, Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model import ties
 from jaxnet.model.graph import Digraph, Links
-from jaxnet.model.retained import AnySubset, any_untrusted
+from jaxnet.model.retained import DropPolicy, any_untrusted
 
 
 class WMSR(Sparing):
@@ -50,7 +50,7 @@ class WMSR(Sparing):
         before = sum(xp.where(beyond(k), 1, 0) for k in range(above.shape[1]))
         return ~((side != 0) & (before < self.F)), memory
 
-    def may_drop(self, graph: Digraph, trusted: Links) -> AnySubset:
+    def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that at most 2F sources are dropped, F on either side."""
         return any_untrusted(graph, self.spares(trusted), 2 * self.F)
 

@@ -15,7 +15,7 @@ from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, Row, dense
-from jaxnet.model.retained import AnySubset
+from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.reach import scenario_gain
@@ -328,7 +328,7 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
     return line
 
 
-def cut_off_line(drops: AnySubset) -> dict[str, str]:
+def cut_off_line(drops: DropPolicy) -> dict[str, str]:
     """Return a line on vehicles that dropped links may cut off from the navigator, if there are any."""
     lost = vehicle_numbers(~safety.stay_joined(drops, np.ones(drops.graph.vehicles, bool)))
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}

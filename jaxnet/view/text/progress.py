@@ -21,11 +21,11 @@ HEARTBEAT = 30.0  # [s]
 REFRESH = 2.0  # [1/s], for a notebook may keep every picture of the bar
 
 ReportLanes = Callable[[int, int, int], None]  # lanes done, lanes in all, lanes failed
-ReportTally = Callable[["Tally"], None]
+ShowTally = Callable[["Tally"], None]
 
 
 @contextlib.contextmanager
-def report_progress(progress: ReportLanes | bool | None) -> Iterator[ReportTally]:
+def report_progress(progress: ReportLanes | bool | None) -> Iterator[ShowTally]:
     """Yield a function that takes the tally of a run and reports its progress.
 
     A function `progress` receives the numbers of lanes done, in all and failed. None means a live bar on a
@@ -51,7 +51,7 @@ def has_viewer() -> bool:
 
 
 @contextlib.contextmanager
-def report_by_bar() -> Iterator[ReportTally]:
+def report_by_bar() -> Iterator[ShowTally]:
     """Yield a function that updates a live bar, with the cells' results so far below it."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
@@ -106,7 +106,7 @@ def live_bar(
 
 
 @contextlib.contextmanager
-def report_by_lines() -> Iterator[ReportTally]:
+def report_by_lines() -> Iterator[ShowTally]:
     """Yield a function that takes the tally; a line appears each half minute, even without news."""
     speed, now = Speed(), list["Tally"]()
 

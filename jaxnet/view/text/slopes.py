@@ -52,8 +52,11 @@ def slopes_text(results: Results) -> str:
     fits, found = stored_table(results, "fit"), curves(results)
     rows = [
         {**curve.group.labels, "metric": metric}
-        | {name: interval_text(curve.fit(metric, quantile)) for name, quantile in SLOPE_QUANTILES.items()}
-        | {"p": interval_text(power_exponent(group_rows(fits, curve.group.labels), metric))}
+        | {
+            name: slope_interval_text(curve.fit(metric, quantile))
+            for name, quantile in SLOPE_QUANTILES.items()
+        }
+        | {"p": slope_interval_text(power_exponent(group_rows(fits, curve.group.labels), metric))}
         for curve in found
         for metric in ("tail_mean", "tail_max")
     ]
@@ -94,7 +97,7 @@ def power_exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float
     return tuple(mine[["estimate", "low", "high"]].iloc[0]) if len(mine) else None
 
 
-def interval_text(found: tuple[float, float, float] | None) -> str:
+def slope_interval_text(found: tuple[float, float, float] | None) -> str:
     """Return an estimate with its interval, or a dash for None."""
     if found is None:
         return "-"

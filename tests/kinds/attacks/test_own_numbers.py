@@ -167,7 +167,7 @@ def test_drawn_attackers_and_listeners_have_their_own_too():
     np.testing.assert_allclose(drawn, np.where(chosen, named, 0.0), rtol=0, atol=1e-12)
     by_link = signals({"listeners": "each", **band})
     sources = systems.lanes(systems.study(), 1).network.hearing.sources
-    links = hearing.of_links(sources)[np.isin(sources, ATTACKED)]
+    links = hearing.link_signals(sources)[np.isin(sources, ATTACKED)]
     assert len(np.unique(np.round(by_link[1, 0, links], 9))) == links.size * 40
 
 

@@ -50,7 +50,7 @@ def test_a_magnitude_may_be_drawn(kind):
     keys = {**CLOCK, "horizon": 6.0, "engine": "exact"}
     attack = {"kind": kind, "magnitude": {"choice": [2.0, 8.0]}}
     drawn = systems.lanes(systems.study(attack=attack, **keys), 4)
-    amplitude, said = drawn.inputs.lane.amplitude, systems.simulate(drawn).series
+    amplitude, said = drawn.inputs.lane.attack_scale, systems.simulate(drawn).series
     assert set(amplitude) == {2.0, 8.0}
     for size in (2.0, 8.0):
         known = systems.simulate(systems.lanes(systems.study(attack=attack | {"magnitude": size}, **keys), 4))

@@ -1,11 +1,11 @@
-"""`L x = b` solved anew near those whose rows have changed, and nowhere else.
+"""Solve `L x = b` again only near the rows that have changed.
 
-x was the solution before, so that `b - L x` is next to 0 outside their rows. Where all hear the navigator L
-is strictly diagonally dominant, and what a row does to x falls off geometrically with the distance. So
-x is corrected in a window of blocks around the row, as if beside it x stood still. Something of b is then
-left in the two blocks beside the window alone, no more than x was corrected by at the window's edges.
+x was the solution before, so `b - L x` is next to 0 outside the changed rows. Where every vehicle hears the
+navigator, L is strictly diagonally dominant, and the effect of a row decays geometrically with the distance.
+So x is corrected in a window of blocks around the row, while x stands still beside the window. A residual
+is then left in the two blocks beside the window alone, no greater than the correction at the window's edges.
 
-`L 1 = a0`, so that x is off by no more than what is left of b over the least a0.
+`L 1 = a0`, so the error of x is at most the residual over the least a0.
 """
 
 from typing import Any, NamedTuple
@@ -15,20 +15,26 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.engine.plan import Plan
+from jaxnet.engine.subset import numbered, picked
+from jaxnet.engine.tick import DecisionState, LaneFlags, VehicleFlags
 from jaxnet.model import elimination, retained
 from jaxnet.model.elimination import NoOrder, Order
 from jaxnet.model.hearing import Hearing, SlotWeights
+from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 
+WINDOWS_TOGETHER = 16  # windows that are solved for at once, of all lanes
+WINDOW_ACCURACY = 1e-13  # of a response beside a window, relative to the greatest of the attacks' vectors
 SIDE_BY_SIDE = 4  # windows of a lane, corrected at once
 LEAST_WINDOWS = 16  # fewer are no quicker than to solve whole
 WINDOW = 33  # blocks
 
-Numbers = Int[Array, " few"]
+WindowNumbers = Int[Array, " few"]
 
 
 class System(NamedTuple):
-    """What L and b of lanes follow from."""
+    """What L and b of lanes follow from: who hears whom, weights, decisions and attacks."""
 
     hearing: Hearing
     weights: SlotWeights
@@ -36,13 +42,13 @@ class System(NamedTuple):
     vectors: Vectors  # of the attacks
 
 
-def windows(order: Order | NoOrder) -> int:
-    """How many windows a lane may have: as many as cover its blocks once, or none in smaller ones."""
+def window_count(order: Order | NoOrder) -> int:
+    """Return the most windows of a lane: as many as cover its blocks once; 0 in a small fleet."""
     number = len(order.vehicles) // WINDOW if isinstance(order, Order) else 0
     return number if number >= LEAST_WINDOWS else 0
 
 
-def starts(
+def window_starts(
     order: Order, flagged: Bool[Array, "blocks lanes"]
 ) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
     """The blocks with which each lane's windows begin, and which of the windows are needed.
@@ -61,8 +67,11 @@ def starts(
     return jnp.stack(found), jnp.stack(needed)
 
 
-def done(
-    blocks: Bool[Array, "blocks lanes"], lanes: Numbers, starts: Numbers, over: Bool[Array, "2 few"]
+def clear_flags(
+    blocks: Bool[Array, "blocks lanes"],
+    lanes: WindowNumbers,
+    starts: WindowNumbers,
+    over: Bool[Array, "2 few"],
 ) -> Bool[Array, "blocks lanes"]:
     """The flags after windows have been corrected: none within them, and beside them where too much is left.
 
@@ -92,20 +101,22 @@ def dominance(system: System) -> Float[Array, " lanes"]:
     return jnp.where(heard, system.weights[0], 0.0).min(axis=0)
 
 
-def corrected(
-    order: Order, system: System, x: Vectors, lanes: Numbers, starts: Numbers
+def correct_windows(
+    order: Order, system: System, x: Vectors, lanes: WindowNumbers, starts: WindowNumbers
 ) -> tuple[Vectors, Float[Array, "2 few"]]:
     """The solution, with some lanes corrected, each in the window that begins with one of the blocks.
 
     And the greatest that was added in a window's first block, and in its last.
     """
     size, functions = order.vehicles.shape[1], x.shape[2]
-    vehicles, speakers, weights, left = jax.vmap(
+    vehicles, carried_sources, weights, left = jax.vmap(
         lambda lane, start: left_in_window(order, system, x, lane, start), -1, -1
     )(lanes, starts)
     first = (starts[None] + jnp.arange(WINDOW)[:, None] - 1) * size  # place of the first column
-    place = jnp.asarray(order.place)[speakers - 1].reshape(len(speakers), WINDOW, size, -1)
-    columns = jnp.where(speakers.reshape(place.shape) > 0, place - first[None, :, None], 3 * size)  # or none
+    place = jnp.asarray(order.place)[carried_sources - 1].reshape(len(carried_sources), WINDOW, size, -1)
+    columns = jnp.where(
+        carried_sources.reshape(place.shape) > 0, place - first[None, :, None], 3 * size
+    )  # or none
     heard = jnp.moveaxis(weights, 0, 2).reshape(*place.shape[:3], len(weights), -1)
     nothing = jnp.zeros((WINDOW, size, 3 * size, *heard.shape[3:]))
     rows = np.arange(WINDOW)[None, :, None, None], np.arange(size)[None, None, :, None]
@@ -124,13 +135,63 @@ def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: A
     """Of one lane: its vehicles in the window, whom they hear, their weights, and `b - L x` in their rows."""
     vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(order.vehicles), start, WINDOW).ravel()
     heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
-    _, speakers, attacked, signals, _ = heard
+    _, carried_sources, attacked, signals, _ = heard
     weights = system.weights.at[:, vehicles, lane].get(mode="clip")
     weights = retained.in_force(weights, system.decision.at[:, :, vehicles, lane].get(mode="clip"))
     weights = jnp.where(vehicles[None, None] < x.shape[1], weights, 0.0)
-    own, sent = (x.at[:, who, :, lane].get(mode="clip") for who in (vehicles, speakers - 1))
+    own, sent = (x.at[:, who, :, lane].get(mode="clip") for who in (vehicles, carried_sources - 1))
     false = system.vectors.at[:, signals, :, lane].get(mode="clip")
-    told = jnp.where((speakers > 0)[..., None, None], sent, 0.0)
+    told = jnp.where((carried_sources > 0)[..., None, None], sent, 0.0)
     told = told + jnp.where(attacked[..., None, None], false, 0.0)
     left = (jnp.moveaxis(weights, 0, 2)[..., None] * told).sum(axis=0) - own
-    return vehicles, speakers, weights, jnp.where((vehicles < x.shape[1])[:, None, None], left, 0.0)
+    return vehicles, carried_sources, weights, jnp.where((vehicles < x.shape[1])[:, None, None], left, 0.0)
+
+
+def can_update_locally(decided: DecisionState, network: Network, plan: Plan) -> bool:
+    """Return whether a tick changes only the rows of vehicles that retain other sources, in a large fleet.
+
+    Rules that weigh, and attackers that choose vectors, change more rows at every tick.
+    """
+    retaining = plan.decides and decided.decision.dtype == bool
+    return retaining and not plan.strategic and window_count(network.order) > 0
+
+
+def solve_locally(
+    response: Vectors,
+    flagged: LaneFlags,
+    changed: VehicleFlags,
+    decided: DecisionState,
+    lane: Lane,
+    network: Network,
+) -> tuple[Vectors, LaneFlags]:
+    """Return the response, solved near the changed vehicles of flagged lanes, and the flagged lanes left.
+
+    The windows of a lane do not depend on other lanes. A lane is left if too many of its vehicles changed, if
+    a vehicle does not hear the navigator, or if the effect of a change reaches too far.
+    """
+    order, decision = network.order, decided.decision.reshape(-1, *lane.weights.shape)
+    system = System(network.hearing, lane.weights, decision, lane.vectors)
+    most, least = window_count(order), dominance(system)
+    allowed = WINDOW_ACCURACY * jnp.abs(lane.vectors).max(axis=(0, 1, 2)) * least
+    blocks = changed.at[order.vehicles].get(mode="fill", fill_value=False).any(axis=1)
+    suited = flagged & (least > 0) & (blocks.sum(axis=0) <= most)
+
+    def going(carry: Any) -> LaneFlags:
+        blocks, windows, _ = carry
+        return blocks.any(axis=0) & (windows < most)
+
+    def some(carry: Any) -> Any:
+        blocks, windows, response = carry
+        starts, needed = window_starts(order, blocks)
+        up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
+        taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]  # all of a lane's or none
+        number = numbered(jnp.cumsum(taken), 0, WINDOWS_TOGETHER)
+        lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
+        theirs = picked(starts.ravel(), number)
+        response, at_edges = correct_windows(order, system, response, lanes, theirs)
+        blocks = clear_flags(blocks, lanes, theirs, at_edges > picked(allowed, lanes)[None])
+        return blocks, windows + taken.sum(axis=0), response
+
+    carry = blocks & suited[None], jnp.zeros(flagged.shape, int), response
+    blocks, _, response = jax.lax.while_loop(lambda carry: going(carry).any(), some, carry)
+    return response, flagged & (~suited | blocks.any(axis=0))

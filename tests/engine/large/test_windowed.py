@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxnet.engine import batch, response
+from jaxnet.engine import batch
+from jaxnet.engine.large import windowed
 from jaxnet.engine.methods.exact import Exact
 from jaxnet.engine.tick import DecisionState
-from jaxnet.model import hearing, near
+from jaxnet.model import hearing
 from tests import systems
 
 VEHICLES = 601
@@ -30,8 +31,8 @@ def known(lane, network, decision):
         laplacian, right = np.eye(VEHICLES), np.zeros((VEHICLES, found.shape[2]))
         for slot, vehicle in np.ndindex(*heard.sources.shape):
             weight = weights[axis, slot, vehicle, number]
-            if heard.speakers[slot, vehicle] > 0:
-                laplacian[vehicle, heard.speakers[slot, vehicle] - 1] -= weight
+            if heard.carried_sources[slot, vehicle] > 0:
+                laplacian[vehicle, heard.carried_sources[slot, vehicle] - 1] -= weight
             if heard.attacked[slot, vehicle]:
                 right[vehicle] += weight * vectors[axis, heard.signals[slot, vehicle], :, number]
         found[axis, ..., number] = np.linalg.solve(laplacian, right)
@@ -47,11 +48,11 @@ def begun(topology, replaced, lanes):
     one = systems.lanes(given, lanes, ())
     lane = jax.tree.map(lambda leaf: jnp.asarray(np.moveaxis(np.asarray(leaf), 0, -1)), one.inputs.lane)
     network = jax.tree.map(jnp.asarray, one.network)
-    rng, speakers = np.random.default_rng(0), np.asarray(network.hearing.speakers)
-    vectors = np.asarray(lane.amplitude) * rng.uniform(-1, 1, lane.vectors.shape)
-    spoken = np.where(rng.random(speakers.shape) < replaced, 0, speakers)
+    rng, carried_sources = np.random.default_rng(0), np.asarray(network.hearing.carried_sources)
+    vectors = np.asarray(lane.attack_scale) * rng.uniform(-1, 1, lane.vectors.shape)
+    spoken = np.where(rng.random(carried_sources.shape) < replaced, 0, carried_sources)
     sources, _, _, signals, _ = map(np.asarray, network.hearing)
-    heard = jax.tree.map(jnp.asarray, hearing.of_slots(sources, spoken, speakers > 0, signals))
+    heard = jax.tree.map(jnp.asarray, hearing.of_slots(sources, spoken, carried_sources > 0, signals))
     everybody = np.ones((2, *lane.weights.shape), bool)
     return lane._replace(vectors=jnp.asarray(vectors)), network._replace(hearing=heard), everybody
 
@@ -64,8 +65,8 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     Left are lanes with too many of them, or where somebody dropped the navigator; ended ones are not touched.
     """
     keys, window, replaced, beyond = TOPOLOGIES[topology]
-    monkeypatch.setattr(near, "WINDOW", window)
-    monkeypatch.setattr(near, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(windowed, "WINDOW", window)
+    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
     lane, network, before = begun(keys, replaced, 5)
     vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
@@ -75,29 +76,29 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     changed = (after != before[:axes]).any(axis=(0, 1))
     decided = DecisionState(jnp.asarray(after if axes == 2 else after[0]), None, None, None)
     start, flagged = known(lane, network, before), jnp.arange(5) < 4
-    found, left = jax.jit(response.solved_near)(
+    found, left = jax.jit(windowed.solve_locally)(
         jnp.asarray(start), flagged, jnp.asarray(changed), decided, lane, network
     )
     np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
     np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])
     exact, within = known(lane, network, after), slice(len(beyond), 2)
-    assert (np.abs(exact - start)[..., :2].max(axis=(0, 1, 2)) > 0.01 * lane.amplitude[:2]).all()
+    assert (np.abs(exact - start)[..., :2].max(axis=(0, 1, 2)) > 0.01 * lane.attack_scale[:2]).all()
     np.testing.assert_allclose(
-        found[..., within], exact[..., within], rtol=0, atol=1e-12 * lane.amplitude.max()
+        found[..., within], exact[..., within], rtol=0, atol=1e-12 * lane.attack_scale.max()
     )
 
 
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     """To 1e-9 m, through decisions; a lane is the same to the last bit beside others and alone."""
-    monkeypatch.setattr(near, "LEAST_WINDOWS", 2)
-    monkeypatch.setattr(response, "WINDOWS", near.SIDE_BY_SIDE)
+    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(windowed, "WINDOWS_TOGETHER", windowed.SIDE_BY_SIDE)
     keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
     given = systems.study(engine="exact", **keys)
     small = systems.lanes(given, 3, ("state",))
     monkeypatch.setattr(Exact, "one_block", 300)
     dense = systems.lanes(given, 3, ("state",))
-    assert near.windows(small.network.order) == 4
-    assert near.windows(dense.network.order) == 0
+    assert windowed.window_count(small.network.order) == 4
+    assert windowed.window_count(dense.network.order) == 0
     ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
     assert (ours.status == 0).all()
     assert (ours.switches > 30).all()

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float
 from jaxnet.engine import stepper
 from jaxnet.engine.plan import Plan, Tolerances
 from jaxnet.engine.stepper import Method, States, Times, Trial
-from jaxnet.engine.subset import for_each, once, picked, put
+from jaxnet.engine.subset import for_each, picked, put, run_if
 from jaxnet.model.control import Gain, feedback
 from jaxnet.model.lane import Lane
 
@@ -33,7 +33,7 @@ DEGREE = 4  # of the polynomial; every method has six nodes or more, so that it 
 WILD = 100.0  # greatest jerk over greatest z at the stages; in more z is a small difference of large numbers
 
 
-class Few(NamedTuple):
+class SlowVehicles(NamedTuple):
     """A few vehicles, each in the place of a lane, about to take a step."""
 
     vehicle: Any  # its kind, with the parameters of each
@@ -82,7 +82,7 @@ def refined(
     rough, (m, lanes) = trial.errors >= 1.0, trial.errors.shape
     wanted = going & trial.finite & (trial.error >= 1.0) & (rough.sum(axis=0) <= m // SHARE)
     gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
-    everybody = Few(lane.vehicle, gain, start, end, tolerances)
+    everybody = SlowVehicles(lane.vehicle, gain, start, end, tolerances)
 
     def some(numbers: Any, carry: Any) -> Any:
         few = jax.tree.map(lambda leaf: picked(leaf, numbers % lanes), everybody)
@@ -94,9 +94,9 @@ def refined(
 
     flags = of_all_lanes(rough & wanted[None])
     carry = of_all_lanes(trial.state), of_all_lanes(trial.slope), jnp.zeros_like(flags)
-    carry = once(flags.any(), lambda carry: for_each(flags, TOGETHER, some, carry), carry)
+    carry = run_if(flags.any(), lambda carry: for_each(flags, TOGETHER, some, carry), carry)
     moved, slope, arrived = (each.reshape(*each.shape[:-1], m, lanes) for each in carry)
-    rest = stepper.of_fleet(jnp.where(rough, 0.0, trial.errors))
+    rest = stepper.fleet_norm(jnp.where(rough, 0.0, trial.errors))
     kept = wanted & (arrived | ~rough).all(axis=0)
     return trial._replace(state=moved, slope=slope, error=jnp.where(kept, rest, trial.error))
 
@@ -107,7 +107,7 @@ def of_all_lanes(array: Array) -> Array:
 
 
 def by_themselves(
-    few: Few,
+    few: SlowVehicles,
     state: Float[Array, "n few"],
     slopes: Float[Array, "s n few"],
     error: Times,
@@ -151,7 +151,7 @@ def by_themselves(
 
 
 def heard(
-    few: Few, state: Float[Array, "n few"], slopes: Float[Array, "s n few"], rule: Method
+    few: SlowVehicles, state: Float[Array, "n few"], slopes: Float[Array, "s n few"], rule: Method
 ) -> tuple[Float[Array, "coefficients 2 few"], Bool[Array, " few"]]:
     """What vehicles hear over a step, as polynomials in the share of it that is past, and who can go by it.
 

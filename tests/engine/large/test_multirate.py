@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from jaxnet.engine import batch, multirate, stepper
-from jaxnet.engine.multirate import Few
+from jaxnet.engine import batch, stepper
+from jaxnet.engine.large import multirate
+from jaxnet.engine.large.multirate import SlowVehicles
 from jaxnet.engine.plan import Tolerances
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.pytree import as_pytree
@@ -63,7 +64,7 @@ def step(solver, kind, jets, rate):
     state = kind.state_of(jets[:, :, None])
     signals = functools.partial(told, rate=rate)
     trial = stepper.attempt(field, signals, rule, start, end, state, field(signals(start), state), tolerances)
-    few, everybody = Few(kind, gain, start, end, tolerances), jnp.ones(FEW, bool)
+    few, everybody = SlowVehicles(kind, gain, start, end, tolerances), jnp.ones(FEW, bool)
     state, slopes = state[:, 0], trial.slopes[:, :, 0]
     there, slope, arrived = multirate.by_themselves(few, state, slopes, trial.error, everybody, rule)
     known = field(signals(end), there[:, None])[:, 0]
