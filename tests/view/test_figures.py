@@ -319,3 +319,13 @@ def test_a_large_fleet_is_shown_by_its_matrix():
     assert "densities of links" in networks.networks_html(study.cells)
     small = systems.study(vehicles=12)
     assert "densities" not in networks.networks_html(small.cells)
+
+
+def test_a_dollar_in_a_label_is_a_dollar():
+    """Neither mathematics nor an error, and on the page the label itself."""
+    study = jaxnet.load({"vehicles": 3, "topology": {"kind": "star", "label": "costs $5_{$"}})
+    cell = study.cells[0]
+    drawn = topology.topology_figure([cell])
+    drawn.canvas.draw()
+    assert drawn.axes[0].get_title() == r"costs \$5_{\$"
+    assert topology.graph_caption(cell) == "costs $5_{$"

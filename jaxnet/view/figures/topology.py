@@ -12,7 +12,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.graph import Digraph
 from jaxnet.view.figures import adjacency, multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles, figure_name, topology_name
+from jaxnet.view.figures.panels import attacked_vehicles, topology_name
 from jaxnet.view.figures.style import Figure
 
 MOST_IN_ROW = 4  # graphs in a row
@@ -198,14 +198,15 @@ def graph_title(cell: Cell, graph: Digraph) -> str:
         f"{weight:.3g} from {'0' if navigator else 'vehicles'}" for navigator, weight in weight_classes(graph)
     ]
     crowded = graph.vehicles > MOST_ON_CIRCLE and words
-    return f"{graph_caption(cell)}\nweights: {', '.join(words)}" if crowded else graph_caption(cell)
+    caption = multiples.escape_dollars(graph_caption(cell))
+    return f"{caption}\nweights: {', '.join(words)}" if crowded else caption
 
 
 def graph_caption(cell: Cell) -> str:
     """Return the name of a graph, and the number of attacked vehicles where they are random."""
     attack = cell.scenario.attack
     unmarked = attack.amplitude() != 0 and not attack.targets() and attack.number()
-    return figure_name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
+    return topology_name(cell) + (f", attacked: {attack.whom()}" if unmarked else "")
 
 
 def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
