@@ -323,7 +323,8 @@ def test_a_large_fleet_is_shown_by_its_matrix():
 
 def test_a_dollar_in_a_label_is_a_dollar():
     """Neither mathematics nor an error, and on the page the label itself."""
-    study = jaxnet.load({"vehicles": 3, "topology": {"kind": "star", "label": "costs $5_{$"}})
+    star = {"kind": "star", "label": "costs $5_{$"}
+    study = jaxnet.load({"vehicles": 3, "topology": star, "attack": "none"})
     cell = study.cells[0]
     drawn = topology.topology_figure([cell])
     drawn.canvas.draw()
