@@ -7,13 +7,25 @@ left over holds the listener itself, with weight 0. So a graph's arrays are (slo
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
+from jaxnet.lazy import LazyModule
 from jaxnet.model.graph import Digraph, of_matrix, slotted
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+
+    from jaxnet.model import xla
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
+    xla = LazyModule("jaxnet.model.xla")
+
 
 MANY = 512  # signals; from there on few links are attacked, and it is quicker to pass by the others
 
@@ -40,8 +52,6 @@ class Hearing(NamedTuple):
 
     def added(self, signal: Float[Any, "2 signals *lanes"]) -> Float[Any, "2 slots m *lanes"]:
         """What the attack adds on each link."""
-        import jax.numpy as jnp
-
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
         return jnp.where(attacked, signal.at[:, self.signals].get(mode="promise_in_bounds"), 0.0)
 
@@ -49,8 +59,6 @@ class Hearing(NamedTuple):
         self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 slots m *lanes"]:
         """What is received in each slot, attacked or not."""
-        from jaxnet.model import xla
-
         heard = sources.at[:, self.carried_sources].get(mode="promise_in_bounds")
 
         def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
@@ -66,9 +74,6 @@ class Hearing(NamedTuple):
         self, weights: AxisWeights, signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 m *lanes"]:
         """`Σ_j w_ij a_ij`, the weighted mean of what the attack adds."""
-        import jax.numpy as jnp
-
-        from jaxnet.model import xla
 
         def falsified(mean: Any, slot: Any, listener: Any, lie: Any) -> Any:
             return xla.add_slice(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
@@ -83,9 +88,6 @@ class Hearing(NamedTuple):
         self, falsified: Callable[[Any, Any, Any, Any], Any], heard: Any, signal: Any
     ) -> Any:
         """What is heard after `falsified(heard, slot, listener, lie)` link by link, of lies (2, *lanes)."""
-        import jax
-        import jax.numpy as jnp
-
         signals, listeners = jnp.asarray(self.signals), jnp.asarray(self.listeners)
         numbers = self.attacked.sum(axis=1)  # of attacked links
 
@@ -113,8 +115,6 @@ class Hearing(NamedTuple):
 
     def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Any]) -> Any:
         """The weighted sum over slots of what is heard in each, (2, 1, m, *lanes)."""
-        import jax
-        import jax.numpy as jnp
 
         def add(slot: Any, total: Any) -> Any:
             one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
@@ -126,9 +126,6 @@ class Hearing(NamedTuple):
 
     def all_reached(self, weights: AxisWeights) -> Bool[Any, "*lanes"]:
         """Whether the navigator's word reaches every vehicle over these weights, on every axis."""
-        import jax
-        import jax.numpy as jnp
-
         heard = weights > 0
 
         def spread(carry: Any) -> Any:
@@ -152,8 +149,6 @@ class Hearing(NamedTuple):
 
     def spread_out(self, weights: SlotWeights, sources: Int[Any, "slots m"]) -> Float[Any, "m n *lanes"]:
         """Weights by vehicle and source, of weights by slot."""
-        import jax.numpy as jnp
-
         slots, m = sources.shape
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))

@@ -1,6 +1,6 @@
 """The greedy attack: at every tick the direction that increases the fleet's error most."""
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -8,8 +8,16 @@ from pydantic import Field
 from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.protocols import TickView
 from jaxnet.kinds.shapes import AnyTimes, LaneNumbers, Memory, PlaneVectors, SignalBasis, SignalVectors
+from jaxnet.lazy import LazyModule
 from jaxnet.model import ties
 from jaxnet.model.plane import length
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
 
 
 class Greedy(Attack):
@@ -33,9 +41,6 @@ class Greedy(Attack):
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Return the direction of the greatest criterion; the first one of equal values."""
-        import jax
-        import jax.numpy as jnp
-
         shape = (2, *seen.errors[0].shape[1:])
 
         def vectors_of(direction: PlaneVectors) -> SignalVectors:

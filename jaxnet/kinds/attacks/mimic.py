@@ -1,6 +1,6 @@
 """The mimic: the greatest offset that listeners still believe."""
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -9,6 +9,14 @@ from jaxnet.kinds.attacks import Attack, constant_basis, unit_vectors
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.protocols import TickView
 from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, Memory, SignalBasis, SignalVectors, VehicleNumbers
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
 
 
 class Mimic(Attack):
@@ -34,9 +42,6 @@ class Mimic(Attack):
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""
-        import jax
-        import jax.numpy as jnp
-
         m = seen.errors[0].shape[1]
         unit = jnp.broadcast_to(unit_vectors(self.direction), seen.errors[0].shape)
         attacker = jnp.where(seen.sources > 0, seen.sources - 1, jnp.arange(m)[None])

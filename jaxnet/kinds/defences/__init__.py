@@ -3,7 +3,7 @@ itself.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
@@ -23,10 +23,16 @@ from jaxnet.kinds.shapes import (
     VehicleJets,
     VehicleVectors,
 )
+from jaxnet.lazy import LazyModule
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
 from jaxnet.model.retained import DropPolicy, any_untrusted
 from jaxnet.model.safety import Safe
+
+if TYPE_CHECKING:
+    from jaxnet.model import chance
+else:
+    chance = LazyModule("jaxnet.model.chance")
 
 
 class Neighbourhood(NamedTuple):
@@ -249,20 +255,14 @@ class Defence(AnyDefence):
 
         Draws with different purposes are independent. Only a rule whose `draws` is true may call this method.
         """
-        from jaxnet.model import chance
-
         return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
         """Return the received jets with noise."""
-        from jaxnet.model import chance
-
         return received if self.noise is None else chance.noisy(received, self.noise, vars(self)["key"], time)
 
     def overheard(self, announced: SlotVectors, sources: SlotSources, time: LaneTimes) -> SlotVectors:
         """Return announcements with noise; the navigator's announcement, always 0, has no noise."""
-        from jaxnet.model import chance
-
         if self.noise is None:
             return announced
         (noisy,) = chance.noisy((announced,), self.noise, vars(self)["key"], time, first=3)

@@ -1,7 +1,7 @@
 """Trimming by trusted redundancy, the paper's defence (section 5.1)."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -22,12 +22,23 @@ from jaxnet.kinds.shapes import (
     VehicleJets,
     VehicleVectors,
 )
+from jaxnet.lazy import LazyModule
 from jaxnet.model import hearing, retained, safety
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.plane import length
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
 from jaxnet.model.wording import count, ranges
+
+if TYPE_CHECKING:
+    import jax
+
+    from jaxnet.model import control, trimming
+else:
+    jax = LazyModule("jax")
+    trimming = LazyModule("jaxnet.model.trimming")
+    control = LazyModule("jaxnet.model.control")
+
 
 Score = Literal["position", "jets", "feedback", "announced"]
 Theta = Annotated[int, Field(ge=0, le=10_000)]
@@ -137,10 +148,6 @@ class TrustedTrim(Sparing):
 
     def start(self, around: Neighbourhood) -> Memory:
         """Return the memory at t = 0: the candidates to drop, the first announcements, and no score."""
-        import jax
-
-        from jaxnet.model import trimming
-
         xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
         heard, theta = around.weights > 0, around.shared.theta
         trusts = heard & around.trusted[:, :, None]
@@ -170,8 +177,6 @@ class TrustedTrim(Sparing):
         `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
         decision (SCIENCE O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
         """
-        from jaxnet.model import trimming
-
         if self.announcing():
             score = length(around.announced)
         else:
@@ -195,8 +200,6 @@ class TrustedTrim(Sparing):
 
     def compared(self, received: SlotJets, gain: LaneGains) -> AxisSlotNumbers:
         """Return the vectors that scores compare: (axes, slots, m, lanes)."""
-        from jaxnet.model import control
-
         if self.score == "jets":
             return received[0].__array_namespace__().concatenate(received)
         return control.feedback(gain, received) if self.score == "feedback" else received[0]

@@ -1,7 +1,7 @@
 """The law solved by rounds of exchanges with neighbours."""
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -9,6 +9,14 @@ from pydantic import Field
 from jaxnet.kinds.laws import Law
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyCounts, VehicleVectors
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
 
 
 class Rounds(Law):
@@ -31,8 +39,6 @@ class Rounds(Law):
         self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
     ) -> VehicleVectors:
         """Return the jerk after the rounds of Jacobi's iteration."""
-        import jax
-        import jax.numpy as jnp
 
         def once(number: AnyCounts, jerk: VehicleVectors) -> VehicleVectors:
             return jnp.where((number < self.rounds)[None, None], heard(jerk) + demand, jerk)
