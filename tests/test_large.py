@@ -19,7 +19,7 @@ def peak_of(topology):
     keys = {"samples": 2, "engine": "exact", "attack": {"kind": "rotating", "magnitude": 10}}
     tracemalloc.start()
     study = jaxnet.load({"vehicles": int(sys.argv[1]), "topology": topology, **keys})
-    text, scenario = check.text(study), study.cells[0].scenario
+    text, scenario = check.check_text(study), study.cells[0].scenario
     weights = job(scenario, source_of(study.config, scenario), range(2)).inputs.lane.weights
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -286,9 +286,9 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     return [kind_label(kind, telling) for kind in kinds]
 
 
-def telling_keys(kinds: list[Plain]) -> dict[str, list[str]]:
+def telling_keys(kinds: list[Plain]) -> dict[str, list[Any]]:
     """Return, by name of a kind, the keys in which swept kinds of this name differ."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, list[Any]] = {}
     first: dict[str, dict[Any, Any]] = {}
     for kind in filter(lambda each: isinstance(each, dict), kinds):
         name = wording.value_text(kind["kind"])
@@ -308,7 +308,7 @@ def full_kind(field: str, value: Plain) -> Plain:
     return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
 
 
-def kind_label(kind: Plain, telling: Mapping[str, list[str]]) -> str:
+def kind_label(kind: Plain, telling: Mapping[str, list[Any]]) -> str:
     """Return the label of one swept kind: its own label, or its name with the keys that tell it apart."""
     if not isinstance(kind, dict):
         return wording.shorten_value(kind)

@@ -52,7 +52,9 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     ]
 
 
-def with_sybils(graph: Digraph, attacked: Links, trusted: Links, more: int) -> tuple[Digraph, Links, Links]:
+def with_sybils(
+    graph: Digraph, attacked: Links, trusted: Links, more: int
+) -> tuple[Digraph, np.ndarray, np.ndarray]:
     """Return the graph and its attacked and trusted links with `more` additional vehicles for each attacked
     source.
     """

@@ -124,7 +124,7 @@ class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
-def as_rows(given: list[float] | list[list[float]]) -> list[list[float]]:
+def as_rows(given: list[object]) -> list[object]:
     """Return a list of lists; a number becomes a list of one number."""
     return [[each] if isinstance(each, float | int) else each for each in given]
 

@@ -71,7 +71,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     assert (residual < 1e-12).all()
     factors, residual = factorised(order, heard, by_slot(heard, weights))
     assert (residual < 1e-12).all()
-    twice = applied(order, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)), ())
+    twice = applied(order, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)), None)
     np.testing.assert_allclose(twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11)
 
 
@@ -124,7 +124,7 @@ def test_a_wide_graph_is_solved_for_by_iteration(name):
     inverse = known(weights, np.ones((384, 1, 2, 3))).max(axis=(0, 1))
     most = (1 + iteration.CERTIFICATE) / (1 - iteration.CERTIFICATE)  # where `L v` is so near 1
     assert ((inverse <= factors.bound) & (factors.bound <= most * inverse)).all()
-    twice = applied(order, heard, factors, jnp.asarray(right[:, 1].swapaxes(0, 1)), ())
+    twice = applied(order, heard, factors, jnp.asarray(right[:, 1].swapaxes(0, 1)), None)
     twice = np.asarray(twice).swapaxes(0, 1)
     np.testing.assert_allclose(twice / scale[1], exact[:, 1] / scale[1], rtol=0, atol=1e-9)
 
@@ -159,7 +159,7 @@ def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
         jnp.asarray(right[:, 0].swapaxes(0, 1)),
         factorised(order, heard, by_slot(heard, whole))[0],
     )
-    beside, clean = applied(order, heard, factors, alone, ()), applied(order, heard, theirs, alone, ())
+    beside, clean = applied(order, heard, factors, alone, None), applied(order, heard, theirs, alone, None)
     np.testing.assert_array_equal(beside[..., [0, 3]], clean[..., [0, 3]])
     assert np.isnan(beside[..., 4]).all()
 

@@ -29,8 +29,9 @@ from click.testing import CliRunner
 from jaxnet.cli import main
 from jaxnet.statistics import fits
 from jaxnet.view.figures import every
-fits.RESAMPLES, drawn = 2, every.draw
-every.draw = lambda results, names=("tails",), told=None: drawn(results, names[:1])  # the others are alike
+fits.RESAMPLES, drawn = 2, every.draw_figures
+# the other figures are alike
+every.draw_figures = lambda results, names=("tails",), told=None: drawn(results, names[:1])
 for words in json.loads(sys.argv[1]):
     ended = CliRunner().invoke(main, words)
     print(json.dumps([ended.exit_code, ended.stdout, ended.stderr]), flush=True)

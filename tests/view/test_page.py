@@ -288,7 +288,7 @@ def test_figures_for_paper_show_the_same(folder):
     drawn = unrecovered.unrecovered_figure(results, results.study.cells, found)
     shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
     assert shares == [[25, 50], [75, 100]]
-    over_time = bands.bands_figure(results.study.cells, curves.all_bands(results))
+    over_time = bands.bands_figure(results.study.cells, all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
         "no attack",

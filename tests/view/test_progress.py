@@ -111,7 +111,7 @@ def test_the_lines_below_a_bar_fit_and_name_the_worst_cells():
     label = {"kind": "cyclic", "label": "a ring whose name is as long as forty letters"}
     sweep = {"topology": [label], "attack.magnitude": list(range(1, 31)), "gain": [[1, 3, 3]]}
     tally = Tally(systems.study(sweep=sweep).cells, 300, recovery=True)
-    tally.there(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
+    tally.record(Done(n, n, Sums(10, 10, n % 10, 1e3 * n)) for n in range(30))
     lines = [str(line) for line in standing.standing_lines(tally, 80, 24)]
     assert max(map(len, lines)) <= 80
     told = [int(line.split(":")[0].removeprefix("cell ")) for line in lines[1:-1]]

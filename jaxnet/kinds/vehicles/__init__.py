@@ -10,6 +10,7 @@ from typing import ClassVar
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.shapes import (
     AxisMatrices,
+    StackedJets,
     VehicleInput,
     VehicleJets,
     VehicleNumbers,
@@ -53,7 +54,7 @@ class Vehicle(Kind):
         """Return the time derivative of the state, `ẋ = f(x, u)` (n, m, lanes)."""
         raise KindError(f"{self.kind}: a vehicle gives motion(self, state, inputs)")
 
-    def state_of(self, jets: VehicleJets) -> VehicleState:
+    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
         """Return the state of a vehicle that moves forwards with these output jets; undefined at zero
         velocity.
         """

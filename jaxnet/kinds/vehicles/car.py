@@ -9,6 +9,7 @@ from pydantic import Field
 from jaxnet.kinds.fields import Positive
 from jaxnet.kinds.shapes import (
     AxisMatrices,
+    StackedJets,
     VehicleInput,
     VehicleJets,
     VehicleNumbers,
@@ -70,7 +71,7 @@ class Car(Vehicle):
         rates = [velocity[0], velocity[1], turn_rate, state[ACCELERATION], inputs[1], inputs[0]]
         return state.__array_namespace__().stack(rates)
 
-    def state_of(self, jets: VehicleJets) -> VehicleState:
+    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
         """Return `v = ‖ẏ‖`, `θ = atan2(ẏ)`, `δ = atan(L κ)` with `κ = ẏ × ÿ / v³`, `a = ẏ·ÿ / v`."""
         position, velocity, acceleration = jets
         xp = position.__array_namespace__()

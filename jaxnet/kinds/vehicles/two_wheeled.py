@@ -2,6 +2,7 @@
 
 from jaxnet.kinds.shapes import (
     AxisMatrices,
+    StackedJets,
     VehicleInput,
     VehicleJets,
     VehicleNumbers,
@@ -52,7 +53,7 @@ class TwoWheeled(Vehicle):
         xp = state.__array_namespace__()
         return xp.stack([velocity[0], velocity[1], state[TURN_RATE], state[FORCE], inputs[1], inputs[0]])
 
-    def state_of(self, jets: VehicleJets) -> VehicleState:
+    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
         """Return the state with `v = ‖ẏ‖`, `θ = atan2(ẏ)`, `F = ÿ·h`, `ω = ÿ·n / v`."""
         position, velocity, acceleration = jets
         xp = position.__array_namespace__()

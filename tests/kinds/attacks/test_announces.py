@@ -77,7 +77,8 @@ def test_free_announcements_are_those_asked_for():
     announces, (sources, _, attacked, signals, _) = job.inputs.lane.announces, job.network.hearing
     drawn = type(announces).filled({key: vars(announces)[key].T for key in ("size", "frequency", "phase")})
     honest = np.random.default_rng(0).normal(size=(2, *sources.shape, 1))
-    told = drawn.received(honest, np.nan, attacked[..., None], signals, np.array([0.25]))
+    nothing = np.full_like(honest, np.nan)
+    told = drawn.received(honest, nothing, attacked[..., None], signals, np.array([0.25]))
     angle = 3.0 * 0.25 + 0.5
     for source, size in ((2, 1.0), (5, 2.0)):
         here = told[:, attacked & (sources == source), 0]

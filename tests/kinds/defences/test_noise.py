@@ -24,7 +24,7 @@ def dropped(rule, places, shared=()):
     time = jnp.full(LANES, 0.1)
     seen = rule.observed((position,) * 3, time)
     own = (jnp.zeros((2, 1, LANES)),) * 3
-    around = Neighbourhood(None, weights, trusted, None, time, shared)
+    around = Neighbourhood(None, weights, trusted, jnp.ones((3, LANES)), time, shared)
     decision, _ = rule.decide(own, seen, jnp.ones(weights.shape, bool), rule.start(around), around)
     return 1 - np.asarray(decision).reshape(-1, len(places), LANES)[0].mean(axis=1)
 
