@@ -370,8 +370,7 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
 
 
 def without(rows: Float[Array, "n c axes lanes"], pivots: Float[Array, "k r axes lanes"]) -> Any:
-    """Subtract multiples of k pivot rows from rows, so that the first k columns vanish; remove these columns.
-    """
+    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become 0."""
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):
         left = left - rows[:, n : n + 1] * pivot[None]

@@ -105,8 +105,7 @@ def entries(given: Any) -> tuple[Row, Row, Any]:
 
 
 def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Digraph:
-    """Return the graph of the edges (i, j, w), "i hears j with weight w", with each row normalised to sum 1.
-    """
+    """Return the graph of edges (i, j, w), "i hears j with weight w", with rows normalised to sum 1."""
     listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
     return normalised(of_links(vehicles, listeners - 1, sources, weights))
 
@@ -170,8 +169,7 @@ def inverse_norm(graph: Digraph) -> float:
 
 
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
-    """Return the number of links on the shortest path from the navigator to each vehicle, inf without a path.
-    """
+    """Return the links on the shortest path from the navigator to each vehicle, inf without a path."""
     listeners, _, ends = by_source(graph)
     told, found, waiting = (listeners + 1).tolist(), [0.0, *[np.inf] * graph.vehicles], [0]
     for source in waiting:
