@@ -22,7 +22,7 @@ class Lane(NamedTuple):
     navigator: Any
     defence: Any
     signal: Any
-    vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial ones of a strategic attack
+    vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial if strategic
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
     sizes: Float[Array, "2 4 *lanes"]  # greatest norms by order: navigator's path, signal functions
