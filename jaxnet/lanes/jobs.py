@@ -34,7 +34,7 @@ def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[
 
 
 def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
-    """Return the lanes of one cell for the samples of a draw, in the precision of the process."""
+    """Return the lanes of one cell for the samples of a draw, in the active precision."""
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
@@ -87,8 +87,8 @@ def source_of(study: Config, scenario: Scenario) -> Source:
 def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
     """Return the sort key that puts less important numbers last.
 
-    Numbers of the start come last, and numbers of an attack on vehicles that are not attacked come before
-    them. Early Sobol dimensions are also even in pairs with few points, and late dimensions are not.
+    Numbers of the start come last. Before them come numbers of the attack for vehicles without attack. Early
+    Sobol dimensions are evenly spread in pairs even with few points; late dimensions are not.
     """
     spared = place.vehicle not in (0, *scenario.attack.targets())
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
@@ -138,7 +138,7 @@ def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """Return the plan, which holds everything that the compiled program depends on."""
+    """Return the plan: the choices that shape the compiled program."""
     return Plan(
         engine=type(scenario.engine),
         options=scenario.engine.options(),
@@ -181,8 +181,8 @@ def attack_of(
     - The vectors have the shape (2, m, B, samples), and are 0 for vehicles without attack. If each listener
       receives a different signal, the vectors belong to links (`hearing.link_signals`).
     - The scale is ā over the size of the signal.
-    - The greatest norms have the shape (2, 4, samples): those of the navigator's path and those of the
-      signal's functions, by order.
+    - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the signal's
+      functions, by order.
 
     `navigator` has its numbers drawn, and `start` holds the states at t = 0.
     """
@@ -212,7 +212,9 @@ def heard_by(scenario: Scenario) -> np.ndarray:
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
-    """Return the announcements of attacked links, with numbers of every vehicle or link
+    """Return the announcements of attacked links.
+
+    The numbers belong to vehicles, or to links if each listener receives a different signal
     (`hearing.link_signals`).
     """
     attack = scenario.attack

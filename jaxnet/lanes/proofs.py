@@ -71,9 +71,7 @@ def prove_derivatives(
     quotients: Float[np.ndarray, "instants 3 functions lanes"],
     given: Float[np.ndarray, "instants 3 functions lanes"],
 ) -> None:
-    """Raise KindError if a derivative of order 1 to 3 differs from the difference quotient of the order
-    below.
-    """
+    """Raise KindError if a derivative of order 1 to 3 differs from its difference quotient."""
     scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + PROOF_ROUNDING
     apart = np.abs(quotients - given).max(axis=(2, 3)) / scale
     if not (apart <= CLOSE_ENOUGH).all():

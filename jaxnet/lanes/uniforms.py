@@ -113,8 +113,8 @@ class Recorded:
 class Later(NamedTuple):
     """A source that shifts the samples of some quantities.
 
-    Quantities in `names` take the numbers of the sample `by` places later, and so different numbers. Other
-    quantities keep their numbers.
+    A quantity in `names` takes the numbers of a later sample: sample plus `by`. Its numbers are therefore
+    new. Other quantities keep their numbers.
     """
 
     source: Source

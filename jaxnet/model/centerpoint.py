@@ -51,8 +51,9 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
     Only slots with positive weight in `of` count. The chosen centerpoint is the mean of the boundary of the
     polygon of centerpoints, and therefore an interior point. Vehicles that move to a centerpoint on the
     boundary need not meet. For three points or fewer, every point between them is a centerpoint, and the
-    function returns the normalised `of`. The weights λ are as near as possible to the given weights w: they
-    minimise `Σ λ²/w`.
+    function returns `of`, normalised.
+
+    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given weights w.
     """
     of = of / of.sum(axis=0, keepdims=True)
     many = (of > 0).sum(axis=0) > 3
@@ -124,8 +125,8 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     quadratic function `½ Σ w_j max(0, a + b·(y_j - point))² - a`. The solver is Newton's method with a line
     search over a few step lengths.
 
-    If the point lies on an edge of the convex hull, positions off that edge keep weights near 0, because
-    rounding hides them from Newton's method. A second solution omits those positions. It replaces the first
+    If the point lies on an edge of the convex hull, positions off that edge keep weights near 0. Rounding
+    hides these weights from Newton's method. A second solution omits these positions. It replaces the first
     solution if its mean is nearer to the point.
     """
     apart = position - point[:, None]

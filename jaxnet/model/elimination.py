@@ -228,8 +228,14 @@ def through(factors: Factors, right: RightSides) -> RightSides:
 def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Blocks, Blocks, Blocks, Blocks]:
     """Return the blocks of L and the weights of the navigator.
 
-    The four arrays are the weights of vehicles in the previous block, L within the block, the weights of
-    vehicles in the next block, and a0. A single block has empty arrays for the previous and the next block.
+    The four arrays are:
+
+    - the weights of vehicles in the previous block,
+    - L within the block,
+    - the weights of vehicles in the next block,
+    - a0, the weights of the navigator.
+
+    A single block has empty arrays for the previous and the next block.
     """
     blocks, size = order.vehicles.shape
     carried_sources = hearing.carried_sources.at[:, order.vehicles].get(mode="fill", fill_value=0)

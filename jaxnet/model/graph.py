@@ -183,7 +183,7 @@ def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
 def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
     """Return listeners, from 0, and slots of all links, sorted by source, and the limits of each source.
 
-    The links of source j are those from limit j to limit j + 1.
+    The links of source j start at limit j and end before limit j + 1.
     """
     listeners, slots = graph.edges()
     sources = graph.sources[listeners, slots]
@@ -216,7 +216,7 @@ def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links
 def least(heard: Links, values: Float[np.ndarray, "m slots"], count: Any) -> Links:
     """Return, for each listener, the `count` links with the least values.
 
-    Of links with equal values, the link in the first slot comes first.
+    The lowest slot wins among equal values.
     """
     ranks = np.where(heard, values, np.inf).argsort(axis=1, kind="stable").argsort(axis=1)
     return heard & (ranks < np.reshape(count, (-1, 1)))

@@ -234,8 +234,8 @@ def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots 
 def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
     """Return values of the links of a graph in the slots of a wider table of sources, 0 without a link.
 
-    `sources` lists the sources of each listener in the order of their numbers: those of the graph, perhaps
-    with others.
+    `sources` lists the sources of each listener in the order of their numbers. It contains the sources of the
+    graph and may contain others.
     """
     m = graph.vehicles
     listeners, each = graph.edges()

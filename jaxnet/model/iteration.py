@@ -78,9 +78,9 @@ def certified(
 ) -> tuple[Unknowns, Sizes]:
     """Solve `L x = b`, and return x and a bound on its relative error.
 
-    `weights` are those of vehicles only, `bound` is a bound on `‖L⁻¹‖`, and `start` is the initial guess. The
-    solution is NaN in three cases: b is not finite, the bound is not finite, or the error is at least
-    LOOSEST. The error bound of a NaN solution is 0.
+    `weights` are the weights of vehicles only, `bound` is a bound on `‖L⁻¹‖`, and `start` is the initial
+    guess. The solution is NaN in three cases: b is not finite, `bound` is not finite, or the error is at
+    least LOOSEST. The error bound of a NaN solution is 0.
     """
     times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
     share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]

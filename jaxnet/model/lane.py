@@ -8,10 +8,11 @@ from jaxnet.model.hearing import Hearing
 
 
 class Lane(NamedTuple):
-    """The numbers of one simulated fleet. Many lanes are an equal tree with a last axis over lanes.
+    """The numbers of one simulated fleet.
 
-    Law, vehicle, navigator, defence and announcements are kinds with their numbers drawn. The signal of the
-    attack has a method `basis`.
+    Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
+    defence and announcements are kinds with their numbers drawn. The signal of the attack has a method
+    `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -29,9 +30,7 @@ class Lane(NamedTuple):
 
 
 class Network(NamedTuple):
-    """The structure that lanes share: hearing, trusted links, shared data of the defence, and elimination
-    order.
-    """
+    """The structure that lanes share: hearing, trust, shared data of the defence, and elimination order."""
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]

@@ -54,7 +54,8 @@ def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> DropPolicy:
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
     """Return the weights that follow from a decision, normalised to sum 1.
 
-    `weights` are the weights of all slots. A negative weight in the decision becomes NaN.
+    `weights` are the weights of all slots. If a weight in the decision is negative, the weights of its
+    listener are NaN.
     """
     xp = decision.__array_namespace__()
     by_axis = decision.reshape(-1, *weights.shape)
@@ -66,7 +67,7 @@ def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
 
 
 def changed(decision: Any, before: Any) -> Bool[Any, "m *lanes"]:
-    """Return the vehicles whose decision differs from the previous decision."""
+    """Return the vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 

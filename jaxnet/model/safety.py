@@ -1,5 +1,4 @@
-"""Vehicles that no attack can keep off the navigator, derived from the links that a defence may drop
-(SCIENCE, O11).
+"""Vehicles that no attack can keep off the navigator, from the links that a defence may drop (SCIENCE, O11).
 
 All functions use bootstrap percolation, which takes O(links). Doubt spreads from attacked links. The
 remaining vehicles must stay joined to the navigator, whichever links they drop.
@@ -55,11 +54,10 @@ def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nod
 
 
 def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
-    """Return the vehicles of a set that stay joined to the navigator through the set, whichever links they
-    drop.
+    """Return the vehicles of a set that stay joined to the navigator through the set.
 
-    Percolation joins a vehicle if it always retains one joined source, or if it hears more joined sources
-    than it drops.
+    They stay joined whichever links they drop. Percolation joins a vehicle if it always retains one joined
+    source, or if it hears more joined sources than it drops.
     """
     votes = np.where(drops.links, 1, drops.number[:, None] + 1)
     navigator = np.arange(len(among) + 1) == 0
@@ -67,11 +65,11 @@ def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
 
 
 def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
-    """Return the greatest set of vehicles that hears no outside vehicle, tolerates its attacked links and
-    stays joined.
+    """Return the greatest set of vehicles that is closed, tolerates its attacked links and stays joined.
 
-    Each vehicle of the set has at most `bears` attacked links that it may drop, and no other attacked link.
-    The vehicles of the set join each other to the navigator, whichever links they drop.
+    - Closed: no vehicle of the set hears a vehicle outside the set.
+    - Tolerant: each vehicle has at most `bears` attacked links that it may drop, and no other attacked link.
+    - Joined: the vehicles join each other to the navigator, whichever links they drop.
     """
     falsified, fatal = drops.graph.heard & attacked, np.broadcast_to(bears[:, None] + 1, attacked.shape)
     left = bears + 1 - (np.where(drops.links, 1, fatal) * falsified).sum(axis=1)
@@ -85,11 +83,11 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
 
 
 def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None:
-    """Return a number of rounds, and the worst-case factor by which the announced disturbance shrinks in
-    these rounds.
+    """Return a number of rounds, and the factor by which announced disturbances shrink in these rounds.
 
-    The disturbance is the greatest announcement of the vehicles `inside`. The factor follows from step (c) of
-    the proof, from the navigator outwards. The result is None in four cases:
+    The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the worst case.
+    It follows from step (c) of the proof of O11, from the navigator outwards. The result is None in four
+    cases:
 
     - The fleet has more than MOST_RATED vehicles.
     - The set is empty.

@@ -1,8 +1,8 @@
 """Signals as fixed vectors times scalar functions of time, `a_j(t) = Σ_b v_jb β_b(t)`.
 
-Each function comes with three derivatives. Everything linear in a signal, above all the effect of the attack
-on the fleet (SCIENCE O2), follows from the vectors alone and holds at all times. A harmonic has two
-functions, cos ωt and sin ωt.
+Each function comes with three derivatives. Every linear effect of a signal follows from the vectors alone and
+holds at all times. The most important one is the effect of the attack on the fleet (SCIENCE O2). A harmonic
+has two functions, cos ωt and sin ωt.
 
 The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral norm of `V_j = [v_j1 … v_jB]`. A unit signal
 has ‖V_j‖ = 1.

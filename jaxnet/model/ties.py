@@ -1,7 +1,6 @@
-"""Comparisons that rounding does not decide: numbers with a relative difference of up to 1e-12 count as
-equal.
+"""Comparisons that rounding does not decide: numbers within a relative 1e-12 count as equal.
 
-A rule that breaks ties by number therefore breaks equal ties on every machine, whatever the last bits are.
+A rule that breaks ties by number therefore makes equal choices on every machine, whatever the last bits are.
 """
 
 from typing import Any

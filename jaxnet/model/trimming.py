@@ -28,8 +28,8 @@ def deviation(
     shares: Float[Array, "most m lanes"],
     references: Int[Array, "most m"],
 ) -> Scores:
-    """Return `Δ_ik`, the mean distance of the message of source k from the trusted messages, as i receives
-    them.
+    """Return `Δ_ik`, the mean distance between the message of source k and the trusted messages at listener
+    i.
 
     The score is 0 without trusted references. The first axis of `received` has the components of a position
     [m], or more components.
@@ -60,11 +60,11 @@ def filtered(
 
 
 def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
-    """Return the ϑ candidates with the greatest scores. Of tied scores (`ties`), the one in the lowest slot
-    comes first.
+    """Return the ϑ candidates with the greatest scores.
 
-    A loop selects the greatest score ϑ times. The scores enter the loop as computed numbers. Otherwise a
-    compiler may evaluate a score twice with different rounding.
+    The lowest slot wins among tied scores (`ties`). A loop selects the greatest score ϑ times. The scores
+    enter the loop as computed numbers. Otherwise a compiler may evaluate a score twice with different
+    rounding.
     """
     slots = jnp.arange(len(score), dtype=jnp.int32)
     score = jnp.where(candidates, score, -jnp.inf)
