@@ -331,8 +331,8 @@ def in_one_pass(number: int) -> int:
 def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes lanes"]:
     """Return `M⁻¹ B` for `[M | B]` by blocked Gauss–Jordan elimination, vectorised over lanes.
 
-    AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the time is
-    memory traffic over the other rows, so that several pivot rows share one pass.
+    AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the time goes
+    into passes over the other rows. Several pivot rows therefore share one pass.
 
     The function removes finished columns. It does so at every pass for small matrices, and after several
     passes for large ones. Each removal changes the shape and compiles another program.

@@ -1,7 +1,7 @@
 """Iterative solution of `L x = b` with a certified error, for graphs without a narrow order.
 
 The iteration is BiCGSTAB (van der Vorst), because L is not symmetric and its spectrum is not known
-beforehand. It works slot by slot without a matrix. It restarts while the residual of b is too large.
+beforehand. It works slot by slot without a matrix. It restarts while the residual is too large.
 
 L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum norm. Any v
 with `L v > 0` gives the bound
