@@ -1,1 +1,1 @@
-"""A cell and some samples become lanes: everything is drawn, and engines can take them."""
+"""Batches of lanes from a cell of a study and its samples: draws, proofs and jobs for the engines."""

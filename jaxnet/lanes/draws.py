@@ -1,5 +1,6 @@
-"""Drawing for lanes: what a kind asks for, it gets for all samples at once, from a source of uniform
-numbers.
+"""Draws for lanes: numbers of a kind for all samples at once.
+
+A source gives uniform numbers, and the inverse CDF of each distribution transforms them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,25 +16,32 @@ from jaxnet.lanes.uniforms import Drawn, Entry, Source
 
 
 class Draw:
-    """Draws numbers of samples: NumPy arrays with a first axis over samples."""
+    """Draws of numbers for samples, as NumPy arrays with a first axis over samples."""
 
     def __init__(self, source: Source, samples: Sequence[int], vehicles: int, listed: Sequence[int] = ()):
-        """`listed` are the vehicles in whose order a list gives numbers."""
+        """Take a source, sample numbers, and the number of vehicles.
+
+        `listed` holds the vehicles in the order in which the lists of a config give numbers.
+        """
         self.source, self.samples, self.everyone = source, samples, range(1, vehicles + 1)
         self.listed = listed
 
     def same(self, value: Any) -> Any:
-        """The same value in every lane."""
+        """Return an equal value for every sample: (samples, …)."""
         array = np.asarray(value)
         return np.broadcast_to(array, (len(self.samples), *array.shape))
 
     def one(self, number: Any, name: str) -> Any:
-        """A number of the lane: (samples,)."""
+        """Return one number for each lane: (samples,)."""
         number = number.shared if isinstance(number, fields.Shared) else number
         return self.placed([number], name, [(0, 0)])[:, 0]
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """A number of each vehicle: (samples, m, components)."""
+        """Return numbers for each vehicle: (samples, m, components).
+
+        A shared number is equal for all vehicles. A list gives numbers to the vehicles in `listed`; other
+        vehicles get its first entry.
+        """
         shape = len(self.samples), len(self.everyone), components
         places = [(vehicle, component) for vehicle in self.everyone for component in range(components)]
         match number:
@@ -52,11 +60,11 @@ class Draw:
         return self.placed(numbers, name, places).reshape(shape)
 
     def several(self, numbers: Sequence[Any], name: str) -> Any:
-        """Numbers of the lane: (samples, n)."""
+        """Return several numbers for each lane: (samples, n)."""
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])
 
     def placed(self, numbers: Sequence[Any], name: str, places: Sequence[Entry]) -> Drawn:
-        """Numbers that have places of their own, vehicle and component: (samples, n)."""
+        """Return numbers at given places, each a vehicle and a component: (samples, n)."""
         found = np.empty((len(self.samples), len(numbers)))
         drawn = [column for column, number in enumerate(numbers) if is_drawn(number)]
         if drawn:
@@ -70,28 +78,31 @@ class Draw:
         return found
 
     def generators(self, name: str) -> Iterator[np.random.Generator]:
-        """A source of random numbers for each sample, for what no fixed number of draws can make."""
+        """Return a random generator for each sample.
+
+        A generator serves quantities without a fixed number of draws.
+        """
         return (self.source.generator(name, sample) for sample in self.samples)
 
 
 class EachLink(Draw):
-    """Draws for each slot of each listener what is else drawn for each vehicle."""
+    """Draws for each slot of each listener, in place of draws for each vehicle."""
 
     def __init__(self, draw: Draw, slots: int):
         super().__init__(draw.source, draw.samples, len(draw.everyone), draw.listed)
         self.slots = slots
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """A number of each link, those of a listener after each other: (samples, m · slots, components)."""
+        """Return numbers for each link, sorted by listener: (samples, m · slots, components)."""
         by_vehicle = super().each(number, name, self.slots * components)
         return by_vehicle.reshape(len(by_vehicle), -1, components)
 
 
 class Alone(Draw):
-    """Draws for each attacked vehicle of each lane as if it were the only one of a lane of its own.
+    """Draws for each attacked vehicle of each lane, as if the vehicle were alone in a lane of its own.
 
-    `attacked` (n, lanes) are their places in what is drawn for each, from 0; of all lanes the first ones
-    come first.
+    `attacked` (n, lanes) holds the indices of the attacked vehicles, from 0. The first attacked vehicles of
+    all lanes come first, then the second ones.
     """
 
     def __init__(self, draw: Draw, attacked: Int[np.ndarray, "n lanes"]):
@@ -99,18 +110,21 @@ class Alone(Draw):
         self.draw, self.attacked = draw, attacked
 
     def one(self, number: Any, name: str) -> Any:
-        """A number of the lane, or of the vehicle: (n · samples,)."""
+        """Return one number for each lane, or for its vehicle if vehicles differ: (n · samples,)."""
         return self.each(number, name)[:, 0, 0] if fields.differs(number) else super().one(number, name)
 
     def each(self, number: Any, name: str, components: int = 1) -> Any:
-        """A number of the vehicle: (n · samples, 1, components)."""
+        """Return numbers for each attacked vehicle: (n · samples, 1, components)."""
         everybody = self.draw.each(number, name, components)
         picked = np.take_along_axis(everybody, self.attacked.T[:, :, None], axis=1)
         return picked.swapaxes(0, 1).reshape(-1, 1, components)
 
 
 def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """The inverse CDF of a distribution."""
+    """Return the inverse CDF of a distribution at u.
+
+    Raises TypeError if `number` is not a distribution.
+    """
     match number:
         case fields.Uniform(uniform=[low, high]):
             return low + (high - low) * u

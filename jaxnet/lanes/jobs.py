@@ -1,4 +1,4 @@
-"""A cell and its samples become a batch of lanes with everything drawn, and the plan by which they run."""
+"""The batch of lanes of a cell and its samples, with all numbers drawn, and the plan of its program."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,16 +24,17 @@ from jaxnet.model.signal import ORDERS, Apart, Falsified
 
 
 def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
-    """Lanes of one cell; `save` names the series wanted, of `metrics.SERIES`.
+    """Return the lanes of one cell.
 
-    In double precision whatever the process's default is.
+    `save` names the series to save, of `metrics.SERIES`. The numbers have double precision, whatever the
+    default of the process is.
     """
     with jax.enable_x64(True):
         return build_job(scenario, Draw(source, samples, scenario.vehicles), save)
 
 
 def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
-    """The same of a draw's samples."""
+    """Return the lanes of one cell for the samples of a draw, in the active precision."""
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
@@ -61,16 +62,16 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
 
 
 def recorded(scenario: Scenario, source: Source) -> Recorded:
-    """All that a lane of a scenario draws, in the order in which it does."""
+    """Return all numbers that a lane of a scenario draws, in the order of the draws."""
     found = Recorded(source)
     job(scenario, found, [0])
     return found
 
 
 def source_of(study: Config, scenario: Scenario) -> Source:
-    """Where the numbers of a study's lanes come from in the scenario of one of its cells.
+    """Return the source of numbers for the lanes of a study, with the scenario of one of its cells.
 
-    Raises ConfigError where Sobol's sequences have fewer dimensions than it draws numbers.
+    Raises ConfigError if a lane draws more numbers than Sobol sequences have dimensions.
     """
     keyed = Keyed(study.seed)
     if study.draws == "random" or not isinstance(study.samples, int):
@@ -84,18 +85,21 @@ def source_of(study: Config, scenario: Scenario) -> Source:
 
 
 def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
-    """What makes a number the less important: that it is of the start, or of an attack on nobody.
+    """Return the sort key that puts less important numbers last.
 
-    Of the first dimensions also pairs are even when there are few points, of late ones they are not.
+    Numbers of the start come last. Before them come numbers of the attack for vehicles without attack. Early
+    Sobol dimensions are evenly spread in pairs even with few points; late dimensions are not.
     """
     spared = place.vehicle not in (0, *scenario.attack.targets())
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
 def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
-    """Weights of each lane by slot: (samples, slots, m). Every identity of a source has its weight.
+    """Return the weights of each lane by slot: (samples, slots, m).
 
-    Of the two slots of a link that is split a lane hears the attack's if its source is attacked there.
+    Each identity of a source has the weight of the source before normalisation. A split link has two slots. A
+    lane hears the slot of the attack if the source is attacked in that lane, and the slot of the source
+    otherwise.
     """
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if attack.splits():
@@ -110,7 +114,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
 
 
 def network_of(scenario: Scenario, sources: Any) -> Network:
-    """What the lanes of a cell share, by slot."""
+    """Return the network that the lanes of a cell share, by slot."""
     linked = scenario.topology.linked(scenario.vehicles)
     attacked = hearing.by_slot(linked, scenario.attack.links(linked), sources)
     if scenario.attack.splits():
@@ -121,7 +125,7 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
     signals = signals_of(scenario, sources)
     shown = np.arange(scenario.vehicles)
     if scenario.attack.by_link():
-        first = np.nonzero(attacked.T)[::-1]  # slots and listeners, in the order of the latter
+        first = np.nonzero(attacked.T)[::-1]  # slots and listeners, sorted by listener
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
     heard = Hearing(*map(as_array, hearing.of_slots(sources, carried_sources, attacked, signals)))
     order = elimination.order_of(sources, scenario.engine.one_block)
@@ -129,12 +133,12 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:
-    """The number of the signal of each link."""
+    """Return the signal number of each link."""
     return hearing.link_signals(sources) if scenario.attack.by_link() else hearing.of_transmitters(sources)
 
 
 def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
-    """What the compiled program is shaped by."""
+    """Return the plan: the choices that shape the compiled program."""
     return Plan(
         engine=type(scenario.engine),
         options=scenario.engine.options(),
@@ -149,18 +153,18 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
 
 
 def clock_of(scenario: Scenario) -> Clock:
-    """When things happen."""
+    """Return the clock: tick interval [s], ticks for each output, outputs, and outputs in the tail."""
     numbers = (
         interval_of(scenario),
         round(scenario.output_step / scenario.tick) if has_ticks(scenario) else 1,
         outputs_of(scenario),
-        round(scenario.tail / scenario.output_step) + 1,  # both ends of the tail
+        round(scenario.tail / scenario.output_step) + 1,  # the tail includes both of its ends
     )
     return Clock(*map(np.asarray, numbers))  # pyright: ignore[reportArgumentType]
 
 
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
-    """States at t = 0: (n, m, samples)."""
+    """Return the states at t = 0: (n, m, samples)."""
     given = scenario.initial
     position = draw.each(given.position, "initial.position", components=2)
     heading, speed = (
@@ -172,12 +176,15 @@ def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
 def attack_of(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
 ) -> tuple[Any, np.ndarray, Any, np.ndarray]:
-    """The attack's signal, its vectors (2, m, B, samples), 0 where nobody is attacked, ā over its size, and
-    the greatest norms of the navigator's path and of the signal's functions (2, 4, samples).
+    """Return the signal of the attack, its vectors, its scale, and greatest norms.
 
-    Where each listener is told something of its own, vectors are of links instead (`hearing.link_signals`).
+    - The vectors have the shape (2, m, B, samples), and are 0 for vehicles without attack. If each listener
+      receives a different signal, the vectors belong to links (`hearing.link_signals`).
+    - The scale is ā over the size of the signal.
+    - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the signal's
+      functions, by order.
 
-    `navigator` is the one drawn, `start` the states at t = 0.
+    `navigator` has its numbers drawn, and `start` holds the states at t = 0.
     """
     attack, start = scenario.attack, start[:2]
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
@@ -199,13 +206,17 @@ def attack_of(
 
 
 def heard_by(scenario: Scenario) -> np.ndarray:
-    """Listeners (m,) whose link from the navigator is attacked, so that their signal's source is 0."""
+    """Return which listeners (m,) receive an attacked link from the navigator."""
     linked = scenario.topology.linked(scenario.vehicles)
     return (scenario.attack.links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
-    """Return what attacked links announce, with numbers of every vehicle or link (`hearing.link_signals`)."""
+    """Return the announcements of attacked links.
+
+    The numbers belong to vehicles, or to links if each listener receives a different signal
+    (`hearing.link_signals`).
+    """
     attack = scenario.attack
     theirs = Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():
@@ -216,8 +227,10 @@ def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
 def basis_by_vehicle(
     scenario: Scenario, draw: Draw, chosen: np.ndarray, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """The same where attacked vehicles have functions of their own: each is alone in lanes of its own, which
-    then stand side by side.
+    """Return signal, vectors, scale and greatest norms if each attacked vehicle has functions of its own.
+
+    The function builds the signal of each attacked vehicle in a separate lane, and then joins these lanes.
+    The joint norm is the root of the sum of squares.
     """
     (m, count), n = chosen.shape, max(1, int(chosen[:, 0].sum()))
     attacked = np.argsort(~chosen, axis=0, kind="stable")[:n]
@@ -238,9 +251,10 @@ def basis_by_vehicle(
 def shared_basis(
     scenario: Scenario, draw: Draw, navigator: Any, start: np.ndarray
 ) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Signal, vectors, ā over its size, and the greatest norms of the functions.
+    """Return signal, vectors, scale and greatest norms if all attacked vehicles share the functions.
 
-    All vehicles are taken as attacked, by functions that they share.
+    The vectors treat every vehicle as attacked. The scale is ā over the size of the signal, or 1 for a signal
+    without bound.
     """
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count = len(draw.samples)
@@ -256,7 +270,7 @@ def shared_basis(
 
 
 def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:
-    """The signal with the orders that are falsified."""
+    """Return the signal, limited to the orders that the attack falsifies."""
     orders = np.isin(ORDERS, attack.falsified())
     if orders.all():
         return signal
@@ -264,25 +278,29 @@ def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:
-    """Where a strategic attack's vectors have room, as many as it has functions; it sets them at once."""
+    """Return placeholder vectors for a strategic attack, one for each of its functions.
+
+    The attack replaces them at the first tick.
+    """
     functions = np.asarray(signal.basis(np.zeros(count))).shape[1]
     return np.ones((2, 1, functions, 1))
 
 
 def tree(drawn: Any, count: int = 1) -> Any:
-    """A drawn kind, or another tree of arrays with lanes last, as a tree with lanes first.
+    """Return a tree of arrays with the lane axis moved from last to first.
 
-    A number alone is the same in `count` lanes.
+    `drawn` is a kind with its numbers drawn, or another tree of arrays. A single number is repeated for
+    `count` lanes.
     """
     leaves = jax.tree.map(lambda leaf: leaf if np.ndim(leaf) else np.full(count, leaf), as_pytree(drawn))
     return jax.tree.map(lanes_first, leaves)
 
 
 def lanes_first(leaf: Any) -> Any:
-    """An array with its last axis first."""
+    """Return an array with its last axis moved to the front."""
     return np.moveaxis(np.asarray(leaf), -1, 0)
 
 
 def as_array(leaf: np.ndarray) -> Any:
-    """An array of NumPy's where one of JAX's is expected; programs take both."""
+    """Return a NumPy array, typed as a JAX array; compiled programs accept both."""
     return leaf

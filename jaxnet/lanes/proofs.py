@@ -1,8 +1,7 @@
-"""What an attack must fulfil, looked at before lanes run: shapes, norms, and that derivatives are
-derivatives.
+"""Tests of an attack from outside the package before lanes run: shapes, norms and derivatives.
 
-Of ours the tests say so; one from outside is held to it at some instants, for with a wrong derivative an
-exact engine would be exactly wrong.
+The test suite covers the attacks of the package. The module tests other attacks at a few instants, because an
+exact engine with a wrong derivative would give a wrong result.
 """
 
 from typing import Any
@@ -16,16 +15,17 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.kind import KindError
 
 INSTANTS = 65
-FINITE_STEP = 1e-4  # [s] of the difference quotients
-CLOSE_ENOUGH = 1e-3  # relative, of a derivative and its difference quotient
+FINITE_STEP = 1e-4  # [s], step of the difference quotients
+CLOSE_ENOUGH = 1e-3  # relative, tolerance between a derivative and its difference quotient
 PROOF_ROUNDING = 1e-9
 
 
 def prove(
     attack: AnyAttack, basis: Any, vectors: np.ndarray | None, sizes: Any, horizon: float, count: int
 ) -> None:
-    """Raise KindError if a drawn attack's functions, unit vectors or sizes for `count` lanes are not what
-    they must be.
+    """Raise KindError if the functions, unit vectors or sizes of a drawn attack violate their contract.
+
+    `count` is the number of lanes. Attacks of the package pass without a test.
     """
     if type(attack).__module__.startswith("jaxnet."):
         return
@@ -52,7 +52,10 @@ def prove(
 
 
 def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) -> None:
-    """Raise KindError if vectors have another shape than (2, m or 1, B, lanes or 1), or a norm over 1."""
+    """Raise KindError if vectors have a wrong shape or a spectral norm over 1.
+
+    The shape must be (2, m or 1, B, lanes or 1).
+    """
     shape = vectors.shape
     if len(shape) != 4 or shape[0] != 2 or shape[2] != functions or shape[3] not in (1, count):
         wanted = f"(2, vehicles, B = {functions}, lanes = {count})"
@@ -68,7 +71,7 @@ def prove_derivatives(
     quotients: Float[np.ndarray, "instants 3 functions lanes"],
     given: Float[np.ndarray, "instants 3 functions lanes"],
 ) -> None:
-    """Raise KindError if derivatives of orders 1 to 3 are not those of the order below."""
+    """Raise KindError if a derivative of order 1 to 3 differs from its difference quotient."""
     scale = np.abs(given).max(axis=(0, 2, 3)) + np.abs(quotients).max(axis=(0, 2, 3)) + PROOF_ROUNDING
     apart = np.abs(quotients - given).max(axis=(2, 3)) / scale
     if not (apart <= CLOSE_ENOUGH).all():

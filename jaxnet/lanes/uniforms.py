@@ -1,8 +1,8 @@
-"""Uniform numbers that belong to what they are for, and to nothing else.
+"""Uniform numbers, each with a fixed purpose.
 
-One belongs to (seed, the quantity's dotted name, sample, vehicle, component): it does not change with the
-number of samples, the order in which lanes run, or any other key. Every distribution is its inverse CDF of
-that number, so cells that differ in anything share their draws (common random numbers).
+A number depends only on the seed, the dotted name of the quantity, the sample, the vehicle and the component.
+The number of samples, the order of lanes and other keys do not change it. Every distribution is its inverse
+CDF of that number. Cells with different distributions therefore share their draws (common random numbers).
 """
 
 import functools
@@ -14,48 +14,48 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int, UInt32
 
-COMPONENTS = 4  # of a vehicle whose slots are side by side
-PAGE = 2**16  # slots from these components of all vehicles to the next ones; vehicles are at most 10,000
+COMPONENTS = 4  # components of a vehicle in adjacent slots
+PAGE = 2**16  # slots between groups of components; one group holds all vehicles, at most 10,000
 UNIFORMS_BLOCK = (
     256,
     32,
-)  # samples and slots drawn by one call, wanted or not, so that one compiled program does all
+)  # samples and slots of one call, wanted or not, so that one compiled program serves all draws
 
-BITS = 32  # of a point's coordinates: with more SciPy cannot go on from the middle
-MOST_DIMENSIONS = 21_201  # that Joe and Kuo (2008) have direction numbers for
+BITS = 32  # of each coordinate of a point; with more bits, SciPy cannot start inside a sequence
+MOST_DIMENSIONS = 21_201  # dimensions with direction numbers in Joe and Kuo (2008)
 
-Entry = tuple[int, int]  # vehicle (0: the lane's own) and component
+Entry = tuple[int, int]  # vehicle (0 for the lane itself) and component
 Drawn = Float[np.ndarray, "samples places"]
 
 
 class Place(NamedTuple):
-    """What one uniform number of a sample is for."""
+    """The purpose of one uniform number of a sample: a name, a vehicle and a component."""
 
     name: str
-    vehicle: int = 0  # the lane's own
+    vehicle: int = 0  # 0 for the lane itself
     component: int = 0
 
 
 @runtime_checkable
 class Source(Protocol):
-    """Where the numbers of samples come from."""
+    """Protocol of a source of random numbers for samples."""
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Numbers inside (0, 1) of a quantity."""
+        """Return numbers inside (0, 1) of a quantity: (samples, places)."""
         ...
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """For what no fixed number of draws can make."""
+        """Return a random generator for a quantity without a fixed number of draws."""
         ...
 
 
 class Keyed(NamedTuple):
-    """Random numbers of a seed."""
+    """A source of pseudorandom numbers from a seed."""
 
     seed: int
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """In steps of 2⁻⁵³."""
+        """Return pseudorandom numbers inside (0, 1) in steps of 2⁻⁵³."""
         rows, columns = (
             draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
             draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
@@ -66,14 +66,15 @@ class Keyed(NamedTuple):
         return ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Of the seed, the name and the sample."""
+        """Return a generator seeded with the seed, the name and the sample."""
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), sample])
 
 
 class Scrambled(NamedTuple):
-    """Numbers of Sobol's sequences, one of so many points after the other, each scrambled independently.
+    """A source of numbers from scrambled Sobol sequences.
 
-    A number's dimension is its column; what has none is random.
+    Each sequence has `points` points, and its own independent scrambling. `columns` maps a place to its
+    dimension. A place without a dimension gets pseudorandom numbers.
     """
 
     seed: int
@@ -81,58 +82,63 @@ class Scrambled(NamedTuple):
     columns: dict[Place, int]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """In steps of 2⁻³²."""
+        """Return numbers inside (0, 1): Sobol numbers in steps of 2⁻³², pseudorandom ones elsewhere."""
         given = sobol(self.seed, self.points, len(self.columns), tuple(samples))
         lanes = Given(given, self.columns, np.asarray(samples), Keyed(self.seed))
         return lanes.uniforms(name, range(len(samples)), places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """A random one."""
+        """Return a pseudorandom generator, because Sobol sequences need a fixed number of draws."""
         return Keyed(self.seed).generator(name, sample)
 
 
 class Recorded:
-    """A source, and which of its numbers were asked for, in the order in which they first were."""
+    """A source that records the requested places and names, in the order of the first request."""
 
     def __init__(self, source: Source):
         self.source, self.places, self.names = source, dict[Place, None](), dict[str, None]()
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """The source's."""
+        """Return the numbers of the wrapped source, and record their places."""
         self.places.update({Place(name, *place): None for place in places})
         self.names[name] = None
         return self.source.uniforms(name, samples, places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """The source's."""
+        """Return the generator of the wrapped source, and record the name."""
         self.names[name] = None
         return self.source.generator(name, sample)
 
 
 class Later(NamedTuple):
-    """A source's numbers, those of some names so many samples later, so that they are other ones."""
+    """A source that shifts the samples of some quantities.
+
+    A quantity in `names` takes the numbers of a later sample: sample plus `by`. Its numbers are therefore
+    new. Other quantities keep their numbers.
+    """
 
     source: Source
     by: int
     names: Collection[str]
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Those of the samples, or of later ones."""
+        """Return numbers of the samples, shifted for quantities in `names`."""
         return self.source.uniforms(name, [sample + self.lag(name) for sample in samples], places)
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """That of the sample, or of a later one."""
+        """Return the generator of the sample, shifted for quantities in `names`."""
         return self.source.generator(name, sample + self.lag(name))
 
     def lag(self, name: str) -> int:
-        """Samples by which a quantity's numbers are later."""
+        """Return the shift of a quantity in samples: `by` or 0."""
         return self.by if name in self.names else 0
 
 
 class Given(NamedTuple):
-    """Numbers given for some places, lane by lane; all others are those that a source has for a sample.
+    """A source with given numbers at some places, lane by lane, and numbers of another source elsewhere.
 
-    What is asked for by sample is asked for by the number of a lane here, from 0.
+    Callers pass lane numbers, from 0, in place of sample numbers. `samples` holds the sample of each lane in
+    the other source.
     """
 
     given: Drawn
@@ -141,7 +147,7 @@ class Given(NamedTuple):
     source: Source
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
-        """Those given, and others."""
+        """Return the given numbers, and numbers of the other source at all other places."""
         lanes = np.asarray(samples)
         columns = [self.columns.get(Place(name, *place)) for place in places]
         found = np.empty((len(lanes), len(places)))
@@ -156,14 +162,17 @@ class Given(NamedTuple):
         return found
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
-        """Of the lane's sample."""
+        """Return the generator of the other source for the sample of the lane."""
         return self.source.generator(name, int(self.samples[sample]))
 
 
-@functools.lru_cache(maxsize=4)  # for each name asks for the same samples
+@functools.lru_cache(maxsize=4)  # each name requests equal samples
 def sobol(seed: int, points: int, dimensions: int, samples: tuple[int, ...]) -> Drawn:
-    """Sample s is point s mod `points` of sequence s // `points`."""
-    from scipy.stats import qmc  # takes its time
+    """Return numbers of scrambled Sobol sequences: (samples, dimensions).
+
+    Sample s is point `s mod points` of sequence `s // points`.
+    """
+    from scipy.stats import qmc  # the import is slow
 
     found, (sequences, numbers) = np.empty((len(samples), dimensions)), np.divmod(samples, points)
     for sequence in np.unique(sequences):
@@ -172,19 +181,19 @@ def sobol(seed: int, points: int, dimensions: int, samples: tuple[int, ...]) -> 
         drawn = qmc.Sobol(dimensions, bits=BITS, rng=np.random.default_rng([seed, int(sequence)]))
         if first:
             drawn.fast_forward(first)
-        whole = 2 ** (last - first).bit_length()  # or it warns
+        whole = 2 ** (last - first).bit_length()  # SciPy warns if the number is not a power of 2
         found[mine] = drawn.random(whole)[numbers[mine] - first]
     return found + 2.0 ** -(BITS + 1)
 
 
 def slot(vehicle: int, component: int) -> int:
-    """The number below 2³² that a place has to itself."""
+    """Return a number below 2³² that is unique to a vehicle and a component."""
     page, component = divmod(component, COMPONENTS)
     return page * PAGE + vehicle * COMPONENTS + component
 
 
 def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blocks size"]:
-    """Numbers in rows of this size, the last one filled up with zeros."""
+    """Return numbers in rows of a fixed size, with zeros at the end of the last row."""
     padded = np.zeros(-(-len(numbers) // size) * size, np.uint32)
     padded[: len(numbers)] = numbers
     return padded.reshape(-1, size)
@@ -192,7 +201,7 @@ def draw_in_blocks(numbers: Sequence[int], size: int) -> UInt32[np.ndarray, "blo
 
 @jax.jit
 def bits(key: Any, samples: Any, slots: Any) -> Any:
-    """64 random bits for each sample and slot."""
+    """Return 64 random bits for each sample and slot."""
 
     def one(sample: Any, slot: Any) -> Any:
         return jax.random.bits(jax.random.fold_in(jax.random.fold_in(key, sample), slot), (), "uint64")

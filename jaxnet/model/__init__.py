@@ -1,10 +1,15 @@
 """The physics of the closed loop: pure functions, no randomness, no I/O.
 
-`graph` and `hearing` say who receives what from whom, `retained` whom a vehicle retains of them, `signal`
-what an attack adds; `control` is the law, solved by structure, and `definition` the same as the paper stacks
-it; `lane` holds one simulated fleet.
+The modules follow a message through the loop:
 
-Vehicles are numbered 1..m as in the paper and the navigator is 0. A *source* is whatever a vehicle may
-hear: an array over sources has m + 1 entries, the navigator first, so that source j stands at index j;
-an array over vehicles has m entries, vehicle i at index i - 1. Lanes, where there are any, are the last axis.
+- `graph`: links and weights of the network, settled before the run.
+- `hearing`: the message that each listener receives over each link.
+- `retained`: the sources that a vehicle retains, and the weights in force.
+- `signal`: the signal that an attack adds.
+- `control`: the control law, solved by structure. `definition` has the dense system of the paper.
+- `lane`: the numbers of one simulated fleet.
+
+Vehicles have the numbers 1 to m as in the paper, and the navigator has the number 0. A *source* is the
+navigator or a vehicle. An array over sources has m + 1 entries, and source j stands at index j. An array over
+vehicles has m entries, and vehicle i stands at index i - 1. The lane axis is the last axis.
 """

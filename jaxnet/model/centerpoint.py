@@ -1,9 +1,12 @@
-"""A point in the middle of points in the plane, and weights whose mean it is.
+"""A centerpoint of points in the plane, and weights with that centerpoint as their mean.
 
-A centerpoint of n points has n/3 of them or more in each closed half-plane that it lies in. Such points are a
-convex polygon, never empty: what all half-planes `u·x ≤ h(u)` have in common, h(u) the ⌈n/3⌉-th greatest of
-u·y_j. Between two directions at which points change places in that order h belongs to one point, so the
-directions normal to two points, and an axis where all lie on one line, say everything.
+Each closed half-plane that contains a centerpoint of n points contains at least n/3 of the points. The set of
+all centerpoints is a convex polygon and never empty. It is the intersection of the half-planes `u·x ≤ h(u)`
+over all directions u. Here h(u) is the ⌈n/3⌉-th greatest of `u·y_j`.
+
+The order of the points along u changes only at directions normal to a line through two points. Between two
+such directions h belongs to one point. Therefore the normals of all pairs determine the polygon. The four
+directions of the axes cover the case of points on one line.
 """
 
 from typing import Any, NamedTuple
@@ -16,39 +19,41 @@ from jaxnet.model import elimination
 from jaxnet.model.hearing import SlotWeights
 from jaxnet.model.plane import dot, length
 
-NEAR = 1e-9  # [m], by which half-planes are widened, against rounding
-SAME = 1e-9  # [m], and as a sine: sides so much alike are one
-PARALLEL = 1e-12  # sine of the angle below which two lines are
-CLOSE = 1e-8  # [m], of a mean to the point that it should be
-CENTERPOINT_ROUNDS = 40  # of Newton's method, at most; some 6 are taken
-SHORTER = tuple(8.0**-number for number in range(1, 11))  # steps that are tried besides a whole one
-CENTERPOINT_ROUNDING = 1e-12  # by which a cost is lower
-RIDGE = 1e-11  # relative, added to the curvature, which is singular where few points count
-TRIFLE = 1e-4  # a weight under which a position may not count at all
-TINY = 1e-14  # and this, where it is 0
+NEAR = 1e-9  # [m], margin added to half-planes against rounding
+SAME = 1e-9  # [m] between offsets, and sine between normals, below which two sides are one
+PARALLEL = 1e-12  # sine of the angle below which two lines are parallel
+CLOSE = 1e-8  # [m], tolerated distance between the weighted mean and the wanted point
+CENTERPOINT_ROUNDS = 40  # maximum of Newton's iterations; about 6 suffice
+SHORTER = tuple(8.0**-number for number in range(1, 11))  # step lengths tried besides the full step
+CENTERPOINT_ROUNDING = 1e-12  # least decrease of the cost that counts
+RIDGE = 1e-11  # relative, added to the curvature, which is singular if few points count
+TRIFLE = 1e-4  # weight below which the second solution omits a position
+TINY = 1e-14  # absolute, added to the curvature where it is 0, and to the length of each side
 
 Points = Float[Array, "2 slots m lanes"]
 Point = Float[Array, "2 m lanes"]
 
 
 class HalfPlanes(NamedTuple):
-    """`u·x ≤ h`; u is a unit vector, or 0 where there is none."""
+    """Half-planes `u·x ≤ h`. The normal u is a unit vector, or 0 for an unused entry."""
 
     normal: Float[Array, "2 sides m lanes"]
     offset: Float[Array, "sides m lanes"]
 
     def beyond(self, point: Point) -> Float[Array, "sides m lanes"]:
-        """How far outside a point is [m]."""
+        """Return the distance of a point outside each half-plane [m], negative inside."""
         return dot(self.normal, point[:, None]) - self.offset
 
 
 def weights(position: Points, of: SlotWeights) -> SlotWeights:
-    """Weights, of the slots with weight, of which the mean of the positions is a centerpoint.
+    """Return weights with a centerpoint of the positions as weighted mean.
 
-    The centerpoint is the mean of the boundary of all centerpoints, and so an interior one: vehicles that
-    move to a centerpoint on the boundary need not meet. Of three points or fewer it is the weighted mean, for
-    then all points between them are centerpoints. The weights are as near to those given as they can be,
-    `Σ λ²/w` being least.
+    Only slots with positive weight in `of` count. The chosen centerpoint is the mean of the boundary of the
+    polygon of centerpoints, and therefore an interior point. Vehicles that move to a centerpoint on the
+    boundary need not meet. For three points or fewer, every point between them is a centerpoint, and the
+    function returns `of`, normalised.
+
+    The returned weights λ minimise `Σ λ²/w`, so that they are as near as possible to the given weights w.
     """
     of = of / of.sum(axis=0, keepdims=True)
     many = (of > 0).sum(axis=0) > 3
@@ -62,7 +67,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
 
 
 def half_planes(position: Points, heard: Any) -> HalfPlanes:
-    """Those that have all centerpoints in common."""
+    """Return the half-planes with the set of all centerpoints as intersection."""
     slots = len(heard)
     apart = jnp.where((heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0)
     across = jnp.stack([-apart[1], apart[0]]).reshape(2, slots**2, *heard.shape[1:])
@@ -78,16 +83,16 @@ def half_planes(position: Points, heard: Any) -> HalfPlanes:
 
 
 def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Any:
-    """The greatest values of this rank over the slots, 1 the greatest."""
+    """Return the value of the given rank over the slots; rank 1 is the greatest value."""
     above = (values[:, :, None] >= values[:, None]).sum(axis=1)
     return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
 
 
 def middle(sides: HalfPlanes, beside: Point) -> Point:
-    """The mean of a convex polygon's boundary, in the polygon's interior if it has one.
+    """Return the mean of the boundary of a convex polygon, an interior point if the polygon has an interior.
 
-    On each side's line the other sides leave an interval. `beside` is any point; the lines are measured from
-    their points nearest to it.
+    On the line of each side, the other sides leave an interval. The mean weighs the midpoint of each interval
+    by its length. The function measures each line from its point nearest to `beside`, which is any point.
     """
     numbers = jnp.arange(sides.offset.shape[0])
 
@@ -114,12 +119,15 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
 
 
 def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
-    """Weights λ with `Σ λ = 1` and `Σ λ y = point` of least `Σ λ²/w`.
+    """Return the weights λ with `Σ λ = 1` and `Σ λ y = point` that minimise `Σ λ²/w`.
 
-    They are `λ_j = w_j max(0, a + b·(y_j - point))`, where a and b minimise the convex function
-    `½ Σ w_j max(0, a + b·(y_j - point))² - a`, piecewise quadratic: Newton's method, the best of some steps.
-    On the edge of all positions the others keep weights of nearly 0 that rounding hides from it. Without
-    these the weights are found once more, and taken where the mean is nearer to the point.
+    The solution is `λ_j = w_j max(0, a + b·(y_j - point))`. Here a and b minimise the convex, piecewise
+    quadratic function `½ Σ w_j max(0, a + b·(y_j - point))² - a`. The solver is Newton's method with a line
+    search over a few step lengths.
+
+    If the point lies on an edge of the convex hull, positions off that edge keep weights near 0. Rounding
+    hides these weights from Newton's method. A second solution omits these positions. It replaces the first
+    solution if its mean is nearer to the point.
     """
     apart = position - point[:, None]
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)

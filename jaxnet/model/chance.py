@@ -1,4 +1,7 @@
-"""Random numbers that a lane draws at an instant, the same whatever lanes are beside it and whoever asks."""
+"""Random numbers that a lane draws at an instant.
+
+A number depends only on the lane, the time and the purpose. Other lanes and the engine do not change it.
+"""
 
 import functools
 import zlib
@@ -18,9 +21,10 @@ def drawn(
     sampler: Callable[[Any, Any], Any],
     shape: tuple[int, ...],
 ) -> Float[Array, "*shape lanes"]:
-    """`sampler(key, shape)` of each lane, with a key that follows from the lane's, the time and the purpose.
+    """Return `sampler(key, shape)` for each lane.
 
-    A lane's key is a number that no other lane has, a time [s] one that every engine reaches to the last bit.
+    The key of a draw derives from the key of the lane, the time and the purpose. Each lane needs a unique
+    number as its key. The time [s] must be equal to the last bit in every engine.
     """
 
     def one(number: Any, instant: Any) -> Any:
@@ -33,19 +37,20 @@ def drawn(
 
 
 def halves(number: Float[Array, ""]) -> Any:
-    """The 64 bits of a number in two halves."""
+    """Return the 64 bits of a number as two halves of 32 bits."""
     return jax.lax.bitcast_convert_type(number, jnp.uint32)
 
 
 def noisy(
     jets: Any, size: Float[Array, " lanes"], key: Float[Array, " lanes"], time: Any, first: int = 0
 ) -> tuple[Any, ...]:
-    """Jets with independent normal errors of this standard deviation; where all are 0, bit by bit the same.
+    """Return jets with independent normal errors of standard deviation `size`.
 
-    `first` is the order of the first jet; errors of each order are drawn apart.
+    If all sizes are 0, the jets stay unchanged bit by bit. `first` is the order of the first jet. Each order
+    has its own draws.
 
-    They are computed before they are used: a compiler that computes them at each use may round them
-    otherwise at each, and a source is then farther out than itself.
+    The conditional computes the noisy jets once, before any use. Otherwise a compiler may compute them again
+    at each use with different rounding. A source would then differ from itself in a comparison.
     """
 
     def wrong(order: int, jet: Any) -> Any:

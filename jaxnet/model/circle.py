@@ -1,14 +1,15 @@
 """Cosine and sine of one angle together, in arithmetic that a compiler vectorises.
 
-XLA's own double precision sine and cosine run one number at a time on a CPU, an order of magnitude slower.
-The angle is brought into [-π/4, π/4] by quarter turns (Cody and Waite, 1980: π/2 in three parts, the first
-two short, so that their multiples are exact), where the Taylor-like polynomials of fdlibm (Sun Microsystems,
-`k_sin.c` and `k_cos.c`) hold to half a unit in the last place. Good to 1.8e-16 for angles up to 1e8 rad.
+On CPUs, the double precision sine and cosine of XLA handle one number at a time and are an order of magnitude
+slower. Quarter turns reduce the angle to [-π/4, π/4] (Cody and Waite, 1980). The reduction splits π/2 into
+three parts; the first two parts are short, so that their multiples are exact. In that interval the
+polynomials of fdlibm are accurate to half a unit in the last place (Sun Microsystems, `k_sin.c` and
+`k_cos.c`). The error is at most 1.8e-16 for angles up to 1e8 rad.
 """
 
 from typing import Any
 
-QUARTER = (1.570796251296997, 7.549789415861596e-08, 5.390302858158119e-15)  # sums to π/2
+QUARTER = (1.570796251296997, 7.549789415861596e-08, 5.390302858158119e-15)  # the sum is π/2
 COSINE = (
     4.16666666666666019037e-02,
     -1.38888888888741095749e-03,
@@ -28,7 +29,7 @@ SINE = (
 
 
 def circle(angle: Any) -> tuple[Any, Any]:
-    """`(cos, sin)` of an array of angles [rad], NumPy's or JAX's."""
+    """Return `(cos, sin)` of an array of angles [rad], for NumPy and JAX."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
     rest = angle - turns * QUARTER[0]
@@ -40,12 +41,12 @@ def circle(angle: Any) -> tuple[Any, Any]:
     odd = (quadrant == 1.0) | (quadrant == 3.0)
     across, up = xp.where(odd, sine, cosine), xp.where(odd, cosine, sine)
     left, down = (quadrant == 1.0) | (quadrant == 2.0), quadrant >= 2.0
-    # A division, for what is cheaper XLA computes anew for each use: of jets, eight times.
+    # XLA computes cheap expressions again at each use, eight times for jets. A division prevents that.
     return across / xp.where(left, -1.0, 1.0), up / xp.where(down, -1.0, 1.0)
 
 
 def polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
-    """`c_0 + c_1 x + c_2 x² …` by Horner's rule."""
+    """Return `c_0 + c_1 x + c_2 x² …` by Horner's rule."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient

@@ -1,12 +1,13 @@
-"""The law: from what a vehicle knows of itself and what it hears, the jerk that it wants.
+"""The control law: the jerk that a vehicle demands, from its own jets and the received messages.
 
     ε = y - Σ_j w_ij (y_j + a_ij),      P(y) = k0 y + k1 ẏ + k2 ÿ
     L q = a0 ⊗ y_0‴ + d‴ - P(ε),        q = y‴
 
-It is the paper's `M u = …` with ψ taken out: 2m unknowns in one dense system become m with two right-hand
-sides. P is linear, so a vehicle hears `P(y_j) + P(a_ij) + a_ij‴` from each neighbour j, and from the
-navigator the same with y_0‴ on top; the neighbours' own third derivatives are what is solved for.
-`definition` has the original.
+The paper states the dense system `M u = …` with 2m unknowns; `definition` implements it. Without ψ, that
+system becomes an m × m system with two right-hand sides, one for each axis.
+
+P is linear. From each neighbour j, a vehicle therefore receives `P(y_j) + P(a_ij) + a_ij‴`. From the
+navigator it receives y_0‴ in addition. The third derivatives of the neighbours are the unknowns.
 """
 
 from typing import Any
@@ -20,14 +21,17 @@ Gain = Float[Array, "3 *lanes"]
 
 
 def feedback(gain: Gain, jets: Any) -> Any:
-    """`P(y) = k0 y + k1 ẏ + k2 ÿ` of a signal's jets; further derivatives are left alone."""
+    """Return `P(y) = k0 y + k1 ẏ + k2 ÿ` of the jets of a signal.
+
+    The function ignores derivatives of order 3 and above.
+    """
     lift = [1] * (jets[0].ndim + 1 - gain.ndim)
     k0, k1, k2 = (each.reshape(*lift, *each.shape) for each in gain)
     return k0 * jets[0] + k1 * jets[1] + k2 * jets[2]
 
 
 def driven(gain: Gain, jets: Any) -> Any:
-    """`R(y) = y‴ + P(y)` of a signal's jets, of which there are four."""
+    """Return `R(y) = y‴ + P(y)` of the four jets of a signal."""
     return feedback(gain, jets) + jets[3]
 
 
@@ -39,7 +43,11 @@ def demand(
     weights: AxisWeights,
     gain: Gain,
 ) -> Float[Array, "2 m *lanes"]:
-    """`a0 ⊗ y_0‴ + d‴ - P(ε)`, from a vehicle's own jets, `R(y_0)`, and `R(a)` of what attacks add."""
+    """Return the right-hand side `a0 ⊗ y_0‴ + d‴ - P(ε)` of the law.
+
+    `own` are the jets of the vehicles, `path` is R(y_0) of the navigator, and `attack` is R(a) of the attack
+    signals.
+    """
     mine = feedback(gain, own)
     sources = jnp.concatenate([path[:, None], mine], axis=1)
     return hearing.mean(weights, sources, attack) - mine

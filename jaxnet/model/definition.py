@@ -1,7 +1,7 @@
-"""The law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and 4.3).
+"""The control law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and 4.3).
 
-The stacked engine runs on it, and the structured solve of `control` is held to it.
-Stacks are vehicle by vehicle, `ȳ = [y_1; …; y_m]`, and `η_i = [ε_i; ε̇_i; ε̈_i]`.
+The stacked engine uses this form. Tests compare the structured solve of `control` with it. Stacked vectors
+list one vehicle after the other: `ȳ = [y_1; …; y_m]` and `η_i = [ε_i; ε̇_i; ε̈_i]`.
 """
 
 import jax
@@ -10,28 +10,28 @@ from jaxtyping import Array, Float
 
 
 def brunovsky() -> tuple[Float[Array, "6 6"], Float[Array, "6 2"]]:
-    """`𝒜` and `ℬ`: two chains of three integrators."""
+    """Return `𝒜` and `ℬ`, the matrices of two chains of three integrators."""
     return jnp.kron(jnp.eye(3, k=1), jnp.eye(2)), jnp.kron(jnp.eye(3)[:, 2:], jnp.eye(2))
 
 
 def stacked_feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
-    """`𝒦 = -[k0 I₂, k1 I₂, k2 I₂]`, the paper's diagonal in the order of η."""
+    """Return `𝒦 = -[k0 I₂, k1 I₂, k2 I₂]`, the gains of the paper in the order of η."""
     return -jnp.kron(gain[None], jnp.eye(2))
 
 
 def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
-    """`𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
+    """Return the matrix of the closed loop, `𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
     chains, entry = brunovsky()
     return jnp.kron(jnp.eye(vehicles), chains + entry @ stacked_feedback(gain))
 
 
 def stacked(psi: Float[Array, "2 2 m"]) -> Float[Array, "n n"]:
-    """`Ψ = diag{ψ_1, …, ψ_m}`."""
+    """Return the block diagonal matrix `Ψ = diag{ψ_1, …, ψ_m}`."""
     return jax.scipy.linalg.block_diag(*jnp.moveaxis(psi, 2, 0))
 
 
 def mixing(psi: Float[Array, "n n"], weights: Float[Array, "m sources"]) -> Float[Array, "n n"]:
-    """`M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`."""
+    """Return `M = Ψ⁻¹ (I - A ⊗ I₂) Ψ`."""
     coupling = jnp.eye(len(psi)) - jnp.kron(weights[:, 1:], jnp.eye(2))
     return jnp.linalg.solve(psi, coupling @ psi)
 
@@ -44,10 +44,10 @@ def inputs(
     error: Float[Array, "3 2 m"],
     gain: Float[Array, "3"],
 ) -> Float[Array, "2 m"]:
-    """`u` from the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]`.
+    """Solve the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]` for the inputs u.
 
-    `drift` is σ and `decoupling` ψ of each vehicle, `received_third` is `a0 ⊗ y_0‴ + d‴`, `error` the jets ε,
-    ε̇, ε̈.
+    `drift` is σ of each vehicle, and `decoupling` is ψ of each vehicle. `received_third` is `a0 ⊗ y_0‴ + d‴`.
+    `error` holds the jets ε, ε̇ and ε̈.
     """
     vehicles, psi = drift.shape[1], stacked(decoupling)
     sigma = drift.T.reshape(-1)

@@ -1,14 +1,19 @@
-"""`L x = b` for the graph in force, in an order in which those who hear each other stand close together.
+"""Direct solution of `L x = b` for the graph in force.
 
-Vehicles are numbered anew and cut into blocks, such that each hears vehicles of its own block and of the two
-beside it only. L is then block tridiagonal, and eliminated from block to block in a time that grows no faster
-than the number of vehicles. Where no order does that, all vehicles are one block. Retained are some of those
-who are heard, so that one order serves all lanes and ticks. L is a row diagonally dominant M-matrix: no pivot
-has to be sought. Where no order makes blocks small, `iteration` solves instead.
+A reverse Cuthill–McKee order places vehicles that hear each other close together. Blocks of that order hear
+only vehicles of their own block and of the two adjacent blocks. L is then block tridiagonal, and elimination
+from block to block takes a time linear in the number of vehicles.
 
-The navigator reaches every vehicle over the weights in force just where `L⁻¹ a0` is 1. How far that is from 1
-is the residual: of rounding, or of order 1 or not a number where somebody is cut off. Of iteration it is a
-bound on the error, infinite where somebody is cut off.
+- If no order gives several small blocks, all vehicles form one block.
+- If the blocks would be too large, `iteration` solves instead.
+- Retained sources are a subset of the sources that a vehicle hears. One order therefore serves all lanes and
+  ticks.
+- L is a row diagonally dominant M-matrix. Elimination therefore needs no pivot search.
+
+The navigator reaches every vehicle over the weights in force if and only if `L⁻¹ a0 = 1`. The residual is the
+distance of `L⁻¹ a0` from 1. It is of the order of rounding if the graph is connected. It is of order 1 or NaN
+if a vehicle is cut off. For iteration, the residual is a bound on the error, infinite if a vehicle is cut
+off.
 """
 
 from typing import Any, NamedTuple
@@ -21,11 +26,11 @@ from jaxtyping import Array, Float, Int
 from jaxnet.model import iteration, xla
 from jaxnet.model.hearing import AxisWeights, Hearing
 
-AT_ONCE = 4  # rows that eliminate, or columns of a product, in one pass over the rest
-LEFT_OUT = 6  # times at most that columns which are done are left out
-SMALL = 2  # vehicles of a block for which it is quicker to compute a number twice than to keep it
-LEAST_BLOCKS = 8  # fewer are no quicker than one
-LARGEST_BLOCK = 96  # vehicles; iteration is quicker than larger ones
+AT_ONCE = 4  # pivot rows, or columns of a product, in one pass over the other rows
+LEFT_OUT = 6  # maximum number of removals of finished columns; each compiles another program
+SMALL = 2  # vehicles in a block, up to which recomputation is faster than storage
+LEAST_BLOCKS = 8  # fewer blocks are no faster than one block
+LARGEST_BLOCK = 96  # vehicles; iteration is faster than larger blocks
 
 Columns = Float[Array, "m columns axes lanes"]
 Blocks = Float[Array, "blocks size _ axes lanes"]
@@ -35,21 +40,21 @@ Residual = Float[Array, " lanes"]
 
 
 class Order(NamedTuple):
-    """Vehicles in blocks, each of which hears only vehicles of its own block and of the two beside it."""
+    """Vehicles in blocks; each block hears only vehicles of itself and of the two adjacent blocks."""
 
-    vehicles: Int[Any, "blocks size"]  # who stands where, counted from 0; m where nobody does
-    place: Int[Any, " m"]  # of each vehicle, counted through all blocks
+    vehicles: Int[Any, "blocks size"]  # vehicle at each place, from 0; m at an unused place
+    place: Int[Any, " m"]  # place of each vehicle, counted through all blocks
 
 
 class NoOrder(NamedTuple):
-    """No order of the vehicles makes blocks small enough: what takes one iterates instead."""
+    """The absence of an order with small enough blocks; the solver then iterates."""
 
 
 class Factors(NamedTuple):
-    """What it takes to solve with one L again and again, matrices by their columns.
+    """Factors of one L for repeated solves, with matrices stored by columns.
 
-    On the way there `x_k = inverse b_k + before x_{k-1}`, from block to block, and on the way back
-    `x_k + after x_{k+1}`; of one block alone the inverse is all.
+    The forward pass over the blocks is `x_k = inverse b_k + before x_{k-1}`. The backward pass is `x_k +
+    after x_{k+1}`. A single block needs only `inverse`.
     """
 
     inverse: Products
@@ -58,17 +63,17 @@ class Factors(NamedTuple):
 
 
 class Weighted(NamedTuple):
-    """What it takes to solve with one L again and again by iteration."""
+    """Weights and a norm bound of one L for repeated solves by iteration."""
 
-    weights: AxisWeights  # of vehicles
+    weights: AxisWeights  # weights of vehicles, without the navigator
     bound: iteration.InverseBound
 
 
 def order_of(sources: Int[np.ndarray, "slots m"], one_block: int) -> Order | NoOrder:
-    """Cuthill and McKee's order, reversed, in blocks as large as who hear each other stand apart.
+    """Return the reverse Cuthill–McKee order, with the bandwidth of the graph as block size.
 
-    Fleets of up to `one_block` vehicles are one, and so are those that it does not cut into LEAST_BLOCKS.
-    There is none where blocks would be larger than LARGEST_BLOCK.
+    Up to `one_block` vehicles form one block. A graph with fewer than LEAST_BLOCKS blocks also becomes one
+    block. The result is NoOrder if a block would exceed LARGEST_BLOCK vehicles.
     """
     m = sources.shape[1]
     if m > one_block:
@@ -83,7 +88,10 @@ def order_of(sources: Int[np.ndarray, "slots m"], one_block: int) -> Order | NoO
 
 
 def near_each_other(sources: Int[np.ndarray, "slots m"]) -> tuple[np.ndarray, np.ndarray, int]:
-    """Vehicles in an order, the place of each in it, and how far from each other any stand who hear one."""
+    """Return the vehicles in reverse Cuthill–McKee order, the place of each vehicle, and the bandwidth.
+
+    The bandwidth is the greatest distance in that order between a listener and its source, at least 2.
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -99,7 +107,7 @@ def near_each_other(sources: Int[np.ndarray, "slots m"]) -> tuple[np.ndarray, np
 def solve(
     order: Order | NoOrder, hearing: Hearing, weights: AxisWeights, right: Columns
 ) -> tuple[Columns, Residual]:
-    """`L⁻¹` times some columns for the weights in force, and the residual of `L⁻¹ a0 = 1`."""
+    """Solve `L x = b` for several columns b, and return the solution and the residual of `L⁻¹ a0 = 1`."""
     if isinstance(order, NoOrder):
         factors, residual = made_ready(hearing, weights)
         solution, error = iteration.certified(hearing, *factors, right, jnp.zeros_like(right))
@@ -115,7 +123,7 @@ def solve(
 
 
 def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Blocks) -> Blocks:
-    """The solution for some columns, there and back over the blocks."""
+    """Solve a block tridiagonal system for several columns, by a forward and a backward pass."""
     size = own.shape[1]
 
     def there(last: Any, block: Any) -> tuple[Any, Any]:
@@ -141,7 +149,7 @@ def from_block_to_block(before: Blocks, own: Blocks, after: Blocks, right: Block
 def factorised(
     order: Order | NoOrder, hearing: Hearing, weights: AxisWeights
 ) -> tuple[Factors | Weighted, Residual]:
-    """L for the weights in force, made ready to be solved with, and the residual of `L⁻¹ a0 = 1`."""
+    """Factorise L for repeated solves, and return the factors and the residual of `L⁻¹ a0 = 1`."""
     if isinstance(order, NoOrder):
         return made_ready(hearing, weights)
     before, own, after, navigator = spread_out(order, hearing, weights)
@@ -163,7 +171,10 @@ def factorised(
 
 
 def made_ready(hearing: Hearing, weights: AxisWeights) -> tuple[Weighted, Residual]:
-    """The same for iteration."""
+    """Return weights and norm bound of L for repeated solves by iteration, and a residual.
+
+    The residual is infinite where a vehicle is cut off, and 0 elsewhere.
+    """
     bound = iteration.inverse_bound(hearing, weights)
     cut_off = jnp.isinf(bound).any(axis=0)
     return Weighted(iteration.of_vehicles(hearing, weights), bound), jnp.where(cut_off, jnp.inf, 0.0)
@@ -176,7 +187,10 @@ def applied(
     right: Float[Array, "2 m lanes"],
     start: Any,
 ) -> Float[Array, "2 m lanes"]:
-    """`L⁻¹` times a vector on each axis; iteration starts from a guess at it, () where there is none."""
+    """Return `L⁻¹` times one vector on each axis.
+
+    `start` is the initial guess of the iteration, None for 0. Direct solution ignores `start`.
+    """
     if isinstance(factors, Weighted):
         start = jnp.zeros_like(right) if start is None else start
         right, start = (
@@ -192,7 +206,7 @@ def applied(
 
 
 def through(factors: Factors, right: RightSides) -> RightSides:
-    """There and back over the blocks."""
+    """Solve with the factors of L, by a forward and a backward pass over the blocks."""
     if len(right) == 1:
         return product(factors.inverse[0], right[0])[None]
 
@@ -212,14 +226,21 @@ def through(factors: Factors, right: RightSides) -> RightSides:
 
 
 def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Blocks, Blocks, Blocks, Blocks]:
-    """Weights of vehicles in the block before, L within the block, weights in the block after, and a0.
+    """Return the blocks of L and the weights of the navigator.
 
-    Of one block alone there is nothing before and after.
+    The four arrays are:
+
+    - the weights of vehicles in the previous block,
+    - L within the block,
+    - the weights of vehicles in the next block,
+    - a0, the weights of the navigator.
+
+    A single block has empty arrays for the previous and the next block.
     """
     blocks, size = order.vehicles.shape
     carried_sources = hearing.carried_sources.at[:, order.vehicles].get(mode="fill", fill_value=0)
     heard = jnp.moveaxis(weights, 0, 2).at[:, order.vehicles].get(mode="fill", fill_value=0.0)
-    first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column but a0's
+    first = (jnp.arange(blocks)[:, None] - int(blocks > 1)) * size  # place of the first column after a0
     columns = jnp.where(
         carried_sources > 0, jnp.asarray(order.place)[carried_sources - 1] - first[None] + 1, 0
     )
@@ -232,7 +253,10 @@ def spread_out(order: Order, hearing: Hearing, weights: AxisWeights) -> tuple[Bl
 
 
 def summed(table: Blocks, columns: Int[Any, "slots blocks size"], heard: Any) -> Blocks:
-    """The table with what is heard in each slot (slots, blocks, size, axes, lanes) added in its column."""
+    """Add the weight of each slot to its column of a table of blocks.
+
+    `heard` has the shape (slots, blocks, size, axes, lanes).
+    """
     blocks, size = table.shape[:2]
 
     def one(number: Any, table: Blocks) -> Blocks:
@@ -249,32 +273,32 @@ def summed(table: Blocks, columns: Int[Any, "slots blocks size"], heard: Any) ->
 
 
 def identity(blocks: Blocks) -> Blocks:
-    """Of each block, the same for each axis and lane."""
+    """Return the identity matrix in the shape of the blocks, equal for each axis and lane."""
     eye = jnp.eye(blocks.shape[1])
     return jnp.broadcast_to(eye[None, :, :, None, None], blocks.shape)
 
 
 def in_blocks(order: Order, by_vehicle: Any) -> Any:
-    """What belongs to vehicles by where they stand, 0 where nobody does."""
+    """Arrange values of vehicles by block and place, with 0 at unused places."""
     if len(order.vehicles) == 1:
         return by_vehicle[None]
     return by_vehicle.at[order.vehicles].get(mode="fill", fill_value=0.0)
 
 
 def by_vehicle(order: Order, blocks: Any) -> Any:
-    """The same by vehicle."""
+    """Arrange values of blocks and places by vehicle."""
     if len(order.vehicles) == 1:
         return blocks[0]
     return blocks.reshape(-1, *blocks.shape[2:]).at[order.place].get(mode="promise_in_bounds")
 
 
 def off_one(reached: Float[Array, "m axes lanes"]) -> Residual:
-    """How far `L⁻¹ a0` is from 1, at most."""
+    """Return the greatest distance of `L⁻¹ a0` from 1 in each lane."""
     return jnp.abs(reached - 1.0).max(axis=(0, 1))
 
 
 def multiplied(left: Float[Array, "n n axes lanes"], right: Float[Array, "n c axes lanes"]) -> Any:
-    """Product of two small matrices."""
+    """Return the product of two small matrices, for each axis and lane."""
     total = left[:, :1] * right[:1]
     for n in range(1, len(right)):
         total = total + left[:, n : n + 1] * right[n : n + 1]
@@ -282,9 +306,10 @@ def multiplied(left: Float[Array, "n n axes lanes"], right: Float[Array, "n c ax
 
 
 def product(columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "components n lanes"]) -> Any:
-    """Matrix, given by its columns, of each axis or of both, times vectors, lane by lane.
+    """Multiply a matrix, given by its columns, with vectors in each lane.
 
-    XLA's own batched product takes the lanes one by one, which for small matrices is several times slower.
+    The matrix has one axis for both components, or one for each component. The batched product of XLA handles
+    one lane at a time; for small matrices it is several times slower than this loop.
     """
     at_once = in_one_pass(len(columns))
 
@@ -299,16 +324,18 @@ def product(columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "comp
 
 
 def in_one_pass(number: int) -> int:
-    """How many are taken at once."""
+    """Return the number of columns for one pass: the greatest divisor up to AT_ONCE."""
     return max(n for n in range(1, AT_ONCE + 1) if number % n == 0)
 
 
 def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes lanes"]:
-    """`M⁻¹ B` for `[M | B]`, Gauss and Jordan's elimination, lane beside lane.
+    """Return `M⁻¹ B` for `[M | B]` by blocked Gauss–Jordan elimination, vectorised over lanes.
 
-    Rows come first when their turn to eliminate has come, some at once, for most of the time goes into
-    passing over the others, and go last after it. Columns that are done are left out: at every pass of small
-    matrices, after some of large ones, for each time a program is compiled for what is left.
+    AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the time goes
+    into passes over the other rows. Several pivot rows therefore share one pass.
+
+    The function removes finished columns. It does so at every pass for small matrices, and after several
+    passes for large ones. Each removal changes the shape and compiles another program.
     """
     passes, rest = divmod(len(whole), AT_ONCE)
     at_a_time = max(1, -(-passes // LEFT_OUT))
@@ -324,7 +351,10 @@ def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes 
 
 
 def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, "n r axes lanes"]:
-    """The rows after the first ones have eliminated; these go last, and their columns are left out."""
+    """Eliminate with the first rows, move these rows to the back, and remove their columns.
+
+    `first` is the number of pivot rows.
+    """
     if len(rows) == first:
         return reduced(rows)
     pivots = xla.materialised(lambda: reduced(rows[:first]))
@@ -332,7 +362,7 @@ def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, 
 
 
 def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lanes"]:
-    """`P⁻¹ R` for `[P | R]`, of few rows."""
+    """Return `P⁻¹ R` for `[P | R]` with few rows."""
     if len(rows) == 1:
         return rows[:, 1:] / rows[:, :1]
     if len(rows) == 2:
@@ -346,7 +376,7 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
 
 
 def without(rows: Float[Array, "n c axes lanes"], pivots: Float[Array, "k r axes lanes"]) -> Any:
-    """Rows from which the pivots are taken, so that their first k columns are done and left out."""
+    """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become 0."""
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):
         left = left - rows[:, n : n + 1] * pivot[None]

@@ -1,8 +1,9 @@
-"""Who hears whom, with what weight (paper, section 2), in NumPy: a graph is settled before anything runs.
+"""Directed graphs with weights (paper, section 2), in NumPy: the graph is complete before a simulation
+starts.
 
-A graph of m vehicles lists for each listener whom it hears, so that it takes memory as it has links, not m².
-The paper's matrix `[a0 | A]`, (m, m + 1) with the navigator's column first, is made by `dense` where one is
-wanted: of small fleets, by what inverts it.
+A graph of m vehicles lists the sources of each listener. Its memory grows with the number of links, not with
+m². For small fleets, `dense` returns the matrix `[a0 | A]` of the paper: (m, m + 1), with the navigator in
+the first column.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -12,56 +13,60 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
-BLOCK = 2**17  # numbers of dense rows that are added at once
+BLOCK = 2**17  # numbers of the dense rows that one sum takes
 
-Weights = Float[np.ndarray, "m sources"]  # of a dense matrix
-Links = Bool[np.ndarray, "m slots"]  # some of a graph's, slot by slot
+Weights = Float[np.ndarray, "m sources"]  # dense matrix
+Links = Bool[np.ndarray, "m slots"]  # a subset of the links of a graph, slot by slot
 Row = Int[np.ndarray, " links"]
 
 
 class Digraph(NamedTuple):
-    """A weighted digraph: row i - 1 holds what vehicle i hears, slot by slot, by the numbers of the sources.
+    """A weighted digraph: row i - 1 lists the sources of vehicle i, slot by slot.
 
-    There are as many slots as the busiest listener has sources; one left over holds the listener itself. A
-    slot in which nobody is heard has weight 0. Weights of a row sum to 1, or to 0 where nobody is.
+    The number of slots is the greatest number of sources of any listener. An unused slot has weight 0 and
+    contains the number of the listener itself. The weights of a row sum to 1, or to 0 if the vehicle hears no
+    source.
     """
 
-    sources: Int[np.ndarray, "m slots"]  # 0 the navigator
+    sources: Int[np.ndarray, "m slots"]  # 0 is the navigator
     weights: Float[np.ndarray, "m slots"]
 
     @property
     def vehicles(self) -> int:
-        """How many there are."""
+        """Return the number of vehicles."""
         return len(self.sources)
 
     @property
     def heard(self) -> Links:
-        """Slots that hold somebody who is heard."""
+        """Return the slots that contain a link: the slots with positive weight."""
         return self.weights > 0
 
     @property
     def none(self) -> Links:
-        """No link."""
+        """Return an array of slots without any link."""
         return np.zeros(self.weights.shape, bool)
 
     def only(self, links: Links) -> "Digraph":
-        """The same with weight 0 elsewhere."""
+        """Return the graph with weight 0 outside the given links."""
         return self._replace(weights=np.where(links, self.weights, 0.0))
 
     def edges(self) -> tuple[Row, Row]:
-        """Listeners, from 0, and slots of all links, listener by listener."""
+        """Return listeners, from 0, and slots of all links, sorted by listener."""
         listeners, slots = np.nonzero(self.heard)
         return listeners, slots
 
     def pairs(self) -> dict[tuple[int, int], float]:
-        """Weights by listener, from 0, and source."""
+        """Return the weights by listener, from 0, and source."""
         rows, slots = self.edges()
         ends = zip(rows.tolist(), self.sources[rows, slots].tolist(), strict=True)
         return dict(zip(ends, self.weights[rows, slots].tolist(), strict=True))
 
 
 def of_links(vehicles: int, listeners: Any, sources: Any, weights: Any = 1.0) -> Digraph:
-    """Graph in which listeners, from 0, hear sources with these weights; no link is given twice."""
+    """Return the graph of listeners, from 0, sources and weights.
+
+    Each link may appear only once. The function does not normalise the weights.
+    """
     listeners, sources = (np.asarray(each).astype(int) for each in (listeners, sources))
     order = np.argsort(listeners * (vehicles + 1) + sources, kind="stable")
     listeners, sources = listeners[order], sources[order]
@@ -72,7 +77,10 @@ def of_links(vehicles: int, listeners: Any, sources: Any, weights: Any = 1.0) ->
 
 
 def slotted(vehicles: int, listeners: Row, sources: Row) -> tuple[Row, Row, Int[np.ndarray, "m slots"]]:
-    """Sources slot by slot, with the row and the slot of each; they are given listener by listener."""
+    """Return row and slot of each link, and the table of sources slot by slot.
+
+    The links must be sorted by listener.
+    """
     number = np.bincount(listeners, minlength=vehicles)
     slots = np.arange(len(listeners)) - (np.cumsum(number) - number)[listeners]
     table = np.tile(np.arange(1, vehicles + 1)[:, None], (1, max(1, int(number.max()))))
@@ -81,12 +89,12 @@ def slotted(vehicles: int, listeners: Row, sources: Row) -> tuple[Row, Row, Int[
 
 
 def of_matrix(given: Any) -> Digraph:
-    """Graph of an array (m, m + 1) of weights, or of links, NumPy's or a sparse one of SciPy's."""
+    """Return the graph of a matrix (m, m + 1) of weights or links, a NumPy array or a SciPy sparse array."""
     return of_links(given.shape[0], *entries(given))
 
 
 def entries(given: Any) -> tuple[Row, Row, Any]:
-    """Rows and columns of what is not 0 in an array, NumPy's or a sparse one of SciPy's, and what it is."""
+    """Return rows, columns and values of the entries other than 0, of a NumPy or SciPy sparse array."""
     if isinstance(given, np.ndarray):
         rows, columns = np.nonzero(given)
         return rows, columns, given[rows, columns]
@@ -97,13 +105,13 @@ def entries(given: Any) -> tuple[Row, Row, Any]:
 
 
 def weighted(vehicles: int, edges: Iterable[tuple[int, int, float]]) -> Digraph:
-    """Graph of the edges (i, j, w), "i hears j with weight w", each row normalised to sum 1."""
+    """Return the graph of edges (i, j, w), "i hears j with weight w", with rows normalised to sum 1."""
     listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
     return normalised(of_links(vehicles, listeners - 1, sources, weights))
 
 
 def normalised(graph: Digraph) -> Digraph:
-    """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody."""
+    """Return the graph with rows that sum to 1, or to 0 if a vehicle hears no source."""
     weights = graph.weights
     total = totals(graph.sources, weights, graph.vehicles + 1)[:, None]
     return graph._replace(weights=np.divide(weights, total, out=np.zeros_like(weights), where=total > 0))
@@ -112,10 +120,11 @@ def normalised(graph: Digraph) -> Digraph:
 def totals(
     columns: Int[np.ndarray, "m slots"], values: Float[np.ndarray, "m slots"], width: int
 ) -> Float[np.ndarray, " m"]:
-    """Sums of rows to the last bit as NumPy adds them in dense ones of this width, by pairs.
+    """Return sums of rows, equal to the last bit to the sums of the dense rows in NumPy.
 
-    So that a graph has the same weights however it is given. Of two numbers there is one sum; where there are
-    more a few rows are made dense at a time.
+    NumPy adds a dense row of this width pairwise. Equal order gives a graph equal weights, however the user
+    states the graph. The sum of two numbers does not depend on the order. For rows with more entries, the
+    function builds dense rows, a few at a time.
     """
     found = values.sum(axis=1)
     several, at_once = np.flatnonzero((values != 0).sum(axis=1) > 2), max(1, BLOCK // width)
@@ -129,21 +138,22 @@ def totals(
 
 
 def dense(graph: Digraph) -> Weights:
-    """`[a0 | A]`, of small fleets."""
+    """Return the dense matrix `[a0 | A]`, for small fleets."""
     matrix = np.zeros((graph.vehicles, graph.vehicles + 1))
     np.add.at(matrix, (np.arange(graph.vehicles)[:, None], graph.sources), graph.weights)
     return matrix
 
 
 def laplacian(weights: Weights) -> Float[np.ndarray, "m m"]:
-    """`L = I - A` of `[a0 | A]`; where everybody hears somebody, nonsingular just if the navigator reaches
-    everybody.
+    """Return `L = I - A` of the matrix `[a0 | A]`.
+
+    If every vehicle hears a source, L is nonsingular if and only if the navigator reaches every vehicle.
     """
     return np.eye(len(weights)) - weights[:, 1:]
 
 
 def solver(graph: Digraph) -> Callable[[np.ndarray], np.ndarray]:
-    """What makes `L⁻¹ b` of b (m, …), L = I - A sparse and nonsingular."""
+    """Return a function that computes `L⁻¹ b` for b (m, …), with `L = I - A` sparse and nonsingular."""
     from scipy.sparse.linalg import splu
 
     listeners, slots = graph.edges()
@@ -154,12 +164,12 @@ def solver(graph: Digraph) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def inverse_norm(graph: Digraph) -> float:
-    """`‖L⁻¹‖₂` of a nonsingular L."""
+    """Return `‖L⁻¹‖₂` of a nonsingular L."""
     return float(np.linalg.norm(solver(graph)(np.eye(graph.vehicles)), 2))
 
 
 def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
-    """Links on the shortest way from the navigator to each vehicle, inf where there is none."""
+    """Return the links on the shortest path from the navigator to each vehicle, inf without a path."""
     listeners, _, ends = by_source(graph)
     told, found, waiting = (listeners + 1).tolist(), [0.0, *[np.inf] * graph.vehicles], [0]
     for source in waiting:
@@ -171,7 +181,10 @@ def hops(graph: Digraph) -> Float[np.ndarray, " m"]:
 
 
 def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
-    """Listeners, from 0, and slots of all links, source by source, and where those of each begin, and end."""
+    """Return listeners, from 0, and slots of all links, sorted by source, and the limits of each source.
+
+    The links of source j start at limit j and end before limit j + 1.
+    """
     listeners, slots = graph.edges()
     sources = graph.sources[listeners, slots]
     order = sources.argsort(kind="stable")
@@ -180,17 +193,20 @@ def by_source(graph: Digraph) -> tuple[Row, Row, list[int]]:
 
 
 def unreachable(graph: Digraph) -> list[int]:
-    """Vehicles that nothing the navigator says can reach."""
+    """Return the vehicles without a path from the navigator."""
     return [int(i) for i in np.flatnonzero(np.isinf(hops(graph))) + 1]
 
 
 def hears_vehicles(graph: Digraph) -> bool:
-    """Whether any vehicle hears another one."""
+    """Return whether any vehicle hears another vehicle."""
     return bool((graph.heard & (graph.sources > 0)).any())
 
 
 def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links:
-    """Links whose source the listener trusts: the navigator wherever it is heard, and the listed ones."""
+    """Return the links from sources that the listener trusts.
+
+    Every listener trusts the navigator. `trusted` maps a listener to its further trusted sources.
+    """
     links = graph.sources == 0
     for listener, sources in trusted.items():
         links[listener - 1] |= np.isin(graph.sources[listener - 1], list(sources))
@@ -198,16 +214,20 @@ def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links
 
 
 def least(heard: Links, values: Float[np.ndarray, "m slots"], count: Any) -> Links:
-    """The `count` sources that each listener hears of the least values, of equal ones the first."""
+    """Return, for each listener, the `count` links with the least values.
+
+    The lowest slot wins among equal values.
+    """
     ranks = np.where(heard, values, np.inf).argsort(axis=1, kind="stable").argsort(axis=1)
     return heard & (ranks < np.reshape(count, (-1, 1)))
 
 
 def metropolis(graph: Digraph) -> Float[np.ndarray, "m slots"]:
-    """`1 / (1 + max(d_i, d_j))` where i hears vehicle j, d_i the number of vehicles that i hears.
+    """Return `1 / (1 + max(d_i, d_j))` for each link of i from vehicle j.
 
-    Symmetric where links are mutual; what is left of 1 in a row is the vehicle's own. Source: Xiao, Boyd and
-    Lall, A scheme for robust distributed sensor fusion based on average consensus, 2005.
+    Here d_i is the number of vehicles that i hears. The weights are symmetric if links are mutual. The rest
+    of each row, up to 1, is the weight of the vehicle itself. Source: Xiao, Boyd and Lall, A scheme for
+    robust distributed sensor fusion based on average consensus, 2005.
     """
     heard = graph.heard & (graph.sources > 0)
     degrees = heard.sum(axis=1)

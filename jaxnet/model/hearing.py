@@ -1,9 +1,10 @@
-"""Who hears whom, slot by slot, and what they receive.
+"""The messages that listeners receive, slot by slot, and their weighted means `Σ_j w_ij (y_j + a_ij)`.
 
-JAX is imported where lanes are simulated, for a study is read without it.
+A listener has one slot for each source, in the order of their numbers. The number of slots is the greatest
+number of sources of any listener. An unused slot has weight 0 and contains the listener itself. The arrays of
+a graph therefore have the shape (slots, m) and do not grow with m².
 
-A vehicle has as many slots as the busiest listener has sources, filled in the order of their numbers. One
-left over holds the listener itself, with weight 0. So a graph's arrays are (slots, m), whatever m².
+The module imports JAX only when lanes run, because reading a study does not need JAX.
 """
 
 from collections.abc import Callable
@@ -27,38 +28,42 @@ else:
     xla = LazyModule("jaxnet.model.xla")
 
 
-MANY = 512  # signals; from there on few links are attacked, and it is quicker to pass by the others
+MANY = 512  # signals; from here on few links are attacked, and a loop over attacked links is faster
 
 SlotWeights = Float[Any, "slots m *lanes"]
-AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis where both are alike
+AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis if both axes have equal weights
 
 
 class Hearing(NamedTuple):
-    """The source in each slot of each listener, 0 the navigator, and which links are attacked.
+    """The source in each slot of each listener, 0 for the navigator, and the attacked links.
 
-    An attack that adds to what is sent and one that replaces it differ in whose word the link carries: that
-    of its source, or the navigator's, with the attack's signal on top.
+    `carried_sources` distinguishes two threats. If an attack adds to a message, the link carries the message
+    of its source plus the signal. If an attack replaces a message, the link carries the path of the navigator
+    plus the signal.
     """
 
     sources: Int[Any, "slots m"]
     carried_sources: Int[Any, "slots m"]
     attacked: Bool[Any, "slots m"]
-    signals: Int[Any, "slots m"]  # the number of the signal that a link carries if it is attacked
-    listeners: Int[Any, "slots m"]  # in each slot, those of attacked links first
+    signals: Int[Any, "slots m"]  # number of the signal that an attacked link carries
+    listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
     def sent(self, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 slots m *lanes"]:
-        """What each slot's source sends, of what the navigator and the vehicles send (n = m + 1)."""
+        """Return the message of the source in each slot.
+
+        `sources` holds the messages of the navigator and of the vehicles, n = m + 1.
+        """
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
     def added(self, signal: Float[Any, "2 signals *lanes"]) -> Float[Any, "2 slots m *lanes"]:
-        """What the attack adds on each link."""
+        """Return the attack signal on each link, 0 on links without attack."""
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
         return jnp.where(attacked, signal.at[:, self.signals].get(mode="promise_in_bounds"), 0.0)
 
     def received(
         self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 slots m *lanes"]:
-        """What is received in each slot, attacked or not."""
+        """Return the received message in each slot: the carried message plus the attack signal."""
         heard = sources.at[:, self.carried_sources].get(mode="promise_in_bounds")
 
         def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
@@ -73,7 +78,7 @@ class Hearing(NamedTuple):
     def mean_added(
         self, weights: AxisWeights, signal: Float[Any, "2 signals *lanes"]
     ) -> Float[Any, "2 m *lanes"]:
-        """`Σ_j w_ij a_ij`, the weighted mean of what the attack adds."""
+        """Return `Σ_j w_ij a_ij`, the weighted mean of the attack signals."""
 
         def falsified(mean: Any, slot: Any, listener: Any, lie: Any) -> Any:
             return xla.add_slice(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
@@ -87,9 +92,13 @@ class Hearing(NamedTuple):
     def on_attacked_links(
         self, falsified: Callable[[Any, Any, Any, Any], Any], heard: Any, signal: Any
     ) -> Any:
-        """What is heard after `falsified(heard, slot, listener, lie)` link by link, of lies (2, *lanes)."""
+        """Apply `falsified(heard, slot, listener, lie)` to `heard` for each attacked link, and return the
+        result.
+
+        The attack signal `lie` of a link has the shape (2, *lanes).
+        """
         signals, listeners = jnp.asarray(self.signals), jnp.asarray(self.listeners)
-        numbers = self.attacked.sum(axis=1)  # of attacked links
+        numbers = self.attacked.sum(axis=1)  # attacked links in each slot
 
         def in_slot(slot: Any, heard: Any) -> Any:
             def on_link(number: Any, heard: Any) -> Any:
@@ -106,15 +115,18 @@ class Hearing(NamedTuple):
         sources: Float[Any, "2 n *lanes"],
         signal: Float[Any, "2 signals *lanes"],
     ) -> Float[Any, "2 m *lanes"]:
-        """`Σ_j w_ij (y_j + a_ij)`, the weighted mean of what is received."""
+        """Return `Σ_j w_ij (y_j + a_ij)`, the weighted mean of the received messages."""
         return self.slot_by_slot(weights, lambda one: one.received(sources, signal))
 
     def mean_sent(self, weights: AxisWeights, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 m *lanes"]:
-        """`Σ_j w_ij y_j`, the weighted mean of what is sent."""
+        """Return `Σ_j w_ij y_j`, the weighted mean of the sent messages."""
         return self.slot_by_slot(weights, lambda one: one.sent(sources))
 
     def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Any]) -> Any:
-        """The weighted sum over slots of what is heard in each, (2, 1, m, *lanes)."""
+        """Return the weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
+
+        `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
+        """
 
         def add(slot: Any, total: Any) -> Any:
             one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
@@ -125,7 +137,7 @@ class Hearing(NamedTuple):
         return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
     def all_reached(self, weights: AxisWeights) -> Bool[Any, "*lanes"]:
-        """Whether the navigator's word reaches every vehicle over these weights, on every axis."""
+        """Return whether the navigator reaches every vehicle over positive weights, on every axis."""
         heard = weights > 0
 
         def spread(carry: Any) -> Any:
@@ -140,15 +152,15 @@ class Hearing(NamedTuple):
         return reached.all(axis=(0, 1))
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
-        """`[a0 | A]` of whose word is carried, from weights by slot."""
+        """Return `[a0 | A]` by the sources of the carried messages, from weights by slot."""
         return self.spread_out(weights, self.carried_sources)
 
     def retained(self, weights: AxisWeights) -> Float[Any, "m n *lanes"]:
-        """Weights in force by vehicle and source, the mean over the axes."""
+        """Return the weights in force by vehicle and source, averaged over the axes."""
         return self.spread_out(weights.mean(axis=0), self.sources)
 
     def spread_out(self, weights: SlotWeights, sources: Int[Any, "slots m"]) -> Float[Any, "m n *lanes"]:
-        """Weights by vehicle and source, of weights by slot."""
+        """Return weights by vehicle and source, from weights by slot."""
         slots, m = sources.shape
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))
@@ -161,12 +173,15 @@ def of_slots(
     attacked: Bool[np.ndarray, "slots m"],
     signals: Int[np.ndarray, "slots m"],
 ) -> Hearing:
-    """Who hears whom, of arrays by slot."""
+    """Return the Hearing of arrays by slot, with attacked links sorted first in each slot."""
     return Hearing(sources, carried_sources, attacked, signals, np.argsort(~attacked, axis=1, kind="stable"))
 
 
 def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray, "slots m"]:
-    """Sources of a graph's listeners slot by slot, each as often as it has identities, of a graph's links."""
+    """Return the sources of each listener slot by slot, each source once for each of its identities.
+
+    `identities` holds the number of identities of each link of the graph.
+    """
     listeners, each = graph.edges()
     number = identities[listeners, each]
     sources = graph.sources[listeners, each].repeat(number)
@@ -174,30 +189,37 @@ def slots(graph: Digraph, identities: Int[np.ndarray, "m n"]) -> Int[np.ndarray,
 
 
 def again(sources: Int[np.ndarray, "slots m"]) -> Bool[np.ndarray, "slots m"]:
-    """Slots that hold the same source as the slot before them."""
+    """Return the slots that contain the source of the previous slot again."""
     return np.concatenate([np.zeros_like(sources[:1], bool), sources[1:] == sources[:-1]])
 
 
 def of_transmitters(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
-    """Each link's signal where a vehicle has one: the transmitter's, a listener's own for the navigator."""
+    """Return the signal number of each link if each vehicle has one signal.
+
+    A link from a vehicle carries the signal of that vehicle. A link from the navigator carries the signal of
+    the listener.
+    """
     return np.where(sources > 0, sources - 1, np.arange(sources.shape[1]))
 
 
 def link_signals(sources: Int[np.ndarray, "slots m"]) -> Int[np.ndarray, "slots m"]:
-    """Each link's signal where every link has one, those of a listener after each other."""
+    """Return the signal number of each link if each link has its own signal, sorted by listener."""
     most, m = sources.shape
     return np.arange(m)[None] * most + np.arange(most)[:, None]
 
 
 def graph_of(sources: Int[np.ndarray, "slots m"], weights: Float[np.ndarray, "slots m"]) -> Digraph:
-    """The graph of weights by slot; those of a source's identities are added."""
+    """Return the graph of weights by slot, with the weights of all identities of a source added."""
     listeners = np.broadcast_to(np.arange(sources.shape[1]), sources.shape)
     links = (listeners.ravel(), sources.ravel())
     return of_matrix(sparse.coo_array((weights.ravel(), links), shape=(len(sources.T), len(sources.T) + 1)))
 
 
 def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """What slots have (…, slots, m) by link of a graph, (…, links), those of a source's identities added."""
+    """Return values by link of a graph, (…, links), from values by slot, (…, slots, m).
+
+    The function adds the values of all identities of a source.
+    """
     m = graph.vehicles
     listeners, each = graph.edges()
     links = listeners * (m + 1) + graph.sources[listeners, each]
@@ -210,13 +232,14 @@ def by_link(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots 
 
 
 def by_slot(graph: Digraph, values: np.ndarray, sources: Int[np.ndarray, "slots m"]) -> np.ndarray:
-    """What a graph's links have, slot by slot of a wider table of sources; 0 where a listener does not hear.
+    """Return values of the links of a graph in the slots of a wider table of sources, 0 without a link.
 
-    `sources` are each listener's in the order of their numbers, those of the graph and perhaps others.
+    `sources` lists the sources of each listener in the order of their numbers. It contains the sources of the
+    graph and may contain others.
     """
     m = graph.vehicles
     listeners, each = graph.edges()
-    links = np.append(listeners * (m + 1) + graph.sources[listeners, each], (m + 1) ** 2)  # and a last one
+    links = np.append(listeners * (m + 1) + graph.sources[listeners, each], (m + 1) ** 2)  # and a sentinel
     wanted = np.arange(m)[None] * (m + 1) + sources
     place = np.searchsorted(links, wanted)
     theirs = np.append(values[listeners, each], np.zeros_like(values, shape=1))

@@ -1,12 +1,15 @@
-"""`L x = b` by iteration over links, for graphs that no order makes narrow; how far off it is, is known.
+"""Iterative solution of `L x = b` with a certified error, for graphs without a narrow order.
 
-The iteration is van der Vorst's BiCGSTAB, for L is not symmetric and its spectrum not known beforehand. It
-goes over slots, without a matrix, and starts anew where what is left of b is still too much.
+The iteration is BiCGSTAB (van der Vorst), because L is not symmetric and its spectrum is not known
+beforehand. It works slot by slot without a matrix. It restarts while the residual is too large.
 
-L is an M-matrix: its inverse has no negative entry, so that `‖L⁻¹‖ = max L⁻¹ 1`. Any v with `L v > 0` bounds
-that by `max v / min L v`, and with it what is left of b bounds the error: `‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖`, in
-the greatest component each. Every column of every axis and lane stops by itself where its error is small
-enough, so that no number depends on those beside it.
+L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum norm. Any v
+with `L v > 0` gives the bound
+
+    ‖L⁻¹‖ ≤ max v / min L v,      ‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖.
+
+Each column of each axis and lane stops as soon as its own error is small enough. No result therefore depends
+on the other lanes of the batch.
 """
 
 from collections.abc import Callable
@@ -19,26 +22,26 @@ from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
 
-ACCURACY = 1e-12  # of a solution, relative to its greatest component
-LOOSEST = 1e-6  # what is less accurate is none
-CERTIFICATE = 0.25  # how far `L v` may be from 1
+ACCURACY = 1e-12  # wanted error of a solution, relative to its greatest component
+LOOSEST = 1e-6  # relative error from which a solution counts as not found
+CERTIFICATE = 0.25  # tolerated distance of `L v` from 1
 STARTS = 8
-ROUNDS = 4  # of a start, times m at most
+ROUNDS = 4  # maximum number of steps of a start, in multiples of m
 
 Unknowns = Float[Array, "m columns axes lanes"]
 Sizes = Float[Array, "columns axes lanes"]
 Map = Callable[[Unknowns], Unknowns]
-Allowance = Callable[[Sizes], Sizes]  # of what may be left of b, by the size of x
+Allowance = Callable[[Sizes], Sizes]  # tolerated residual norm, by the norm of x
 InverseBound = Float[Array, "axes lanes"]
 
 
 def of_vehicles(hearing: Hearing, weights: AxisWeights) -> AxisWeights:
-    """The weights of vehicles, 0 where the navigator is heard."""
+    """Return the weights of links from vehicles, with 0 for links that carry the navigator's message."""
     return jnp.where((jnp.asarray(hearing.carried_sources) > 0)[None, :, :, None], weights, 0.0)
 
 
 def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
-    """L, from weights of vehicles alone."""
+    """Return the function x → L x, from weights of vehicles only."""
     carried_sources, heard = (
         jnp.maximum(jnp.asarray(hearing.carried_sources) - 1, 0),
         jnp.moveaxis(weights, 0, 2),
@@ -54,8 +57,10 @@ def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
 
 
 def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
-    """A bound on `‖L⁻¹‖`, from weights of all sources; infinite where the navigator does not reach everybody,
-    not a number where none was found.
+    """Return a bound on `‖L⁻¹‖` from the weights of all sources.
+
+    The bound is infinite if the navigator does not reach every vehicle. It is NaN if the iteration found no
+    bound.
     """
     reached = hearing.all_reached(weights)
     times = apply_laplacian(hearing, of_vehicles(hearing, weights))
@@ -71,10 +76,11 @@ def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
 def certified(
     hearing: Hearing, weights: AxisWeights, bound: InverseBound, right: Unknowns, start: Unknowns
 ) -> tuple[Unknowns, Sizes]:
-    """`L⁻¹ b` and a bound on its error relative to it, from weights of vehicles alone, and where to start.
+    """Solve `L x = b`, and return x and a bound on its relative error.
 
-    It is not a number where b is not finite, the inverse has no bound, or nothing as accurate as LOOSEST was
-    found; of what is not a number no error is told.
+    `weights` are the weights of vehicles only, `bound` is a bound on `‖L⁻¹‖`, and `start` is the initial
+    guess. The solution is NaN in three cases: b is not finite, `bound` is not finite, or the error is at
+    least LOOSEST. The error bound of a NaN solution is 0.
     """
     times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
     share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
@@ -88,16 +94,17 @@ def certified(
 
 
 def rounding(hearing: Hearing) -> float:
-    """How far `b - L x` may be from what it is computed as, relative to x."""
+    """Return the greatest rounding error of the computed `b - L x`, relative to x."""
     return (4 + len(hearing.carried_sources) / 2) * float(np.finfo(float).eps)
 
 
 def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
-    """A better solution than x, and the size of what it leaves of the right side: what is allowed, or the
-    least that was found.
+    """Improve x by restarted BiCGSTAB, and return the best x and the norm of its residual.
 
-    Each start goes on from the best solution, with another shadow. That is full of components of both signs:
-    where nobody hears oneself again, as in trees, what is left itself would not see what it is passed on as.
+    The iteration ends when `allowed` admits the residual, or after STARTS starts. Each start continues from
+    the best solution with a different shadow vector. The shadow vector is dense, with components of both
+    signs. The usual choice, the residual itself, fails in graphs without cycles such as trees: the residual
+    can be orthogonal to its images.
     """
 
     def start(carry: Any) -> Any:
@@ -121,7 +128,10 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
 def stabilised(
     times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Bool[Array, "..."], allowed: Allowance
 ) -> Unknowns:
-    """Rounds of BiCGSTAB from x, in the columns that are going, until what is left seems to be allowed."""
+    """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated residual.
+
+    `left` is the residual of x, and `shadow` is the shadow vector.
+    """
 
     def step(carry: Any) -> Any:
         number, x, left, direction, along, going = carry
@@ -144,10 +154,10 @@ def stabilised(
 
 
 def inner_product(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:
-    """The product of each column with another."""
+    """Return the inner product of each column of x with the same column of y."""
     return (x * y).sum(axis=0, keepdims=True)
 
 
 def residual_norm(x: Unknowns) -> Sizes:
-    """The greatest component of each column."""
+    """Return the maximum norm of each column."""
     return jnp.abs(x).max(axis=0)

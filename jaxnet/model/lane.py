@@ -1,4 +1,4 @@
-"""One lane: one simulated fleet, with everything about it that is a number; and what lanes can share."""
+"""The numbers of one lane, which is one simulated fleet, and the structure that all lanes share."""
 
 from typing import Any, NamedTuple
 
@@ -8,10 +8,11 @@ from jaxnet.model.hearing import Hearing
 
 
 class Lane(NamedTuple):
-    """What one fleet is simulated from. Many lanes are the same tree with a last axis over lanes.
+    """The numbers of one simulated fleet.
 
-    Vehicle, navigator, law, defence and announcements are kinds with their numbers drawn; the attack's signal
-    gives its `basis`.
+    Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
+    defence and announcements are kinds with their numbers drawn. The signal of the attack has a method
+    `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -22,21 +23,19 @@ class Lane(NamedTuple):
     navigator: Any
     defence: Any
     signal: Any
-    vectors: Float[Array, "2 signals functions *lanes"]  # of the attacks [m]; strategic ones' at first
-    attack_scale: Float[Array, "*lanes"]  # [m] of an attack's unit vectors
-    announces: Any  # what attacked links announce, a kind with its numbers drawn
-    sizes: Float[Array, "2 4 *lanes"]  # greatest norms, by order: of the navigator's path, of the functions
+    vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial if strategic
+    attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
+    announces: Any  # announcements of attacked links, a kind with its numbers drawn
+    sizes: Float[Array, "2 4 *lanes"]  # greatest norms by order: navigator's path, signal functions
 
 
 class Network(NamedTuple):
-    """What lanes share: who hears whom, where there are attacks, what the defence has made of it, and the
-    order in which vehicles are eliminated.
-    """
+    """The structure that lanes share: hearing, trust, shared data of the defence, and elimination order."""
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
     display_signals: Int[
         Array, "m"
-    ]  # the signal that stands for what a vehicle says, where its listeners' differ
-    shared: Any  # of the defence
-    order: Any  # of `elimination`
+    ]  # the signal that outputs show for each vehicle, if its listeners receive different signals
+    shared: Any  # data of the defence
+    order: Any  # Order or NoOrder of `elimination`

@@ -1,6 +1,6 @@
 """Patterns of links between vehicles: entry (i, j) says whether vehicle i + 1 hears vehicle j + 1.
 
-Sparse arrays of SciPy's, but for the small world, which is rewired in a dense one.
+The patterns are sparse SciPy arrays. Only `small_world` returns a dense array, because it rewires links.
 """
 
 from collections.abc import Iterable
@@ -10,29 +10,32 @@ import numpy as np
 from jaxtyping import Bool
 from scipy import sparse
 
-Neighbours = Any  # (m, m) booleans: which vehicles each one hears, dense or a sparse array of SciPy's
+Neighbours = Any  # (m, m) booleans: listener i hears source j; a dense array or a sparse SciPy array
 
 
 def of_pairs(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
-    """Who hears whom by listeners and sources, from 0."""
+    """Return the pattern of links from lists of listeners and sources, from 0."""
     return sparse.coo_array((np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles))
 
 
 def circulant(vehicles: int, offsets: Iterable[int]) -> Neighbours:
-    """Who hears whom where i hears i + o for each offset o, around the ring."""
+    """Return the pattern on a ring in which i hears i + o for each offset o."""
     around = np.unique(np.array([offset % vehicles for offset in offsets], int))
     listeners = np.arange(vehicles).repeat(len(around))
     return of_pairs(vehicles, listeners, (listeners + np.tile(around, vehicles)) % vehicles)
 
 
 def lattice(vehicles: int, neighbours: int) -> Neighbours:
-    """Who hears whom where each hears the nearest on a ring, half of them on each side."""
+    """Return the pattern on a ring in which each vehicle hears its nearest neighbours, half on each side."""
     near = range(1, neighbours // 2 + 1)
     return circulant(vehicles, [*near, *(-offset for offset in near)])
 
 
 def grid(rows: int, columns: int, torus: bool) -> Neighbours:
-    """Who hears whom in rows and columns, numbered row by row; of a torus the last also hears the first."""
+    """Return the pattern of a grid with vehicles numbered row by row.
+
+    In a torus, the first and the last vehicle of each line also hear each other.
+    """
     place = np.arange(rows * columns).reshape(rows, columns)
     pairs = []
     for lines in (place, place.T):
@@ -47,9 +50,10 @@ def grid(rows: int, columns: int, torus: bool) -> Neighbours:
 def small_world(
     vehicles: int, neighbours: int, rewired: float, random: np.random.Generator
 ) -> Bool[np.ndarray, "m m"]:
-    """A ring lattice whose links, offset by offset, are each joined to another vehicle with a probability.
+    """Return a ring lattice with links rewired at random.
 
-    Source: Watts and Strogatz, Collective dynamics of small-world networks, 1998.
+    For each offset and vehicle, the link moves to another random vehicle with probability `rewired`. Source:
+    Watts and Strogatz, Collective dynamics of small-world networks, 1998.
     """
     heard = lattice(vehicles, neighbours).toarray()
     for offset in range(1, neighbours // 2 + 1):
@@ -63,9 +67,10 @@ def small_world(
 
 
 def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Neighbours:
-    """Who hears whom in a random regular graph, by pairing free ends until all are paired.
+    """Return the pattern of a random regular graph, drawn by random pairing of free link ends.
 
-    Source: Steger and Wormald, Generating random regular graphs quickly, 1999; nearly uniform.
+    The distribution is nearly uniform. Source: Steger and Wormald, Generating random regular graphs quickly,
+    1999.
     """
     while True:
         pairs: set[tuple[int, int]] = set()
@@ -86,6 +91,6 @@ def drawn_regular(vehicles: int, degree: int, random: np.random.Generator) -> Ne
 
 
 def any_pair(pairs: set[tuple[int, int]], ends: list[int]) -> bool:
-    """Whether two of these free ends may still be joined."""
+    """Return whether a new link between two of these free ends is possible."""
     free = sorted(set(ends))
     return any((i, j) not in pairs for i in free for j in free if i != j)

@@ -1,7 +1,7 @@
-"""Retained neighbours: from what a vehicle decides to the weights in force (paper, section 5.1).
+"""Retained sources: from the decision of a vehicle to the weights in force (paper, section 5.1).
 
-A decision is an array over slots (see `hearing`), (slots, m, lanes), or (2, slots, m, lanes) where axes
-differ: booleans, which slots are retained, or weights themselves, none negative.
+A decision is an array over slots (see `hearing`): (slots, m, lanes), or (2, slots, m, lanes) if the axes
+differ. It contains booleans, true for retained slots, or nonnegative weights.
 """
 
 from typing import Any, NamedTuple
@@ -14,43 +14,49 @@ from jaxnet.model.hearing import AxisWeights, SlotWeights
 
 
 class DropPolicy(NamedTuple):
-    """What a defence promises of whom it retains, for theory: of some links each vehicle drops a fixed
-    number.
+    """The links that a defence may drop, for the theory: each vehicle drops a fixed number of certain links.
 
-    Which ones may change at every tick. The other links are always retained.
+    The dropped links may change at every tick. The vehicle always retains its other links.
     """
 
     graph: Digraph
-    links: Links  # that may be dropped
-    number: Int[np.ndarray, " m"]  # of them that are
+    links: Links  # links that may be dropped
+    number: Int[np.ndarray, " m"]  # number of those links that each vehicle drops
 
     @property
     def fixed(self) -> Digraph | None:
-        """The graph in force for good, or None where retained neighbours may change."""
+        """Return the permanent graph in force, or None if retained sources may change."""
         if (self.number < self.links.sum(axis=1)).any():
             return None
         return normalised(self.graph.only(~self.links))
 
     def believed(self) -> "DropPolicy":
-        """The same without links that are dropped for good."""
+        """Return the policy without the links that a vehicle drops permanently."""
         for_good = self.links & (self.number >= self.links.sum(axis=1))[:, None]
         number = np.where(for_good.any(axis=1), 0, self.number)
         return DropPolicy(self.graph.only(~for_good), self.links & ~for_good, number)
 
 
 def everybody(graph: Digraph) -> DropPolicy:
-    """Nobody drops anybody."""
+    """Return the policy of a defence that retains every link."""
     return DropPolicy(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
 def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> DropPolicy:
-    """Each drops so many untrusted sources, or all where it hears fewer."""
+    """Return the policy of a defence that drops `number` untrusted sources of each vehicle.
+
+    A vehicle with fewer untrusted sources drops all of them.
+    """
     links = graph.heard & ~trusted
     return DropPolicy(graph, links, np.minimum(number, links.sum(axis=1)))
 
 
 def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
-    """Weights that follow from a decision, renormalised to sum 1; not-a-number where one is negative."""
+    """Return the weights that follow from a decision, normalised to sum 1.
+
+    `weights` are the weights of all slots. If a weight in the decision is negative, the weights of its
+    listener are NaN.
+    """
     xp = decision.__array_namespace__()
     by_axis = decision.reshape(-1, *weights.shape)
     if by_axis.dtype == bool:
@@ -61,11 +67,11 @@ def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
 
 
 def changed(decision: Any, before: Any) -> Bool[Any, "m *lanes"]:
-    """Vehicles whose decision is another one."""
+    """Return the vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 
 
 def support(decision: Any) -> Any:
-    """Slots that are retained at all."""
+    """Return the slots that the decision retains with any weight."""
     return decision if decision.dtype == bool else decision > 0

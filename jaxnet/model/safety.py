@@ -1,7 +1,7 @@
-"""Vehicles that no attack can keep off the navigator, by what is known of whom they believe (SCIENCE, O11).
+"""Vehicles that no attack can keep off the navigator, from the links that a defence may drop (SCIENCE, O11).
 
-All of it is bootstrap percolation, O(links): doubt spreads from attacked links, and what is left must stay
-joined to the navigator whoever is dropped.
+All functions use bootstrap percolation, which takes O(links). Doubt spreads from attacked links. The
+remaining vehicles must stay joined to the navigator, whichever links they drop.
 """
 
 from typing import NamedTuple
@@ -17,15 +17,15 @@ Nodes = Bool[np.ndarray, " sources"]
 Counts = Int[np.ndarray, " m"]
 Votes = Int[np.ndarray, "m slots"]
 
-NEVER = 2**62  # votes that nobody gets
-MOST_RATED = 1000  # vehicles, of which a rate is told
-SLOWEST = 1e-3  # shrinking that is told, at least
+NEVER = 2**62  # votes that no vehicle receives
+MOST_RATED = 1000  # vehicles up to which a contraction is computed
+SLOWEST = 1e-3  # least contraction that is reported
 
 
 class Safe(NamedTuple):
-    """Vehicles that end on the navigator, and in a few words why.
+    """Vehicles that converge to the navigator, and the reason in a few words.
 
-    `consistent` reasons hold only if attacked links announce what they carry (assumption B1).
+    A reason with `consistent` holds only if attacked links announce what they carry (assumption B1).
     """
 
     why: str
@@ -34,9 +34,10 @@ class Safe(NamedTuple):
 
 
 def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nodes:
-    """Sources that percolation reaches from the seeds.
+    """Return the sources that percolation reaches from the seeds.
 
-    A vehicle is reached once the sources reached that it hears have given it the votes it needs.
+    Percolation reaches a vehicle once its reached sources have given it `needed` votes. `votes` holds the
+    votes of each link.
     """
     listeners, slots, ends = by_source(graph)
     who, theirs = listeners.tolist(), votes[listeners, slots].tolist()
@@ -53,9 +54,10 @@ def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nod
 
 
 def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
-    """Vehicles that stay joined to the navigator by some of themselves, whoever is dropped.
+    """Return the vehicles of a set that stay joined to the navigator through the set.
 
-    Each of them never drops one that is joined, or hears more that are than it drops.
+    They stay joined whichever links they drop. Percolation joins a vehicle if it always retains one joined
+    source, or if it hears more joined sources than it drops.
     """
     votes = np.where(drops.links, 1, drops.number[:, None] + 1)
     navigator = np.arange(len(among) + 1) == 0
@@ -63,10 +65,11 @@ def stay_joined(drops: DropPolicy, among: Vehicles) -> Vehicles:
 
 
 def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
-    """Greatest set of vehicles that hears nobody outside, bears its attacked links and stays joined.
+    """Return the greatest set of vehicles that is closed, tolerates its attacked links and stays joined.
 
-    Each vehicle of the set bears so many attacked links that it may drop, and no other attacked link. The
-    vehicles of the set join each other to the navigator, whoever is dropped.
+    - Closed: no vehicle of the set hears a vehicle outside the set.
+    - Tolerant: each vehicle has at most `bears` attacked links that it may drop, and no other attacked link.
+    - Joined: the vehicles join each other to the navigator, whichever links they drop.
     """
     falsified, fatal = drops.graph.heard & attacked, np.broadcast_to(bears[:, None] + 1, attacked.shape)
     left = bears + 1 - (np.where(drops.links, 1, fatal) * falsified).sum(axis=1)
@@ -80,9 +83,16 @@ def greatest(drops: DropPolicy, attacked: Links, bears: Counts) -> Vehicles:
 
 
 def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None:
-    """Rounds, and the factor by which the greatest announced disturbance of a set shrinks in them, at worst.
+    """Return a number of rounds, and the factor by which announced disturbances shrink in these rounds.
 
-    By (c) of the proof, from the navigator on; None where that is next to 1, or vehicles are many.
+    The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the worst case.
+    It follows from step (c) of the proof of O11, from the navigator outwards. The result is None in four
+    cases:
+
+    - The fleet has more than MOST_RATED vehicles.
+    - The set is empty.
+    - Percolation does not reach the whole set.
+    - The factor exceeds 1 - SLOWEST.
     """
     if len(inside) > MOST_RATED or not inside.any():
         return None

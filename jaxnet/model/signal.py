@@ -1,10 +1,11 @@
 """Signals as fixed vectors times scalar functions of time, `a_j(t) = Σ_b v_jb β_b(t)`.
 
-The functions come with three derivatives, so that whatever is linear in a signal, the attack's effect on the
-fleet above all (SCIENCE O2), is found from the vectors alone and holds at all times. A harmonic has two of
-them, cos ωt and sin ωt.
+Each function comes with three derivatives. Every linear effect of a signal follows from the vectors alone and
+holds at all times. The most important one is the effect of the attack on the fleet (SCIENCE O2). A harmonic
+has two functions, cos ωt and sin ωt.
 
-`‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖` with the spectral norm of `V_j = [v_j1 … v_jB]`; a unit signal has ‖V_j‖ = 1.
+The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral norm of `V_j = [v_j1 … v_jB]`. A unit signal
+has ‖V_j‖ = 1.
 """
 
 from typing import Any, NamedTuple
@@ -13,43 +14,50 @@ from jaxtyping import Float
 
 from jaxnet.model.circle import circle
 
-ORDERS = (0, 1, 2, 3)  # of a path and its derivatives, as they are received
+ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
-Vectors = Float[Any, "2 _ functions *lanes"]  # of vehicles, or of links
+Vectors = Float[Any, "2 _ functions *lanes"]  # one set for each vehicle, or for each link
 Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
 
 
 class Harmonic(NamedTuple):
-    """`cos ωt` and `sin ωt` of an angular frequency ω [rad/s]; constant where ω = 0."""
+    """The functions `cos ωt` and `sin ωt` of an angular frequency ω [rad/s], constant for ω = 0."""
 
     frequency: Any  # (lanes,)
 
     def basis(self, time: Any) -> Any:
-        """Both functions with their derivatives: (4, 2, lanes)."""
+        """Return both functions with three derivatives: (4, 2, lanes)."""
         return turning(*circle(self.frequency * time), self.frequency)
 
 
 class Falsified(NamedTuple):
-    """A signal of which only some orders are received, so that they need not be each other's derivatives."""
+    """A signal in only some of the received orders of derivatives.
 
-    signal: Any  # with a `basis`
-    orders: Any  # (4, lanes), 1 for an order that is received, else 0
+    The received orders therefore need not be derivatives of each other.
+    """
+
+    signal: Any  # has a method `basis`
+    orders: Any  # (4, lanes), 1 for an order with the signal, else 0
 
     def basis(self, time: Any) -> Any:
-        """The signal's functions, with zeros in the other orders."""
+        """Return the functions of the signal, with zeros in the orders without the signal."""
         return self.orders[:, None] * self.signal.basis(time)
 
 
 class Apart(NamedTuple):
-    """A signal that each of n vehicles has with numbers, and so with functions, of its own.
+    """A signal with separate functions for each of n vehicles.
 
-    Vehicles are asked for as lanes are. All vehicles' first functions come first, then their second ones.
+    The signal treats the n vehicles as lanes. The first functions of all vehicles come first, then their
+    second functions.
     """
 
     signal: Any  # leaves (..., n, lanes)
 
     def basis(self, time: Any) -> Any:
-        """All functions: (4, B · n, lanes), with n · lanes for lanes."""
+        """Return the functions of all vehicles: (4, B · n, lanes).
+
+        The inner signal runs with n · lanes as its lanes.
+        """
         import jax
 
         xp, lanes = time.__array_namespace__(), time.ndim
@@ -62,7 +70,10 @@ class Apart(NamedTuple):
 
 
 def turning(cosine: Any, sine: Any, rate: Any) -> Any:
-    """`cos` and `sin` of an angle that grows at a constant rate, with three derivatives: (4, 2, …)."""
+    """Return cos and sin of an angle with constant rate [rad/s], with three derivatives: (4, 2, …).
+
+    `cosine` and `sine` are the values at the present angle.
+    """
     xp = cosine.__array_namespace__()
     now, ahead = xp.stack([cosine, sine]), xp.stack([-sine, cosine])
     rate = xp.broadcast_to(xp.asarray(rate), cosine.shape)[None]
@@ -70,7 +81,7 @@ def turning(cosine: Any, sine: Any, rate: Any) -> Any:
 
 
 def combined(vectors: Any, functions: Any) -> Any:
-    """`Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
+    """Return `Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
     total = vectors[:, :, 0] * functions[0][None, None]
     for b in range(1, vectors.shape[2]):
         total = total + vectors[:, :, b] * functions[b][None, None]
@@ -78,5 +89,5 @@ def combined(vectors: Any, functions: Any) -> Any:
 
 
 def jets(vectors: Any, basis: Any) -> tuple[Any, ...]:
-    """A signal and as many derivatives as the functions have [m, m/s, …], each (2, m, lanes)."""
+    """Return a signal and its derivatives [m, m/s, …], one (2, m, lanes) for each order of the basis."""
     return tuple(combined(vectors, order) for order in basis)

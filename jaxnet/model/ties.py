@@ -1,6 +1,6 @@
-"""Comparisons that rounding does not decide: numbers that differ by 1e-12 of them are equal.
+"""Comparisons that rounding does not decide: numbers within a relative 1e-12 count as equal.
 
-Whoever breaks ties by number so breaks the same ones on every machine, whatever the last bits are.
+A rule that breaks ties by number therefore makes equal choices on every machine, whatever the last bits are.
 """
 
 from typing import Any
@@ -9,11 +9,14 @@ ROUNDING = 1e-12  # relative; sums of a few terms differ by 1e-15 or so
 
 
 def over(a: Any, b: Any) -> Any:
-    """Where sizes a, 0 or more, exceed sizes b."""
+    """Return where nonnegative sizes a exceed sizes b by more than rounding."""
     return a > b * (1.0 + ROUNDING)
 
 
 def apart(a: Any, b: Any) -> Any:
-    """Where coordinates a exceed coordinates b [m]; under 1 m it is 1e-12 m that makes no difference."""
+    """Return where coordinates a exceed coordinates b [m] by more than rounding.
+
+    The tolerance is relative for coordinates above 1 m, and 1e-12 m below.
+    """
     xp = a.__array_namespace__()
     return a - b > ROUNDING * xp.maximum(1.0, xp.maximum(xp.abs(a), xp.abs(b)))

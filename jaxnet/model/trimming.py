@@ -1,4 +1,4 @@
-"""Scores of received signals, and dropping the greatest, slot by slot (paper, section 5.1)."""
+"""Scores of received messages, and removal of the greatest scores, slot by slot (paper, section 5.1)."""
 
 from typing import Any
 
@@ -14,7 +14,10 @@ Scores = Float[Array, "slots m lanes"]
 
 
 def trusted_shares(trusted: Mask, references: Int[Array, "most m"]) -> Float[Array, "most m lanes"]:
-    """Of each reference in the mean over those that a vehicle trusts; 0 where it is none of them."""
+    """Return the share of each reference in the mean over the trusted references, 0 for an untrusted slot.
+
+    `references` lists the slots that may serve as reference, for each vehicle.
+    """
     listeners = jnp.arange(trusted.shape[1])[None]
     counts = trusted.at[references, listeners].get(mode="promise_in_bounds")
     return counts.astype(float) / jnp.maximum(1, trusted.sum(axis=0)).astype(float)[None]
@@ -25,9 +28,11 @@ def deviation(
     shares: Float[Array, "most m lanes"],
     references: Int[Array, "most m"],
 ) -> Scores:
-    """`Δ_ik`, mean distance from what i receives of k to what it receives of those it trusts; else 0.
+    """Return `Δ_ik`, the mean distance between the message of source k and the trusted messages at listener
+    i.
 
-    What is received has a first axis over components, those of a position [m] or of more.
+    The score is 0 without trusted references. The first axis of `received` has the components of a position
+    [m], or more components.
     """
     listeners, distance = jnp.arange(received.shape[2]), jnp.zeros(received.shape[1:])
     for slot, share in zip(references, shares, strict=True):
@@ -37,24 +42,29 @@ def deviation(
 
 
 def stiffened(score: Scores, retained: Mask, tolerance: Float[Array, " lanes"]) -> Scores:
-    """Scores with a tolerance [m] added to those of who were dropped last."""
+    """Add a tolerance [m] to the scores of the sources that the previous decision dropped."""
     return score + jnp.where(retained, 0.0, tolerance[None, None])
 
 
 def filtered(
     score: Scores, before: Scores, interval: Float[Array, " lanes"], constant: Float[Array, " lanes"]
 ) -> Scores:
-    """Scores, low-passed: `s ← s + (1 - e^{-h/T}) (Δ - s)`; at first they themselves."""
+    """Return low-pass filtered scores, `s ← s + (1 - e^{-h/T}) (Δ - s)`.
+
+    `interval` is h [s], infinite at the first tick, where the result is the score itself. `constant` is T
+    [s].
+    """
     first = jnp.isinf(interval)[None, None]
     share = -jnp.expm1(-interval / constant)[None, None]
     return jnp.where(first, score, before + share * (score - before))
 
 
 def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
-    """The ϑ candidates with the greatest scores, of equal ones (`ties`) those in lower slots.
+    """Return the ϑ candidates with the greatest scores.
 
-    The farthest is taken ϑ times over. The scores enter that loop as numbers already computed: left to
-    itself, a compiler may evaluate a score twice and round it differently.
+    The lowest slot wins among tied scores (`ties`). A loop selects the greatest score ϑ times. The scores
+    enter the loop as computed numbers. Otherwise a compiler may evaluate a score twice with different
+    rounding.
     """
     slots = jnp.arange(len(score), dtype=jnp.int32)
     score = jnp.where(candidates, score, -jnp.inf)

@@ -1,11 +1,11 @@
-"""Numbers of vehicles and things in words."""
+"""Wording of numbers, cells, kinds and things for text output."""
 
 from collections import Counter
 from collections.abc import Sequence
 
 
 def ranges(numbers: Sequence[int]) -> str:
-    """Numbers with runs drawn together: 1-3, 5."""
+    """Return numbers as text, with runs of three or more abbreviated: 1-3, 5."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:
@@ -16,20 +16,20 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def cells_named(numbers: Sequence[int]) -> str:
-    """Cells by their numbers: cell 0, cells 0-3."""
+    """Return the name of cells by their numbers: cell 0, cells 0-3."""
     return f"cell{'s' if len(numbers) > 1 else ''} {ranges(numbers)}"
 
 
 def plural_s(who: str) -> str:
-    """The verb's ending for one or several."""
+    """Return the ending of a verb: s if `who` is a single number, else nothing."""
     return "s" if who.isdigit() else ""
 
 
 def counted(kinds: Counter[str]) -> str:
-    """How many there are of each kind, the most first."""
+    """Return the number of things of each kind as text, the most frequent kind first."""
     return ", ".join(f"{many:,} {kind}" for kind, many in kinds.most_common())
 
 
 def count(number: int, noun: str) -> str:
-    """A number of things."""
+    """Return a number with its noun, in the plural unless the number is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"

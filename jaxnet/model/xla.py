@@ -1,9 +1,11 @@
-"""What is said otherwise to XLA on CPUs.
+"""Workarounds for XLA on CPUs.
 
-There it compiles a loop as one function, rather than operation by operation, if it is told to by a flag
-(`runs.cache`) and nothing in the loop scatters. And what several expressions use it computes anew in each of
-them, and for each of their elements that uses it; a barrier does not keep it from that. Accelerators scatter
-well, and there each pass of a loop costs something.
+- XLA on CPUs compiles a loop as one function if a flag says so (`runs.cache`) and the loop has no scatter.
+  Otherwise it runs the loop operation by operation.
+- XLA on CPUs computes a value again in every expression that uses it, and for every element of that
+  expression. A barrier does not prevent this.
+
+On accelerators, scatter is fast and each pass of a loop has a cost.
 """
 
 from collections.abc import Callable
@@ -16,14 +18,17 @@ Tree = TypeVar("Tree", bound=Any)
 
 
 def on_cpus(work: Callable[[], Tree], elsewhere: Callable[[], Tree]) -> Tree:
-    """What the work gives; on accelerators, what is the same said otherwise."""
-    device = jax.config.values["jax_default_device"] or jax.devices()[0]  # for which it is traced
-    platform = getattr(device, "platform", device)  # it may be told by its platform's name
+    """Return the result of `work` on CPUs, and the result of `elsewhere` on accelerators.
+
+    Both functions must compute the same value.
+    """
+    device = jax.config.values["jax_default_device"] or jax.devices()[0]  # the target of the trace
+    platform = getattr(device, "platform", device)  # the default device may be the name of a platform
     return work() if platform == "cpu" else elsewhere()
 
 
 def materialised(work: Callable[[], Tree]) -> Tree:
-    """What the work gives, computed once: on CPUs by a loop of one pass."""
+    """Return the result of `work`, computed only once: on CPUs, by a loop of one pass."""
 
     def in_a_loop() -> Tree:
         traced_once = jax.jit(work)
@@ -37,7 +42,10 @@ def materialised(work: Callable[[], Tree]) -> Tree:
 
 
 def add_slice(array: jax.Array, place: tuple[Any, ...], by: jax.Array) -> jax.Array:
-    """The array with something of as many axes added from a place on, named on the first axes; no scatter."""
+    """Add `by` to a slice of an array without a scatter, and return the array.
+
+    `place` holds the start of the slice on the first axes; the slice starts at 0 on the other axes.
+    """
     start = (*place, *[0] * (array.ndim - len(place)))
     before = jax.lax.dynamic_slice(array, start, by.shape)
     return jax.lax.dynamic_update_slice(array, before + by, start)
