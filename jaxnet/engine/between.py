@@ -1,8 +1,8 @@
 """Lanes of the exact engine in which a vehicle stands still between two ticks.
 
 A vehicle whose velocity passes 0 goes straight on, with probability 1: the vehicle turns round on a line. So
-the search drops lanes in which every vehicle has left its line. In the other lanes it goes back from every
-tick to the tick before.
+the search drops lanes in which every vehicle has left its line. At every tick it covers, in the other lanes,
+the interval since the tick before.
 """
 
 from collections.abc import Callable

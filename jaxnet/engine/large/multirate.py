@@ -31,7 +31,7 @@ SHARE = 4  # one vehicle in so many may need shorter steps
 TOGETHER = 16  # vehicles of any lanes that step at once
 ATTEMPTS = 64  # most attempts of a vehicle within one step of its fleet
 DEGREE = 4  # of the polynomial; every method has six nodes or more, so that a misfit shows
-WILD = 100.0  # greatest jerk over greatest z at the stages; above it, rounding spoils z, a small difference
+WILD = 100.0  # greatest jerk over greatest z at the stages; above, z is a small difference of large numbers
 
 
 class SlowVehicles(NamedTuple):
@@ -58,8 +58,8 @@ class Walk(NamedTuple):
 def suits(lane: Lane, plan: Plan) -> bool:
     """Return whether vehicles of these lanes may step alone.
 
-    They may not where vehicles decide inside the vector field, because the received signal then jumps. They
-    may not where a parameter of their kind differs from vehicle to vehicle.
+    Vehicles that decide inside the vector field may not, because the received signals then jump. Vehicles
+    whose kind has parameters vehicle by vehicle may not either.
     """
     of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
     return lane.initial.shape[1] >= SMALLEST and of_lanes and not plan.in_field
