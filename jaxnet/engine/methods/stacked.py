@@ -194,10 +194,9 @@ class Controller(diffrax.PIDController):
         error_order: Any,
         controller_state: Any,
     ) -> Any:
-        """Adapt the step, and tell two failures of a step too small to move the time apart.
+        """Adapt the step, and name the failure of a step too small to move the time.
 
-        `max_steps_reached` is a failure with finite values, `dt_min_reached` one with values that are not
-        finite.
+        The failure is `max_steps_reached` where state and error are finite, else `dt_min_reached`.
         """
         *found, result = super().adapt_step_size(
             t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
