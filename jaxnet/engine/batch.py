@@ -1,9 +1,9 @@
 """Simulation of many lanes: one compiled program per array shape and plan, fed load by load.
 
-A program takes a load, a fixed number of lanes, and advances a chunk of lanes side by side. The chunk size is
-fixed, so a lane's result is the same to the last bit whatever the other lanes are and however many there are.
-Loads run in parallel, one per core or accelerator. Here the lanes are the first axis of every array; within
-the engines the lanes are the last axis.
+A program takes a load, a fixed number of lanes, and advances a chunk, a fixed number of lanes, side by side.
+So a lane's result does not depend, to the last bit, on the other lanes or on their number. Loads run in
+parallel, one per core or accelerator. Here the lanes are the first axis of every array; within the engines
+the lanes are the last axis.
 """
 
 import functools
@@ -145,7 +145,7 @@ def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outc
     """Return the jitted program that runs a plan's engine on a platform."""
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
-        COMPILING.add(threading.get_ident())  # JAX runs this line only when it traces, before it compiles
+        COMPILING.add(threading.get_ident())  # JAX runs this line only while tracing, before compilation
         # One loop around everything: XLA compiles the loop as one function, which other loads do not disturb.
         return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 

@@ -1,8 +1,8 @@
 """Lanes of the exact engine in which a vehicle stands still between two ticks.
 
-A vehicle whose velocity passes 0 goes straight on, with probability 1: the vehicle turns round on a line. So
-the search drops lanes in which every vehicle has left its line. At every tick it covers, in the other lanes,
-the interval since the tick before.
+If a vehicle's velocity passes 0, the vehicle goes straight on, with probability 1: it turns round on a line.
+So the search drops lanes in which every vehicle has left its line. At every tick the search covers, in the
+other lanes, the interval since the tick before.
 """
 
 from collections.abc import Callable
@@ -57,9 +57,8 @@ def stood(
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
-    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. So three quantities bound the
-    jerk: E, Ė and Ë now; the greatest norm of the navigator's jerk; the greatest norms of the attack's
-    functions.
+    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. So a bound on the jerk follows
+    from E, Ė and Ë now, and from the greatest norms of the navigator's jerk and of the attack's functions.
     """
     path, functions = lane.sizes
     drive = control.feedback(lane.gain, functions[:3]) + functions[3]

@@ -1,9 +1,9 @@
 """The nonlinear vehicles under the law, integrated adaptively: the reference for the other engines.
 
-The engine evaluates the law from the received jets and solves it with the weights in force. It does not
-presuppose the exact cancellation that the law achieves. Vehicles decide at ticks which sources to retain, and
-keep the decision between ticks. With `Plan.in_field` vehicles decide inside the vector field, the literal
-reading of the paper.
+The engine evaluates the law from the received jets and solves the law with the weights in force. The engine
+does not presuppose the exact cancellation that the law achieves. Vehicles decide at ticks which sources to
+retain, and keep the decision between ticks. With `Plan.in_field` vehicles decide inside the vector field, the
+literal reading of the paper.
 
 The lanes are the last axis of every array. Each lane has its own time and step: `advance` attempts one step
 of every lane. A few vehicles of a lane may need shorter steps, and take them within that step (`multirate`).
@@ -109,7 +109,7 @@ class Integration(Motion):
     def hold(
         self, state: IntegrationState, decided: DecisionState, at: Tick
     ) -> tuple[IntegrationState, LaneFlags]:
-        """Factorise the Laplacian where a weight changed, and evaluate the vector field anew.
+        """Factorise the Laplacian where a weight changed, and evaluate the vector field again.
 
         Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """

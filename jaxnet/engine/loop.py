@@ -51,7 +51,7 @@ class Batch(NamedTuple):
 
     @property
     def lane(self) -> Lane:
-        """Return the lanes' numbers: initial states, gains, weights and kinds."""
+        """Return the lanes that the batch simulates."""
         return self.inputs.lane
 
     @property
@@ -137,7 +137,7 @@ def status_at_start(lane: Lane) -> Code:
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
-    """Pass the tick in the lanes that are at one: decide, count the switches, hold what is decided.
+    """Pass the tick in the lanes that are at one: decide, count the switches, hold the decisions.
 
     The first decision is no switch. `lockstep` says that all lanes are at the same tick.
     """

@@ -73,7 +73,7 @@ def add(
     there: Bool[Array, "*lanes"],
     in_tail: Bool[Array, "*some"],
 ) -> Gathered:
-    """Return the metrics with one more output time, in the lanes that are `there`.
+    """Return the metrics with one more output time, in the lanes where `there` holds.
 
     Metrics over the tail change only where `in_tail` holds too.
     """
@@ -87,7 +87,7 @@ def add(
 def reduce_over_time(
     metrics: Sequence[Metric], gathered: Gathered, seen: Observation, there: Bool[Array, "*lanes"]
 ) -> dict[str, Any]:
-    """Return these metrics with the observation added, in the lanes that are `there`."""
+    """Return these metrics with the observation added, in the lanes where `there` holds."""
     found = {}
     for metric in metrics:
         known = gathered[metric.name]

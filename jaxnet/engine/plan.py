@@ -12,7 +12,7 @@ CONNECTED = 1e-6  # residual of L⁻¹ a0 = 1: of order 1 where a vehicle is cut
 
 
 class Plan(NamedTuple):
-    """Static choices that shape the compiled program: hashable; a new plan compiles anew."""
+    """Static choices that shape the compiled program: hashable; JAX compiles once for each plan."""
 
     engine: Any  # a subclass of `engine.methods.Engine`
     options: tuple[Any, ...] = ()  # of the engine, for which its program is compiled

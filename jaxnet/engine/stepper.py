@@ -3,8 +3,8 @@
 The Butcher tableaux are diffrax's. The step control is diffrax's `PIDController` as an integral controller.
 Tests compare a step, its error, the next step and the order of convergence with diffrax's own.
 
-Diffrax's stepping is for one lane. `vmap` over it puts lanes first, and evaluates the first stage anew
-whenever some lane of the batch was rejected. It measured half as fast.
+Diffrax's stepping is for one lane. `vmap` of that stepping puts lanes first, and evaluates the first stage
+again whenever some lane of the batch was rejected. This measured half as fast.
 
 The lanes are the last axis of every array. The stages are a loop, so that XLA compiles the vector field once.
 The signals at all stages are evaluated before the loop. XLA evaluates the inputs of a loop once, but may
@@ -80,7 +80,7 @@ def attempt(
 ) -> Trial:
     """Attempt a step from `start` to `end`, where `slope` is the vector field at `start`.
 
-    `signals(times)` returns what the field needs of the time.
+    `signals(times)` returns the part of the field's inputs that depends on time alone.
     """
     length, matrix = (end - start)[None, None], jnp.asarray(rule.matrix)
     times = jnp.stack([end if c == 1.0 else start + c * (end - start) for c in rule.nodes])

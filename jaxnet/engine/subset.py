@@ -69,7 +69,7 @@ def put(array: jax.Array, few: LaneIndices, lanes: jax.Array) -> jax.Array:
         new, old = (
             jax.lax.dynamic_index_in_dim(*each, axis=-1) for each in ((lanes, number), (array, place))
         )
-        lane = jnp.where(place < array.shape[-1], new, old)  # a place past the last lane is clipped to it
+        lane = jnp.where(place < array.shape[-1], new, old)  # JAX clips a place past the last lane
         return jax.lax.dynamic_update_index_in_dim(array, lane, place, axis=-1)
 
     return xla.on_cpus(

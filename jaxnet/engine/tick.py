@@ -120,7 +120,10 @@ def sense(errors: Jets) -> Jets:
 
 
 def tell(sensed: Jets) -> Sent:
-    """Return the jets that the navigator, whose E is 0, and the vehicles send, each (2, 1 + m, lanes)."""
+    """Return the jets that the navigator and the vehicles send, each (2, 1 + m, lanes).
+
+    The navigator's jets come first and are 0, because jets are relative to the navigator.
+    """
     return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in sensed)
 
 
@@ -231,7 +234,7 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
         others = xla.materialised(lambda: retained.changed(*supports))
-        lanes = others.sum(axis=0) > 0  # callers count them too, and XLA counts once
+        lanes = others.sum(axis=0) > 0  # callers sum too, and XLA then sums once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if now.vectors is not None and before.vectors is not None:

@@ -6,10 +6,10 @@ vehicles alone repeat the step in shorter steps. The other vehicles keep the one
 Hundsdorfer and Verwer, A multirate time stepping strategy for stiff ordinary differential equations, BIT 47,
 2007).
 
-The other vehicles act on vehicle i only through `z_i = Σ_j w_ij (z_j + R(a_ij))` with `z_0 = R(y_0)`: the law
-asks vehicle i for the jerk `z_i - P(y_i)`. The motion of vehicle i at the stages of the fleet's step gives
-`z = y‴ + P(y)` there. A polynomial fitted to these values stands for z in between. The step is refused, as
-without this module, where the polynomial is not accurate enough or a vehicle does not arrive.
+The other vehicles act on vehicle i only through `z_i = Σ_j w_ij (z_j + R(a_ij))` with `z_0 = R(y_0)`. The law
+asks vehicle i for the jerk `z_i - P(y_i)`. At the stages of the fleet's step, the motion of vehicle i gives
+`z = y‴ + P(y)`. A polynomial fitted to these values stands for z in between. The step is refused, as without
+this module, where the polynomial is not accurate enough or a vehicle does not arrive.
 """
 
 from typing import Any, NamedTuple
@@ -118,7 +118,7 @@ def by_themselves(
 ) -> tuple[Float[Array, "n few"], Float[Array, "n few"], Bool[Array, " few"]]:
     """Step vehicles alone to the end of a step. Return their states, their slopes, and which arrived.
 
-    `slopes` and `error` are those of the fleet's step. Vehicles that are not `there` are padding.
+    `slopes` and `error` belong to the fleet's step. `there` is False for padding.
     """
     length = few.end - few.start
     coefficients, able = heard(few, state, slopes, rule)
@@ -157,8 +157,7 @@ def heard(
 ) -> tuple[Float[Array, "coefficients 2 few"], Bool[Array, " few"]]:
     """Fit z over a step by a polynomial in the share of the step that is past.
 
-    Return the coefficients, and the vehicles for which the polynomial may replace z. Three conditions hold
-    there:
+    Return the coefficients, and the vehicles for which the polynomial may replace z, under three conditions:
 
     - the polynomial's misfit moves the acceleration by less than its tolerance;
     - no stage went wild: the jerk is at most `WILD` times z;

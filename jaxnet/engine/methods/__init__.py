@@ -11,7 +11,7 @@ class Engine(Kind):
     """A way to advance lanes. A subclass defines `numbers` and `simulate`."""
 
     chunk: ClassVar[int] = 64  # lanes side by side in fleets of twelve vehicles; fewer in larger fleets
-    cached: ClassVar[int] = 40_000  # most vehicles side by side, so that they stay in a core's cache
+    cached: ClassVar[int] = 40_000  # most vehicles side by side that a core's cache can hold
     queue: ClassVar[int] = 1  # chunks in a load
     shard: ClassVar[int] = 512  # lanes whose rows make one file: about a second of work
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
@@ -20,7 +20,7 @@ class Engine(Kind):
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
 
     def options(self) -> tuple[Any, ...]:
-        """Return what the compiled program depends on besides shapes: hashable."""
+        """Return the options that shape the compiled program: hashable."""
         return ()
 
     def numbers(self, draw: Any, gain: Any, interval: float) -> Any:

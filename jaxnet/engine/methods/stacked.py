@@ -5,7 +5,7 @@ One lane is one pure vector field (`lane_field`). Its law solves the dense Krone
 over the lanes.
 
 Vehicles decide at ticks which sources to retain, and keep the decision until the next tick. Each tick is one
-`diffeqsolve`. With `tick: 0` vehicles decide inside the vector field. The engine is slow. It shares neither
+`diffeqsolve`. With `tick: 0` vehicles decide inside the vector field. The engine is slow, and shares neither
 its law nor its stepping with the other engines.
 """
 
@@ -52,7 +52,7 @@ def fits(found: type) -> bool:
 
 
 def known_solver(name: str) -> str:
-    """Return the name if `solvers` contains it. Raises ValueError with a suggestion if not."""
+    """Return the name if `solvers` contains it. Raises ValueError with the allowed names if not."""
     known = {each.lower(): each for each in solvers()}
     if name in known.values():
         return name
@@ -253,9 +253,7 @@ def lane_field(
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors = followed
-    alone, there, now = jax.tree.map(
-        lambda leaf: leaf[..., None], (lane, state, time)
-    )  # kinds expect an axis over lanes
+    alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         weights = decided_in_field(alone, there, now, network, plan)[..., 0]
     vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
@@ -272,7 +270,7 @@ def lane_field(
 
 
 def decided_in_field(lane: Lane, state: Any, time: Any, network: Network, plan: Plan) -> AxisWeights:
-    """Return the weights in force for what is received now, decided without memory; lanes last."""
+    """Return the weights in force for the jets received now, decided without memory; lanes last."""
     own, navigator = lane.vehicle.output_jets(state), lane.navigator.jets(time)
     y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
     before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
