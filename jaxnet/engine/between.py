@@ -57,8 +57,8 @@ def stood(
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
-    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. So a bound on the jerk follows
-    from E, Ė and Ë now, and from the greatest norms of the navigator's jerk and of the attack's functions.
+    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. A bound on the jerk follows
+    from E, Ė and Ë now, and the greatest norms of the navigator's jerk and the attack's functions.
     """
     path, functions = lane.sizes
     drive = control.feedback(lane.gain, functions[:3]) + functions[3]

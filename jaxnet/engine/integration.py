@@ -50,7 +50,7 @@ class IntegrationState(NamedTuple):
     """State of the lanes under way."""
 
     state: States
-    slope: States  # the vector field there
+    slope: States  # the vector field at this state
     signals: Signals
     step: Instants  # [s] proposed for the next attempt
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused

@@ -29,9 +29,7 @@ class Work(NamedTuple):
     """Functions that start, advance and end lanes side by side."""
 
     start: Callable[[Any], Any]  # from inputs to the state at the start
-    advance: Callable[
-        [Places, Any], tuple[Any, Any]
-    ]  # from places and record to state and record, a pass later
+    advance: Callable[[Places, Any], tuple[Any, Any]]  # one pass: new state and record
     under_way: Callable[[Any], Bool[Array, " places"]]  # from the state to the lanes that have not ended
     end: Callable[[Any, Any], Any]  # from inputs and state to the result of a lane that has ended
 

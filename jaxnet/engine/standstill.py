@@ -67,7 +67,7 @@ def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
 def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
     """Return a time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
 
-    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and at least as far away as its foot.
+    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its foot.
     """
     speed, size, tiny = length(velocity), length(acceleration), jnp.finfo(float).tiny
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)

@@ -184,7 +184,7 @@ def hidden(rule: Method) -> float:
     """Return the integral of the polynomial's misfit over the greatest misfit at a stage; 1 or more.
 
     The misfit is that of the next power, which dominates for a smooth signal. The integral is the greatest
-    over any part from the start of a step whose length is 1.
+    over any part from the start of a step of length 1.
     """
     fitted = np.linalg.pinv(np.vander(rule.nodes, DEGREE + 1)) @ rule.nodes ** (DEGREE + 1)
     missed = np.poly1d([1.0, *-fitted])

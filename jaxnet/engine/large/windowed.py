@@ -39,7 +39,7 @@ class System(NamedTuple):
 
     hearing: Hearing
     weights: SlotWeights
-    decision: Bool[Array, "axes slots m lanes"]  # one axis where both axes are alike
+    decision: Bool[Array, "axes slots m lanes"]  # 1 where both axes share one decision
     vectors: Vectors  # of the attacks
 
 

@@ -32,11 +32,11 @@ class Engine(Kind):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
-        """Return the outcome of the first `count` lanes of a queue of `Inputs`; JAX traces it; lanes last."""
+        """Return the outcome of the first `count` lanes of a queue of `Inputs`, traced by JAX; lanes last."""
         raise NotImplementedError
 
     def faults(self, scenario: Any) -> Iterator[Fault]:
-        """Yield a fault where the engine cannot hold a jerk, or cannot decide at every instant."""
+        """Yield a fault if the scenario holds a jerk or decides at every instant, and the engine cannot."""
         if scenario.law.holds and not self.holds:
             message = (
                 f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"

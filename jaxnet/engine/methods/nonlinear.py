@@ -12,7 +12,7 @@ class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively."""
 
     kind = "nonlinear"
-    cached: ClassVar[int] = 1_200  # fewer, because the slopes of all stages lie in the cache too
+    cached: ClassVar[int] = 1_200  # few, because the cache holds the slopes of all stages too
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
     holds: ClassVar[bool] = True
