@@ -1,7 +1,7 @@
 """The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
-The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives, and Φ =
-expm(A_c h). The attacks' effect on the fleet is `G = L⁻¹ d`: vectors v = L⁻¹ d times functions of time.
+The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives, and
+`Φ = expm(A_c h)`. The attacks' effect on the fleet is `G = L⁻¹ d`: vectors v = L⁻¹ d times functions of time.
 
     E(t + h) = Φ E(t) + G(t + h) - Φ G(t).
 

@@ -28,7 +28,7 @@ from jaxnet.model.signal import Vectors
 WINDOWS_TOGETHER = 16  # windows of all lanes that are solved at once
 WINDOW_ACCURACY = 1e-13  # error of a response, relative to the attacks' greatest vector component
 SIDE_BY_SIDE = 4  # windows of one lane that are corrected at once
-LEAST_WINDOWS = 16  # a whole solve is as quick as fewer windows
+LEAST_WINDOWS = 16  # windows of a lane; below so many, a whole solve is as quick
 WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
@@ -39,7 +39,7 @@ class System(NamedTuple):
 
     hearing: Hearing
     weights: SlotWeights
-    decision: Bool[Array, "axes slots m lanes"]  # 1 where both axes share one decision
+    decision: Bool[Array, "axes slots m lanes"]  # axes: 1 if both share a decision, else 2
     vectors: Vectors  # of the attacks
 
 
