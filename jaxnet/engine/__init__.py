@@ -1,7 +1,7 @@
-"""One loop that advances lanes, and what differs between engines.
+"""One loop that advances lanes, and the engines, which differ in how vehicles move between ticks.
 
-At each tick vehicles sense, tell, receive and decide (`tick`), at output times the fleet is measured
-(`metrics`), and `loop` owns both. Between ticks the vehicles move: `propagation` solves the closed loop
-exactly, `integration` steps the nonlinear vehicles (with `stepper` and `multirate`). `methods` are the
-engines that a config chooses between. `batch` runs many lanes at once.
+At each tick vehicles sense, tell, receive and decide (`tick`). At output times `metrics` measures the fleet.
+`loop` calls both. Between ticks the vehicles move: `propagation` solves the closed loop exactly, and
+`integration` steps the nonlinear vehicles (with `stepper` and `multirate`). `methods` contains the engines
+that a config chooses from. `batch` runs many lanes at once.
 """

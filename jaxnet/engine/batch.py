@@ -1,9 +1,9 @@
-"""Many lanes at once: one compiled program per shape and choice of types, fed load by load.
+"""Simulation of many lanes: one compiled program per array shape and plan, fed load by load.
 
-A program takes a fixed number of lanes and advances a fixed number of them side by side, a chunk, so that a
-lane's result is the same to the last bit whatever lanes are beside it and however many there are. Loads run
-beside each other, one to a core or accelerator. Here lanes are the first axis of every array; within the
-engines they are the last.
+A program takes a load, a fixed number of lanes, and advances a chunk, a fixed number of lanes, side by side.
+So a lane's result does not depend, to the last bit, on the other lanes or on their number. Loads run in
+parallel, one per core or accelerator. Here the lanes are the first axis of every array; within the engines
+the lanes are the last axis.
 """
 
 import functools
@@ -25,13 +25,13 @@ from jaxnet.model.lane import Network
 
 Lanes = TypeVar("Lanes")
 
-TYPICAL_FLEET = 12  # vehicles, of which an engine takes its chunk of lanes side by side
-CHOOSING = 16_000  # vehicles of all lanes side by side where anybody chooses at ticks: more gain little
+TYPICAL_FLEET = 12  # vehicles in the fleet for which an engine states its chunk
+CHOOSING = 16_000  # most vehicles side by side in a plan that chooses at ticks: more gain little
 LEAST_CHUNK = 2
-SLOW_CHUNK = 8  # lanes side by side that decide inside the vector field
-COMPILING = set[int]()  # threads that are about it
-# Options by platform. Sums of few terms are quicker in loops than by the library that XLA has for sums.
-# Long sums of whole numbers are quicker in one pass than in the several that XLA makes of them.
+SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
+COMPILING = set[int]()  # threads that compile a program
+# Compiler options by platform. On CPUs a loop sums few terms faster than XLA's library for sums does.
+# One pass over a long sum of integers is faster than the several passes that XLA makes.
 COMPILER = {
     "cpu": {
         "xla_cpu_prefer_vector_width": 512,
@@ -42,7 +42,7 @@ COMPILER = {
 
 
 class Job(NamedTuple):
-    """Lanes of one network and clock, for one compiled program; every leaf of the inputs has lanes first."""
+    """Lanes of one network and clock for one compiled program; every leaf of `inputs` has lanes first."""
 
     inputs: Inputs
     network: Network
@@ -51,25 +51,29 @@ class Job(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of lanes."""
+        """Return the number of lanes."""
         return size(self.inputs)
 
 
 class Machine(NamedTuple):
-    """What lanes run on."""
+    """Devices and chunk size that a simulation uses."""
 
-    devices: int | None = None  # cores, or accelerators where there are any; None: all
-    chunk: int | None = None  # lanes side by side; None: what suits the engine
+    devices: int | None = None  # accelerators, or cores where the machine has none; None: all
+    chunk: int | None = None  # lanes side by side; None: the engine's own number
 
     def each(self) -> list[Any]:
-        """A device for each load under way: an accelerator, or the CPU once for each core."""
+        """Return one device per concurrent load: each accelerator, or the CPU once for each core."""
         there = jax.local_devices()
         if there[0].platform == "cpu":
             there = there[:1] * cores()
         return there[: self.devices]
 
     def width(self, plan: Plan, vehicles: int) -> int:
-        """Lanes side by side: of larger fleets fewer, about as the root of their size, a power of two."""
+        """Return the number of lanes side by side: `chunk` if given, else a power of two.
+
+        Above twelve vehicles the number falls as one over the root of the fleet size. The engine's `cached`
+        bounds the number of vehicles side by side.
+        """
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
@@ -82,7 +86,7 @@ EVERYTHING = Machine()
 
 
 def simulate(job: Job, machine: Machine = EVERYTHING) -> Outcome:
-    """Outcome of a job's lanes: NumPy arrays with a leading axis over lanes."""
+    """Simulate the lanes of a job. Return NumPy arrays with a leading axis over lanes."""
     return next(simulate_each([job.inputs], job.size, job.network, job.clock, job.plan, machine))
 
 
@@ -95,10 +99,10 @@ def simulate_each(
     machine: Machine = EVERYTHING,
     load_done: Callable[[int], None] = lambda lanes: None,
 ) -> Iterator[Outcome]:
-    """Outcome of each of some batches with `lanes` in all, in order.
+    """Yield the outcome of each batch, in order; `lanes` is the number of lanes of all batches.
 
-    Batches are taken from the iterable as devices become free, so that few are held at a time.
-    `load_done` is told how many lanes each load has brought to their end.
+    The iterable is read as devices become free, so few batches are in memory at a time. `load_done` is called
+    after each load with the number of lanes in that load.
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
     plan = plan._replace(chunk=machine.width(plan, network.hearing.sources.shape[1]))
@@ -124,7 +128,7 @@ def simulate_each(
 
 
 def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any) -> Outcome:
-    """Outcome of one load, in double precision whatever the process's default is."""
+    """Return the outcome of one load, in double precision whatever the process's default is."""
     count = size(load)
     index = np.minimum(np.arange(capacity), count - 1)
     queue = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
@@ -138,23 +142,26 @@ def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: 
 
 @functools.cache
 def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outcome]:
-    """The engines, compiled for a platform."""
+    """Return the jitted program that runs a plan's engine on a platform."""
 
     def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
-        COMPILING.add(threading.get_ident())  # JAX traces it to compile it, and never else comes here
-        # All of it is one loop, that XLA may compile it as one function, which other loads do not disturb.
+        COMPILING.add(threading.get_ident())  # JAX runs this line only while tracing, before compilation
+        # One loop around everything: XLA compiles the loop as one function, which other loads do not disturb.
         return xla.materialised(lambda: plan.engine.simulate(queue, count, network, clock, plan))
 
     return jax.jit(run, static_argnums=0, compiler_options=COMPILER.get(platform))
 
 
 def compiling() -> bool:
-    """Whether a program is being compiled."""
+    """Return whether a thread is compiling a program."""
     return bool(COMPILING)
 
 
 def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[Inputs]:
-    """The lanes of batches in loads of `most`, the last one smaller; `sizes` is told those of the batches."""
+    """Yield the lanes of batches in loads of `most` lanes; the last load may be smaller.
+
+    The size of each batch is appended to `sizes`.
+    """
     waiting: list[Inputs] = []
     for batch in batches:
         sizes.append(size(batch))
@@ -170,7 +177,7 @@ def parted(batches: Iterable[Inputs], most: int, sizes: deque[int]) -> Iterator[
 def in_order(
     pool: Executor, run: Callable[[Inputs], Outcome], loads: Iterable[Inputs], ahead: int
 ) -> Iterator[Outcome]:
-    """Outcomes of loads in their order; so many loads are under way or wait at a time."""
+    """Yield the outcomes of loads in order; at most `ahead` loads run or wait at a time."""
     under_way = deque[Future[Outcome]]()
     for load in loads:
         under_way.append(pool.submit(run, load))
@@ -181,14 +188,14 @@ def in_order(
 
 
 def reporting(outcomes: Iterable[Outcome], load_done: Callable[[int], None]) -> Iterator[Outcome]:
-    """The outcomes, of whose lanes `load_done` is told."""
+    """Yield the outcomes, and call `load_done` with the number of lanes in each."""
     for outcome in outcomes:
         load_done(len(outcome.status))
         yield outcome
 
 
 def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcome]:
-    """The lanes of outcomes in groups of these sizes."""
+    """Yield the lanes of outcomes in groups of the given sizes."""
     held: list[Outcome] = []
     for outcome in outcomes:
         held.append(outcome)
@@ -199,15 +206,15 @@ def regrouped(outcomes: Iterable[Outcome], sizes: deque[int]) -> Iterator[Outcom
 
 
 def size(batch: Inputs) -> int:
-    """Lanes of a batch."""
+    """Return the number of lanes in a batch."""
     return len(batch.lane.initial)
 
 
 def joined(trees: Sequence[Lanes]) -> Lanes:
-    """Lanes of several trees as one."""
+    """Return one tree with the lanes of several trees, one after another."""
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *trees) if len(trees) > 1 else trees[0]
 
 
 def part(tree: Lanes, start: int, stop: int | None) -> Lanes:
-    """Some lanes of a tree."""
+    """Return the lanes from `start` to `stop` of a tree."""
     return jax.tree.map(lambda leaf: leaf[start:stop], tree)

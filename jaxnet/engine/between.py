@@ -1,7 +1,8 @@
-"""Lanes of the exact engine whose vehicles stand still between two ticks.
+"""Lanes of the exact engine in which a vehicle stands still between two ticks.
 
-A vehicle whose velocity passes 0 goes straight on, with probability 1: it turns round on a line. So lanes in
-which everybody has turned are let go, and the others are looked at from every tick back to the one before.
+If a vehicle's velocity passes 0, the vehicle goes straight on, with probability 1: it turns round on a line.
+So the search drops lanes in which every vehicle has left its line. At every tick the search covers, in the
+other lanes, the interval since the tick before.
 """
 
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane, length
 from jaxnet.model.signal import Vectors
 
-FEW = 16  # lanes that are looked at
+FEW = 16  # lanes that are searched at once
 
 
 def stopped(
@@ -29,8 +30,8 @@ def stopped(
 ) -> tuple[Code, LaneFlags]:
     """Return the status, and the lanes in which some vehicle may have gone straight on, a tick later.
 
-    `outputs()` are y with two derivatives; `stood(few)` says which of a few lanes have a vehicle that stood
-    still in the tick before now.
+    `outputs()` returns y with two derivatives. `stood(few)` returns which of a few lanes have a vehicle that
+    stood still in the tick before now.
     """
 
     def some(few: LaneIndices, status: Code) -> Code:
@@ -56,8 +57,8 @@ def stood(
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
-    Lanes go back in time. E‴ is `-P(E) + K R(β)` with attack vectors K, so its bound follows from E, Ė and Ë
-    now and from the greatest norms of the navigator's jerk and of the attack's functions.
+    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. A bound on the jerk follows
+    from E, Ė and Ë now, and the greatest norms of the navigator's jerk and the attack's functions.
     """
     path, functions = lane.sizes
     drive = control.feedback(lane.gain, functions[:3]) + functions[3]

@@ -1,8 +1,8 @@
-"""Cores of this machine; asked before JAX is imported, too."""
+"""Number of CPU cores. This module imports no JAX, so callers can ask before JAX is imported."""
 
 import os
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""The flow `expm(A_c h)` of the closed loop (SCIENCE O1), and what an axis makes of a disturbance."""
+"""The flow `expm(A_c h)` of the closed loop (SCIENCE O1), and an axis' response to a disturbance."""
 
 from typing import Any
 
@@ -10,18 +10,18 @@ from jaxtyping import Array, Float
 from jaxnet.model import control
 from jaxnet.model.lane import Lane
 
-NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of Gauss and Legendre's rule on [0, 1]
+NODES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2  # of the Gauss–Legendre rule on [0, 1]
 SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
-TERMS = 18  # of the exponential's series; 1/18! is under rounding
+TERMS = 18  # terms of the exponential's series; 1/18! is under rounding
 
 Durations = Float[Array, "lanes"]
 Transition = Float[Array, "3 3 lanes"]  # expm(A_c h)
-Effect = Float[Array, "3 functions lanes"]  # functions of G, with two derivatives
+Effect = Float[Array, "3 functions lanes"]  # g, the functions of G, with two derivatives
 Responses = Float[Array, "nodes 3 lanes"]  # expm(A_c (1 - x) h) B at the NODES x
 
 
 def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
-    """`expm(A_c h)` times a signal and its derivatives, each (..., lanes)."""
+    """Return `expm(A_c h)` times a signal and its two derivatives, each (..., lanes)."""
     y, velocity, acceleration, *_ = jets
     alike = (None,) * (y.ndim - 1)
     rows = ((row[0][alike], row[1][alike], row[2][alike]) for row in flow)
@@ -37,17 +37,17 @@ def of_integrators(time: Durations) -> Transition:
 
 
 def held_input(time: Durations) -> Effect:
-    """Return what a third derivative of 1, held for a time [s], adds to a signal and its derivatives."""
+    """Return the change of a signal and two derivatives by a third derivative of 1 held for a time [s]."""
     return jnp.stack([time**3 / 6, time**2 / 2, time])[:, None]
 
 
 def longest(gain: control.Gain) -> Durations:
-    """A time over which the series of `brief` holds to rounding."""
+    """Return a time [s] over which the series of `brief` is exact to rounding."""
     return 1.0 / jnp.maximum(1.0, jnp.abs(gain).sum(axis=0))
 
 
 def brief(gain: control.Gain, time: Durations) -> Transition:
-    """The flow over a time of `longest` at most, or as far back, by its series."""
+    """Return the flow over a time [s] of at most `longest`, forward or back, by its power series."""
     identity = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, *gain.shape))
 
     def add(term: Any, total: Transition) -> Transition:
@@ -59,7 +59,7 @@ def brief(gain: control.Gain, time: Durations) -> Transition:
 
 
 def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
-    """Responses over a tick, whatever its length."""
+    """Return the impulse responses over a tick of any length [s]."""
     identity = jnp.broadcast_to(jnp.eye(3)[1:, :, None], (2, *gain.shape))
     companion = jnp.concatenate([identity, -gain[None]]) * interval
     rest = companion[None] * (1 - NODES)[:, None, None, None]
@@ -67,17 +67,17 @@ def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
 
 
 def brief_responses(gain: control.Gain, time: Durations) -> Responses:
-    """Responses over a time of `longest` at most, or as far back."""
+    """Return the impulse responses over a time [s] of at most `longest`, forward or back."""
     return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, 2]
 
 
 def passed_on(
     effect: Effect, flow: Transition, responses: Responses, lane: Lane, time: Durations, interval: Any
 ) -> Effect:
-    """What an axis makes of the attacks' functions an interval on: `g‴ + P(g) = R(β)`, from g now.
+    """Return g and its derivatives an interval later, where `g‴ + P(g) = R(β)`, from g now.
 
-    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, exact to rounding for functions that
-    are smooth within the interval.
+    `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, by Gauss–Legendre quadrature. The
+    result is exact to rounding for functions that are smooth within the interval.
     """
     total, interval = jnp.stack(propagate(flow, effect)), jnp.broadcast_to(interval, time.shape)
     for node, share, answer in zip(NODES, SHARES, responses, strict=True):

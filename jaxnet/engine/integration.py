@@ -1,11 +1,12 @@
-"""The nonlinear vehicles under the law, integrated adaptively. It is the truth.
+"""The nonlinear vehicles under the law, integrated adaptively: the reference for the other engines.
 
-It evaluates the law from what is received and solves with the weights in force; the exact cancellation that
-the law achieves is not taken for granted. Whom to retain is decided at ticks and held between them, or, with
-`Plan.in_field`, inside the vector field, which is the literal reading of the paper.
+The engine evaluates the law from the received jets and solves the law with the weights in force. The engine
+does not presuppose the exact cancellation that the law achieves. Vehicles decide at ticks which sources to
+retain, and keep the decision between ticks. With `Plan.in_field` vehicles decide inside the vector field, the
+literal reading of the paper.
 
 The lanes are the last axis of every array. Each lane has its own time and step: `advance` attempts one step
-of every lane. A few vehicles of a lane that need shorter steps take them within it (`multirate`).
+of every lane. A few vehicles of a lane may need shorter steps, and take them within that step (`multirate`).
 """
 
 from typing import Any, NamedTuple
@@ -31,25 +32,25 @@ from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 2  # lanes whose Laplacians are factorised at once
-LARGE_TO_FACTORISE = 24  # vehicles; from there on lanes that need it not cost more than another pass does
+LARGE_TO_FACTORISE = 24  # vehicles; from this size on, padding lanes cost more than another pass
 
 Jerk = Float[Array, "2 m lanes"]
 
 
 class FollowedLaw(NamedTuple):
-    """What vehicles follow until the next tick. Absent parts are None."""
+    """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
 
     weights: AxisWeights
-    factors: Any  # of `elimination`, of the Laplacian of these weights; None where a jerk is held
-    jerk: Jerk | None  # that is held
+    factors: Any  # by `elimination`, of these weights' Laplacian; None where a jerk is held
+    jerk: Jerk | None  # held until the next tick
     response: Vectors | None  # L⁻¹ d, from which an iteration starts
 
 
 class IntegrationState(NamedTuple):
-    """Lanes under way."""
+    """State of the lanes under way."""
 
     state: States
-    slope: States  # the vector field there
+    slope: States  # the vector field at this state
     signals: Signals
     step: Instants  # [s] proposed for the next attempt
     steps: Int[Array, " lanes"]  # attempts so far, kept and refused
@@ -57,7 +58,7 @@ class IntegrationState(NamedTuple):
 
 
 class Integration(Motion):
-    """How lanes move under the nonlinear vehicles' law, by adaptive steps. `numbers` are the tolerances."""
+    """Motion of the nonlinear vehicles under the law, by adaptive steps. `numbers` are the tolerances."""
 
     def begin(self) -> IntegrationState:
         """Return the state at t = 0; nothing is followed yet."""
@@ -73,7 +74,7 @@ class Integration(Motion):
         )
 
     def followed_first(self) -> FollowedLaw:
-        """Return what is followed before the first tick, for its shapes alone."""
+        """Return the law followed before the first tick, needed for its shapes alone."""
         lane, network, plan = self.lane, self.network, self.plan
         decided = tick.before_first(lane, network, plan)
         if lane.law.holds:
@@ -95,22 +96,22 @@ class Integration(Motion):
         return *self.lane.vehicle.pace(state.state), state.state
 
     def drive(self, state: IntegrationState, decided: DecisionState) -> Drive:
-        """Return what the motion follows now."""
+        """Return the weights and attack vectors that the motion follows now."""
         vectors = tick.attack_vectors(self.lane, decided)
         if self.plan.in_field:
             return tick.drive(self.lane, decided, self.plan)
         return Drive(state.followed.weights, vectors)
 
     def steps(self, state: IntegrationState) -> Int[Array, " lanes"]:
-        """Return the attempts so far."""
+        """Return the number of attempts so far."""
         return state.steps
 
     def hold(
         self, state: IntegrationState, decided: DecisionState, at: Tick
     ) -> tuple[IntegrationState, LaneFlags]:
-        """Factorise the Laplacian where a weight changed, and evaluate the vector field anew.
+        """Factorise the Laplacian where a weight changed, and evaluate the vector field again.
 
-        Where the law holds a jerk, vehicles exchange it at every tick instead.
+        Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
         """
         lane, network, plan = self.lane, self.network, self.plan
 
@@ -189,7 +190,7 @@ def errors_of(lane: Lane, states: States, now: Signals) -> Jets:
 def follow_weights(
     lane: Lane, network: Network, decided: DecisionState, plan: Plan
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the weights in force with their Laplacian's factors, and whether all hear of the navigator."""
+    """Return the law with weights and factors, and whether the navigator reaches every vehicle."""
     weights, vectors = tick.drive(lane, decided, plan)
     factors, residual = elimination.factorised(network.order, network.hearing, weights)
     followed = FollowedLaw(weights, factors, None, None)
@@ -217,7 +218,7 @@ def exchanged(
     states: States,
     plan: Plan,
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the weights in force, the jerk of the exchanges, and whether the navigator reaches everybody."""
+    """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
     (weights, vectors), own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
     attack = signal.combined(vectors, now.drive)
     jerk = tick.exchange(lane, network, weights, own, now.path, attack, last)
@@ -233,7 +234,10 @@ def vector_field(
     states: States,
     plan: Plan,
 ) -> States:
-    """Return `ẋ = f(x, u(t, x))` with weights or a jerk held, or decided at each evaluation, no memory."""
+    """Return `ẋ = f(x, u(t, x))`, with weights or a jerk held.
+
+    With `Plan.in_field` vehicles decide at each evaluation, without memory.
+    """
     if lane.law.holds:
         return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, followed.jerk))
     if plan.in_field:
@@ -249,9 +253,9 @@ def vector_field(
 
 
 def expected(lane: Lane, response: Vectors, now: Signals, own: Jets) -> Jerk:
-    """Return the jerk if the law cancels exactly: `R(y_0) - P(y)` and what the attacks do.
+    """Return the jerk of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
 
-    Iteration starts there, and goes on until the jerk solves what the vehicles have received.
+    The iteration starts from this jerk, and goes on until the jerk solves the law for the received jets.
     """
     forced = signal.combined(response, now.drive)
     return now.path[:, None] + forced - control.feedback(lane.gain, own)

@@ -29,20 +29,20 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
 
-Ticks = Int[Array, "*ticks"]  # ticks passed; one number where lanes are in lockstep
+Ticks = Int[Array, "*ticks"]  # number of ticks passed; one number where lanes are in lockstep
 
 
 class Tick(NamedTuple):
-    """Which lanes are at a tick, and where anything was decided otherwise than before."""
+    """Lanes at a tick, and the lanes and vehicles whose decisions changed."""
 
     here: LaneFlags
     first: LaneFlags  # the lanes at their first tick
     anew: LaneFlags  # the lanes here in which any decision changed, and those at their first tick
-    vehicles: VehicleFlags  # that retain other sources
+    vehicles: VehicleFlags  # whose retained sources changed
 
 
 class Batch(NamedTuple):
-    """Lanes side by side, and what they share."""
+    """Lanes side by side, with the network, clock and plan that they share."""
 
     inputs: Inputs
     network: Network
@@ -51,17 +51,17 @@ class Batch(NamedTuple):
 
     @property
     def lane(self) -> Lane:
-        """What the lanes are simulated from."""
+        """Return the lanes that the batch simulates."""
         return self.inputs.lane
 
     @property
     def acts(self) -> bool:
-        """Whether anything happens at ticks after the first."""
+        """Return whether anything happens at ticks after the first."""
         return self.plan.choosing or self.lane.law.holds
 
 
 class Motion(ABC):
-    """How the lanes of a batch move: what differs between engines. `state` is a pytree, lanes last."""
+    """Motion of a batch's lanes, which differs between engines. `state` is a pytree, lanes last."""
 
     def __init__(self, batch: Batch):
         self.lane, self.numbers = batch.inputs
@@ -91,19 +91,19 @@ class Motion(ABC):
     def advance(
         self, state: Any, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[Any, Code, LaneFlags]:
-        """Return the state later, at most at the next tick; the status; the lanes that have arrived there."""
+        """Return a later state, at most at the next tick; the status; the lanes that reached that tick."""
 
     def drive(self, state: Any, decided: DecisionState) -> Drive:
-        """Return what the motion follows now."""
+        """Return the weights and attack vectors that the motion follows now."""
         return tick.drive(self.lane, decided, self.plan)
 
     def steps(self, state: Any) -> Int[Array, " lanes"]:
-        """Return the steps of an integrator so far; 0 without one."""
+        """Return the number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
 
 
 class Fleet(NamedTuple):
-    """Lanes under way."""
+    """State of the lanes under way."""
 
     state: Any  # of the engine's motion
     decided: DecisionState
@@ -137,7 +137,7 @@ def status_at_start(lane: Lane) -> Code:
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
-    """Pass the tick in the lanes that are at one: decide, count the switches, hold what is decided.
+    """Pass the tick in the lanes that are at one: decide, count the switches, hold the decisions.
 
     The first decision is no switch. `lockstep` says that all lanes are at the same tick.
     """
@@ -158,7 +158,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
 
 
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
-    """Return what is measured of the fleets now."""
+    """Return the measurements of the fleets now."""
     drive = motion.drive(fleet.state, fleet.decided)
     _, basis = motion.basis(fleet.state)
     shown = drive.vectors[:, batch.network.display_signals]
@@ -172,7 +172,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
 
 
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: dict[str, Any]) -> Outcome:
-    """Return what is left of lanes that have ended."""
+    """Return the results of lanes that have ended."""
     clock, gathered = batch.clock, fleet.gathered
     status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))

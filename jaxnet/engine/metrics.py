@@ -1,4 +1,4 @@
-"""What is kept of a lane: numbers gathered at output times, so that memory does not grow with time."""
+"""Metrics of a lane, gathered at output times, so that memory does not grow with time; saved series."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from jaxnet.model.plane import length
 
 
 class Observation(NamedTuple):
-    """The fleet at one output time, after that tick's decision."""
+    """State of the fleet at one output time, after the decision of that tick."""
 
     error: Float[Array, "2 m *lanes"]  # y_i - y_0 [m]
     speed: Float[Array, "m *lanes"]
@@ -24,16 +24,16 @@ class Observation(NamedTuple):
     hearing: Hearing
 
     def errors(self) -> Float[Array, "m *lanes"]:
-        """`‖y_i - y_0‖` [m] of each vehicle."""
+        """Return `‖y_i - y_0‖` [m] of each vehicle."""
         return length(self.error)
 
     def disagreements(self) -> Float[Array, "m *lanes"]:
-        """`‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs."""
+        """Return `‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs."""
         sources = jnp.concatenate([jnp.zeros_like(self.error[:, :1]), self.error], axis=1)
         return length(self.error - self.hearing.mean_sent(self.weights, sources))
 
 
-# What can be kept of every output time, its last axis over lanes (docs/results-folder.md).
+# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).
 SERIES: dict[str, Callable[[Observation], Any]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
@@ -44,12 +44,12 @@ SERIES: dict[str, Callable[[Observation], Any]] = {
 
 
 def series(save: Sequence[str], seen: Observation) -> dict[str, Any]:
-    """Return what is saved of an observation, by name, lanes last."""
+    """Return the saved arrays of an observation, by name, lanes last."""
     return {name: SERIES[name](seen) for name in save}
 
 
 def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> dict[str, Any]:
-    """Return stacks over `rows` output times of what is saved, not-a-number as yet."""
+    """Return stacks of the saved arrays over `rows` output times, filled with not-a-number."""
     shapes = jax.eval_shape(lambda: series(save, seen()))
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
 
@@ -58,11 +58,11 @@ NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
 STEP_OVER_TIME = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
 OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 
-Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric, vehicle by vehicle: free of sums over vehicles
+Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric and vehicle, before any sum over vehicles
 
 
 def nothing(metrics: Sequence[Metric], shape: tuple[int, ...]) -> Gathered:
-    """Before the first output time, for this shape (m, lanes)."""
+    """Return the metrics before the first output time, for the shape (m, lanes)."""
     return {metric.name: jnp.full(shape, NEUTRAL[metric.time]) for metric in metrics}
 
 
@@ -73,7 +73,10 @@ def add(
     there: Bool[Array, "*lanes"],
     in_tail: Bool[Array, "*some"],
 ) -> Gathered:
-    """With one more output time of the lanes that are `there`; tails count where it is `in_tail`."""
+    """Return the metrics with one more output time, in the lanes where `there` holds.
+
+    Metrics over the tail change only where `in_tail` holds too.
+    """
     run, tail = ([metric for metric in metrics if metric.over == over] for over in ("run", "tail"))
     counts = there & in_tail
     before = {metric.name: gathered[metric.name] for metric in tail}
@@ -84,7 +87,7 @@ def add(
 def reduce_over_time(
     metrics: Sequence[Metric], gathered: Gathered, seen: Observation, there: Bool[Array, "*lanes"]
 ) -> dict[str, Any]:
-    """These metrics with what is seen of the lanes that are `there`."""
+    """Return these metrics with the observation added, in the lanes where `there` holds."""
     found = {}
     for metric in metrics:
         known = gathered[metric.name]
@@ -94,7 +97,7 @@ def reduce_over_time(
 
 
 def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:
-    """Lanes of which every number of the contract is one."""
+    """Return the lanes in which every metric of the contract is finite for every vehicle."""
     return jnp.isfinite(jnp.stack([gathered[metric.name] for metric in CONTRACT])).all(axis=(0, 1))
 
 
@@ -105,7 +108,7 @@ def fleet_values(
     tail_outputs: Int[Array, ""],
     ok: Bool[Array, "*lanes"],
 ) -> dict[str, Float[Array, "*lanes"]]:
-    """What a row shows: of the whole fleet, and not-a-number where a lane is not ok."""
+    """Return the metrics of the whole fleet; not-a-number where a lane is not ok."""
     times = {"run": outputs + 1, "tail": tail_outputs}
     found = {}
     for metric in metrics:

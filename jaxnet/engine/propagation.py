@@ -1,19 +1,19 @@
 """The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
-The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives,
-Φ = expm(A_c h). The attacks make `G = L⁻¹ d` of the fleet, vectors v = L⁻¹ d times functions of time, and
+The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives, and
+`Φ = expm(A_c h)`. The attacks' effect on the fleet is `G = L⁻¹ d`: vectors v = L⁻¹ d times functions of time.
 
     E(t + h) = Φ E(t) + G(t + h) - Φ G(t).
 
-The vectors change only where weights or attacks do. There they are solved for anew, and E does not jump.
-The functions of G are g = β, those of the attacks. Where the falsified jets are no path with its derivatives,
-g solves `g‴ + P(g) = R(β)`, which is summed up from tick to tick by Gauss and Legendre's rule.
+The vectors change only where weights or attacks change. The engine then solves for new vectors, and E does
+not jump. The functions of G are g = β, the attacks' functions. Where the falsified jets are no path with its
+derivatives, g solves `g‴ + P(g) = R(β)`, summed from tick to tick by Gauss–Legendre quadrature.
 
-A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives, Φ that of three integrators,
-v the jerk, and f = (h³/6, h²/2, h).
+A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives, Φ is the flow of three
+integrators, v is the jerk, and f = (h³/6, h²/2, h).
 
-The lanes are the last axis of every array. Functions of one instant are computed behind a barrier: XLA would
-compute them again for each vehicle that uses them.
+The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because
+XLA would compute them again for each vehicle that uses them.
 """
 
 from typing import Any, NamedTuple
@@ -44,7 +44,7 @@ from jaxnet.model.signal import Basis, Vectors
 
 
 class PropagationState(NamedTuple):
-    """Lanes under way."""
+    """State of lanes at a tick."""
 
     jets: Jets  # x
     vectors: Vectors  # v
@@ -55,7 +55,7 @@ class PropagationState(NamedTuple):
 
 
 class Propagation(Motion):
-    """What both ways to move have in common."""
+    """Exact motion from tick to tick, the base of `Solved` and `Held`."""
 
     def basis(self, state: PropagationState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
@@ -81,7 +81,7 @@ class Propagation(Motion):
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
-        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         raise NotImplementedError
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
@@ -111,7 +111,7 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(self.lane.gain, self.clock.interval)
 
     def begin(self) -> PropagationState:
-        """Return the state at t = 0; the attacks make nothing of the fleet yet."""
+        """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
         basis = lane.signal.basis(time)
         jets = lane.vehicle.output_jets(lane.initial)
@@ -135,7 +135,10 @@ class Solved(Propagation):
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
     ) -> tuple[PropagationState, LaneFlags]:
-        """Solve `L v = d` in lanes that decide otherwise; near the vehicles that do, where that suffices."""
+        """Solve `L v = d` in lanes whose decisions changed.
+
+        In a large fleet the solution is updated only near the changed vehicles, where that suffices.
+        """
         lane, network, plan = self.lane, self.network, self.plan
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
@@ -151,7 +154,7 @@ class Solved(Propagation):
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
-        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         flow, basis = self.numbers.flow, barrier(self.lane.signal.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and self.responses is not None:
@@ -170,7 +173,7 @@ class Solved(Propagation):
 
 
 class Held(Propagation):
-    """A jerk that vehicles exchange at each tick, and hold until the next."""
+    """Exact motion with a jerk that vehicles exchange at each tick and hold until the next."""
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; no jerk is held yet."""
@@ -192,7 +195,7 @@ class Held(Propagation):
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
     ) -> tuple[PropagationState, LaneFlags]:
-        """Exchange the jerk, in all lanes."""
+        """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle cut off."""
         lane, network, plan = self.lane, self.network, self.plan
         weights, vectors = tick.drive(lane, decided, plan)
         path, functions = barrier(
@@ -211,7 +214,7 @@ class Held(Propagation):
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
-        """Return Φ, f, and the state with the functions at the next tick, which is at this time."""
+        """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
         basis = barrier(self.lane.signal.basis(time))
         return of_integrators(interval), held_input(interval), state._replace(time=time, basis=basis)
@@ -223,7 +226,7 @@ class Held(Propagation):
 
 
 def exact_motion(batch: Batch) -> Propagation:
-    """Return how the lanes of a batch move."""
+    """Return the motion of a batch: `Held` where the law holds a jerk, else `Solved`."""
     return Held(batch) if batch.lane.law.holds else Solved(batch)
 
 

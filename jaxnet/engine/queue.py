@@ -1,6 +1,6 @@
-"""A queue of lanes worked off some at a time: where some have ended, the next ones take their places.
+"""A queue of lanes, advanced in a fixed number of places; the next lanes replace lanes that have ended.
 
-So a lane that takes many steps holds up nobody, and the places are busy until the queue runs out.
+A lane that takes many steps delays no other lane. The places stay busy until the queue runs out.
 """
 
 from collections.abc import Callable
@@ -12,34 +12,33 @@ from jaxtyping import Array, Bool, Int
 
 from jaxnet.engine.subset import picked, put, select
 
-SPARE = 16  # one place in so many may stand idle before the idle ones are filled
+SPARE = 16  # a refill waits until one place in so many is idle
 
 QueueNumbers = Int[Array, " places"]
 
 
 class Places(NamedTuple):
-    """Lanes side by side, each under way or at its end; every array's last axis is over places."""
+    """Lanes side by side, each under way or ended; the last axis of every array runs over places."""
 
-    number: QueueNumbers  # of the lane in the queue; beyond it where there is none
+    number: QueueNumbers  # of the lane in the queue; past the queue's end in an empty place
     inputs: Any
     state: Any
 
 
 class Work(NamedTuple):
-    """What is done with lanes side by side."""
+    """Functions that start, advance and end lanes side by side."""
 
-    start: Callable[[Any], Any]  # inputs: their state at the start
-    advance: Callable[
-        [Places, Any], tuple[Any, Any]
-    ]  # places and record: their state and the record a pass later
-    under_way: Callable[[Any], Bool[Array, " places"]]  # state: who has not ended
-    end: Callable[[Any, Any], Any]  # inputs and state: what is left of a lane that has ended
+    start: Callable[[Any], Any]  # from inputs to the state at the start
+    advance: Callable[[Places, Any], tuple[Any, Any]]  # one pass: new state and record
+    under_way: Callable[[Any], Bool[Array, " places"]]  # from the state to the lanes that have not ended
+    end: Callable[[Any, Any], Any]  # from inputs and state to the result of a lane that has ended
 
 
 def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record: Any) -> tuple[Any, Any]:
-    """What is left of the first `count` lanes of a queue, and the record that the passes have filled.
+    """Advance the first `count` lanes of a queue to their end. Return their results and the record.
 
-    Every leaf of the queue and of what is left has a last axis over its lanes.
+    Each pass updates the record. Every leaf of the queue and of the results has a last axis over the queue's
+    lanes.
     """
     length = jax.tree.leaves(queue)[0].shape[-1]
 

@@ -1,4 +1,4 @@
-"""The attacks' effect on a fleet: the vectors `L⁻¹ d`, solved for where weights or attacks changed."""
+"""The attacks' effect on a fleet: vectors `L⁻¹ d`, solved again where weights or attacks change."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 
 SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
-LARGE_TO_SOLVE = 128  # vehicles; from there on lanes that need it not cost more than another pass does
+LARGE_TO_SOLVE = 128  # vehicles; from this size on, padding lanes cost more than another pass
 
 
 def solve_response(
@@ -27,7 +27,7 @@ def solve_response(
     network: Network,
     plan: Plan,
 ) -> tuple[Vectors, LaneFlags]:
-    """Return the response, solved for again in flagged lanes, and the lanes with a vehicle cut off."""
+    """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off."""
 
     def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry

@@ -1,4 +1,4 @@
-"""What engines need of an instant besides the fleet: the navigator and the attacks' functions."""
+"""Signals that depend on time alone: the navigator's jets and the attacks' functions."""
 
 from typing import NamedTuple
 
@@ -11,11 +11,12 @@ from jaxnet.model.signal import Basis
 
 
 class Signals(NamedTuple):
-    """What depends on the time alone, and what the law makes of it, which a stage would compute once for each
-    vehicle.
+    """Navigator and attack functions at one instant, with R(y_0) and R(β) of the law.
+
+    R is computed here once, because a stage would compute R once for each vehicle.
     """
 
-    time: Instants  # itself
+    time: Instants  # [s]
     navigator: Float[Array, "4 2 lanes"]
     basis: Basis
     path: Float[Array, "2 lanes"]  # R(y_0)
@@ -23,7 +24,7 @@ class Signals(NamedTuple):
 
 
 def signals(lane: Lane, time: Instants) -> Signals:
-    """The navigator and the attacks' functions at these times."""
+    """Return the navigator's jets and the attacks' functions at these times, with R of each."""
     navigator, basis = lane.navigator.jets(time), lane.signal.basis(time)
     path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))
     return Signals(time, navigator, basis, path, drive)

@@ -1,7 +1,8 @@
-"""Vehicles that stand still between ticks, where the law is singular: a bound on the speed, no sampling.
+"""Search for vehicles that stand still between ticks, where the law is singular.
 
-An interval is passed in steps. The velocity, the acceleration and a bound on the jerk give a time in which a
-vehicle cannot stand still, and that time is the step. Near an instant of rest the steps shorten as Newton's.
+The search covers an interval in steps and samples nothing. Velocity, acceleration and a bound on the jerk
+give a time in which a vehicle cannot stand still. That time is the step. Near an instant of rest the steps
+shorten as in Newton's method.
 
 The lanes are the last axis of every array.
 """
@@ -19,9 +20,9 @@ from jaxnet.model.plane import Plane, cross, dot, length
 Passing = TypeVar("Passing")
 Spans = Float[Array, "lanes"]
 
-FLOOR = LEAST_SPEED / 2  # [m/s] so that a step comes under LEAST_SPEED where a vehicle does
-TURNED = 1e-9  # sine of the angle from velocity to acceleration that rounding does not make
-LEAST_PART = 2.0**-40  # of an interval; rounding hides what happens in less
+FLOOR = LEAST_SPEED / 2  # [m/s] so low that a step ends under LEAST_SPEED where a vehicle stands still
+TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
+LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
 
 
 def stands(
@@ -32,10 +33,11 @@ def stands(
     interval: Any,
     longest: Spans,
 ) -> Bool[Array, "lanes"]:
-    """Spans in which a vehicle is slower than LEAST_SPEED at some instant of an interval.
+    """Return the lanes in which a vehicle is slower than LEAST_SPEED at some instant of an interval.
 
-    `pace(state)` are velocity and acceleration, `advance(state, step)` is the state after a step of `longest`
-    at most, and `jerk` bounds the jerk. A speed under FLOOR is always found, one over LEAST_SPEED never.
+    `pace(state)` returns velocity and acceleration. `advance(state, step)` returns the state after a step of
+    at most `longest`. `jerk` bounds the jerk. A speed under FLOOR is always found, a speed over LEAST_SPEED
+    never.
     """
 
     def under_way(carry: Any) -> Any:
@@ -57,15 +59,15 @@ def stands(
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
-    """Spans in which some vehicle's acceleration is along its velocity, but for rounding."""
+    """Return the lanes in which some vehicle's acceleration is along its velocity, up to rounding."""
     sizes = (1.0 + length(velocity)) * (1.0 + length(acceleration))
     return (jnp.abs(cross(velocity, acceleration)) <= TURNED * sizes).any(axis=0)
 
 
 def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
-    """A time in which the speed stays over FLOOR, by `‖v(t) - v - a t‖ ≤ J t²/2`.
+    """Return a time in which the speed stays over FLOOR, from `‖v(t) - v - a t‖ ≤ J t²/2`.
 
-    The line `v + a t` is no nearer to 0 than `‖v‖ - ‖a‖ t`, and never nearer than its foot.
+    The line `v + a t` is at least `‖v‖ - ‖a‖ t` away from 0, and nowhere nearer to 0 than at its foot.
     """
     speed, size, tiny = length(velocity), length(acceleration), jnp.finfo(float).tiny
     foot = jnp.abs(cross(velocity, acceleration)) / jnp.maximum(size, tiny)

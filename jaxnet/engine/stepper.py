@@ -1,13 +1,14 @@
-"""Adaptive Runge-Kutta steps of many lanes side by side, each with its own time and step.
+"""Adaptive explicit Runge–Kutta steps of many lanes side by side, each with its own time and step.
 
-The methods are diffrax's Butcher tableaux and the control of the step is that of its `PIDController` as an
-integral controller; a step, its error, the next step and the order of convergence are held against diffrax's
-own in tests. Diffrax's stepping itself is for one lane (`vmap` over it puts lanes first, and evaluates the
-first stage anew whenever some lane of the batch was rejected): measured, half as fast.
+The Butcher tableaux are diffrax's. The step control is diffrax's `PIDController` as an integral controller.
+Tests compare a step, its error, the next step and the order of convergence with diffrax's own.
 
-The lanes are the last axis of every array. The stages are a loop, so that the vector field is compiled once;
-what it needs of the time is evaluated for all stages before, for what a loop is given is evaluated once,
-while what its body computes XLA may compute again for each use.
+Diffrax's stepping is for one lane. `vmap` of that stepping puts lanes first, and evaluates the first stage
+again whenever some lane of the batch was rejected. This measured half as fast.
+
+The lanes are the last axis of every array. The stages are a loop, so that XLA compiles the vector field once.
+The signals at all stages are evaluated before the loop. XLA evaluates the inputs of a loop once, but may
+evaluate a value in the loop's body again for each use.
 """
 
 from collections.abc import Callable
@@ -23,16 +24,16 @@ from jaxnet.engine.plan import Tolerances
 
 SOLVERS = {"dopri5": diffrax.Dopri5, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 LEAST_RELATIVE_STEP = 4 * 2.0**-52  # a relative step below this no longer moves the time
-SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the factor from one step to the next
-FIRST_STEP = 0.01  # of the time in which the state would change by itself
+SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # safety, least and most of the factor from one step to the next
+FIRST_STEP = 0.01  # share of the time in which the state changes by its own size
 
 Times = Float[Array, " lanes"]
 States = Float[Array, "n m lanes"]
-VectorField = Callable[[Any, States], States]  # of the signals at a time, and the states
+VectorField = Callable[[Any, States], States]  # from the signals at a time and the states to the slopes
 
 
 class Method(NamedTuple):
-    """An embedded explicit Runge-Kutta method of s stages."""
+    """Butcher tableau of an embedded explicit Runge–Kutta method of s stages."""
 
     nodes: Float[np.ndarray, " s"]  # c
     matrix: Float[np.ndarray, "s s"]  # a, strictly lower
@@ -42,19 +43,19 @@ class Method(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """One attempted step."""
+    """One attempted step of every lane."""
 
     state: States
     slope: States  # of the last stage, at the end
-    signals: Any  # there
+    signals: Any  # at the end
     slopes: Float[Array, "s n m lanes"]  # of all stages
-    errors: Float[Array, "m lanes"]  # local error of each vehicle over what is tolerated
+    errors: Float[Array, "m lanes"]  # local error of each vehicle over its tolerance
     error: Times  # of the fleet; infinite if anything is not finite
     finite: Bool[Array, " lanes"]
 
 
 def method(name: str) -> Method:
-    """A method by the name of its solver, one whose last stage is the next step's first."""
+    """Return the method of a solver by name; its last stage is the first stage of the next step."""
     solver = SOLVERS[name]()
     table = solver.tableau
     assert table.fsal, name
@@ -77,9 +78,9 @@ def attempt(
     slope: States,
     tolerances: Tolerances,
 ) -> Trial:
-    """A step from `start` to `end` with `slope` the field at its start.
+    """Attempt a step from `start` to `end`, where `slope` is the vector field at `start`.
 
-    `signals(times)` is what the field needs of the time.
+    `signals(times)` returns the part of the field's inputs that depends on time alone.
     """
     length, matrix = (end - start)[None, None], jnp.asarray(rule.matrix)
     times = jnp.stack([end if c == 1.0 else start + c * (end - start) for c in rule.nodes])
@@ -109,31 +110,31 @@ def attempt(
 
 
 def error_norm(change: States, size: States, tolerances: Tolerances) -> Float[Array, "m lanes"]:
-    """A change of states of this size over what is tolerated, root mean square over a vehicle's states."""
+    """Return a change over `atol + rtol * size`, as the root mean square over a vehicle's states."""
     scale = tolerances.atol[None, None] + tolerances.rtol[None, None] * size
     return jnp.sqrt(((change / scale) ** 2).mean(axis=0))
 
 
 def fleet_norm(each: Float[Array, "m lanes"]) -> Times:
-    """Root mean square over the vehicles of a lane."""
+    """Return the root mean square over the vehicles of each lane."""
     return jnp.sqrt(jnp.full(len(each), 1 / len(each)) @ each**2)
 
 
 def towards(goal: Times, time: Times, step: Times) -> Times:
-    """When a step of about this length ends, the first of equal ones on the way to a goal."""
+    """Return the end of the first of equal steps, each at most `step` long, that lead to the goal."""
     pieces = jnp.maximum(1.0, jnp.ceil((goal - time) / step))
     return jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
 
 
 def next_step(step: Times, error: Times, rule: Method) -> Times:
-    """The step after one with this error: no shorter if it was kept (error < 1), else shorter."""
+    """Return the next step: no shorter if this step was kept (error < 1), else shorter."""
     kept = error < 1.0
     wanted = SAFETY * error ** (-1.0 / rule.order)
     return step * jnp.clip(wanted, jnp.where(kept, 1.0, LEAST), jnp.where(kept, MOST, SAFETY))
 
 
 def first_step(state: States, slope: States, tolerances: Tolerances) -> Times:
-    """A step to begin with (Hairer, Nørsett, Wanner, Solving ODEs I, II.4, the first guess there)."""
+    """Return a first step (the first guess of Hairer, Nørsett, Wanner, Solving ODEs I, II.4)."""
     size = jnp.abs(state)
     whole, change = (fleet_norm(error_norm(each, size, tolerances)) for each in (state, slope))
     return FIRST_STEP * whole / change

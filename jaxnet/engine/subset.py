@@ -1,4 +1,4 @@
-"""Work on the few lanes that need it, some at a time, without touching the others."""
+"""Work on the few lanes that need it, a fixed number of lanes at a time; other lanes stay untouched."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -16,9 +16,10 @@ LaneIndices = Int[Array, " few"]  # numbers of lanes
 def for_each(
     flagged: Bool[Array, "lanes"], width: int, work: Callable[[LaneIndices, Carry], Carry], carry: Carry
 ) -> Carry:
-    """The carry after `work` on the flagged lanes, `width` of them at a time, told by their numbers.
+    """Apply `work` to the flagged lanes, `width` lanes at a time, and return the carry.
 
-    A number past the last lane fills up: `picked` clips it, `put` drops it.
+    `work` receives the numbers of the lanes. A number past the last lane is padding: `picked` clips it, `put`
+    drops it.
     """
     up_to, at_once = jnp.cumsum(flagged), min(width, flagged.size)
 
@@ -30,15 +31,19 @@ def for_each(
 
 
 def numbered(up_to: Int[Array, " all"], done: Any, number: int) -> LaneIndices:
-    """Numbers of so many flagged ones after the first `done`; one past the last where there are fewer.
+    """Return the numbers of the next `number` flagged items after the first `done` flagged items.
 
-    `up_to` says how many are flagged up to each one.
+    `up_to` counts the flagged items up to each item. Where fewer items are flagged, the other numbers are
+    one past the last item.
     """
     return (up_to[None] <= done + jnp.arange(number)[:, None]).sum(axis=1)
 
 
 def run_if(flag: Bool[Array, ""], work: Callable[[Carry], Carry], carry: Carry) -> Carry:
-    """The carry after `work` where the flag is set, by a loop: XLA would copy what a `cond` passes on."""
+    """Return `work(carry)` if the flag is set, else `carry`.
+
+    The condition is a loop, because XLA would copy the carry of a `cond`.
+    """
 
     def one(state: tuple[Bool[Array, ""], Carry]) -> tuple[Bool[Array, ""], Carry]:
         return jnp.zeros_like(state[0]), work(state[1])
@@ -52,19 +57,19 @@ def select(flagged: Bool[Array, "lanes"], new: Carry, old: Carry) -> Carry:
 
 
 def picked(array: jax.Array, few: LaneIndices) -> jax.Array:
-    """These lanes of an array."""
+    """Return the given lanes of an array; a number past the last lane gives the last lane."""
     return array.at[..., few].get(mode="clip")
 
 
 def put(array: jax.Array, few: LaneIndices, lanes: jax.Array) -> jax.Array:
-    """The array with these lanes replaced."""
+    """Return the array with the given lanes replaced; numbers past the last lane change nothing."""
 
     def one(number: Any, array: jax.Array) -> jax.Array:
         place = few[number]
         new, old = (
             jax.lax.dynamic_index_in_dim(*each, axis=-1) for each in ((lanes, number), (array, place))
         )
-        lane = jnp.where(place < array.shape[-1], new, old)  # a place past the last lane is taken for that
+        lane = jnp.where(place < array.shape[-1], new, old)  # JAX clips a place past the last lane
         return jax.lax.dynamic_update_index_in_dim(array, lane, place, axis=-1)
 
     return xla.on_cpus(

@@ -4,7 +4,7 @@
     tell     a vehicle sends its jets, and an announcement where its defence announces
     attack   strategic attackers choose their vectors; attacked links carry false jets
     channel  a link hands over what it carries
-    judge    a vehicle decides whom to retain
+    judge    a vehicle decides which sources to retain
     drive    the weights and the attacks' vectors that the motion follows until the next tick
 
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
@@ -42,14 +42,14 @@ class DecisionState(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What the motion follows from one tick to the next."""
+    """Weights and attack vectors that the motion follows from one tick to the next."""
 
     weights: AxisWeights  # in force
     vectors: Vectors  # of the attacks [m]
 
 
 class Seen(NamedTuple):
-    """What a strategic attacker sees at a tick: everything."""
+    """View of a strategic attacker at a tick: everything."""
 
     errors: Jets
     decision: Any  # of the tick before
@@ -59,7 +59,7 @@ class Seen(NamedTuple):
     basis: Basis
     time: Instants
     amplitude: Instants  # ā, the factor of unit vectors [m]
-    in_force: Any  # weights (axes, slots, m, lanes) that follow from vectors like those of `aim`
+    in_force: Any  # function from vectors, as `aim` returns them, to weights (axes, slots, m, lanes)
 
 
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
@@ -82,7 +82,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
 
 
 def first_decision(decided: Any, lane: Lane) -> Any:
-    """Return the decision that retains every source, in the defence's form. Raises KindError for none."""
+    """Return the decision that retains every source, in the form of the defence's decisions.
+
+    Raises KindError where a decision of the defence has another shape or type than allowed.
+    """
     slots = lane.weights.shape
     if decided.shape not in (slots, (2, *slots)) or decided.dtype not in (jnp.bool_, jnp.float64):
         raise KindError(
@@ -117,7 +120,10 @@ def sense(errors: Jets) -> Jets:
 
 
 def tell(sensed: Jets) -> Sent:
-    """Return the jets that the navigator, whose E is 0, and the vehicles send, each (2, 1 + m, lanes)."""
+    """Return the jets that the navigator and the vehicles send, each (2, 1 + m, lanes).
+
+    The navigator's jets come first and are 0, because jets are relative to the navigator.
+    """
     return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in sensed)
 
 
@@ -127,7 +133,7 @@ def attack(network: Network, sent: Sent, signals: Any) -> Received:
 
 
 def channel(lane: Lane, carried: Received, time: Instants) -> Received:
-    """Return the jets that arrive, as the defence takes them."""
+    """Return the jets on the links as the defence observes them."""
     return lane.defence.observed(carried, time)
 
 
@@ -140,7 +146,7 @@ def judge(
     basis: Basis,
     time: Instants,
 ) -> DecisionState:
-    """Return the state with whom each vehicle retains, for vectors that attackers have chosen."""
+    """Return the state with the sources that each vehicle retains, for the attackers' chosen vectors."""
     if not plan.decides:
         return before
     signals = signal.jets(attack_vectors(lane, before), basis)
@@ -155,14 +161,14 @@ def judge(
 
 
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
-    """Return what the motion follows from these decisions."""
+    """Return the weights and attack vectors that the motion follows after these decisions."""
     return Drive(weights_in_force(lane, state, plan), attack_vectors(lane, state))
 
 
 def sight(
     lane: Lane, network: Network, plan: Plan, state: DecisionState, errors: Jets, basis: Basis, time: Instants
 ) -> Seen:
-    """Return what a strategic attacker sees."""
+    """Return the view of a strategic attacker at a tick."""
 
     def in_force(vectors: Any) -> AxisWeights:
         chosen = state._replace(vectors=bounded(vectors, lane))
@@ -179,7 +185,7 @@ def sight(
 def surroundings(
     lane: Lane, network: Network, time: Instants, memory: Any, signals: Any = None
 ) -> Neighbourhood:
-    """Return what a defence is told besides the jets; `signals` are the jets of the attacks."""
+    """Return the inputs of a defence besides the received jets; `signals` are the attacks' jets."""
     heard, trusted = network.hearing, network.trusted
     attacked = (heard.added(jnp.abs(lane.vectors).sum(axis=2)) != 0).any(axis=0)
     announced = None if signals is None else lane.defence.announcement(memory)
@@ -223,12 +229,12 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
 
 
 def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
-    """Return the lanes in which any decision is another one, and the vehicles that retain other sources."""
+    """Return the lanes in which a decision changed, and the vehicles whose retained sources changed."""
     lanes, others = jnp.zeros(lane.attack_scale.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
         others = xla.materialised(lambda: retained.changed(*supports))
-        lanes = others.sum(axis=0) > 0  # as callers count them, which XLA then does once
+        lanes = others.sum(axis=0) > 0  # callers sum too, and XLA then sums once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if now.vectors is not None and before.vectors is not None:
@@ -239,9 +245,10 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
 def exchange(
     lane: Lane, network: Network, weights: AxisWeights, own: Jets, path: Any, attack: Any, last: Any
 ) -> Float[Array, "2 m lanes"]:
-    """Return the jerk that vehicles hold until the next tick, where the law holds one.
+    """Return the jerk that vehicles hold until the next tick, under a law that holds a jerk.
 
-    `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), `last` the jerk held until now.
+    `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), and `last` is the jerk held until
+    now.
     """
     demand = control.demand(own, path, attack, network.hearing, weights, lane.gain)
 

@@ -1,14 +1,15 @@
-"""Shorter steps for the few vehicles of a fleet that need them.
+"""Multirate integration: shorter steps for the few vehicles of a fleet that need them.
 
-A vehicle that nearly stands still turns round within a moment. In a large fleet there is nearly always
-one, and all others would go at its pace. Where a step is refused on account of a few vehicles, these take
-it alone, in steps of their own, while the others have taken it in one (Savcenko, Hundsdorfer and Verwer, A
-multirate time stepping strategy for stiff ordinary differential equations, BIT 47, 2007).
+A vehicle that nearly stands still turns round within a moment. A large fleet nearly always has such a
+vehicle, and one common step would follow its pace. Where a few vehicles cause a step to be refused, these
+vehicles alone repeat the step in shorter steps. The other vehicles keep the one long step (Savcenko,
+Hundsdorfer and Verwer, A multirate time stepping strategy for stiff ordinary differential equations, BIT 47,
+2007).
 
-Of the others a vehicle i needs what it hears, `z_i = Σ_j w_ij (z_j + R(a_ij))` with `z_0 = R(y_0)`: the law
-asks it for the jerk `z_i - P(y_i)`. How it moved at the stages of the fleet's step says what it heard there,
-`z = y‴ + P(y)`; a polynomial near these stands for z in between. Where that does not tell z well enough, and
-where a vehicle does not arrive, the step is refused as it would have been.
+The other vehicles act on vehicle i only through `z_i = Σ_j w_ij (z_j + R(a_ij))` with `z_0 = R(y_0)`. The law
+asks vehicle i for the jerk `z_i - P(y_i)`. At the stages of the fleet's step, the motion of vehicle i gives
+`z = y‴ + P(y)`. A polynomial fitted to these values stands for z in between. The step is refused, as without
+this module, where the polynomial is not accurate enough or a vehicle does not arrive.
 """
 
 from typing import Any, NamedTuple
@@ -25,26 +26,26 @@ from jaxnet.engine.subset import for_each, picked, put, run_if
 from jaxnet.model.control import Gain, feedback
 from jaxnet.model.lane import Lane
 
-SMALLEST = 32  # vehicles; in smaller fleets it takes as long as it saves
+SMALLEST = 32  # vehicles; in smaller fleets shorter steps take as long as they save
 SHARE = 4  # one vehicle in so many may need shorter steps
-TOGETHER = 16  # vehicles, of any lanes
-ATTEMPTS = 64  # of a vehicle within a step of its fleet
-DEGREE = 4  # of the polynomial; every method has six nodes or more, so that it can be seen to miss some
-WILD = 100.0  # greatest jerk over greatest z at the stages; in more z is a small difference of large numbers
+TOGETHER = 16  # vehicles of any lanes that step at once
+ATTEMPTS = 64  # most attempts of a vehicle within one step of its fleet
+DEGREE = 4  # of the polynomial; every method has six nodes or more, so that a misfit shows
+WILD = 100.0  # greatest jerk over greatest z at the stages; above, z is a small difference of large numbers
 
 
 class SlowVehicles(NamedTuple):
-    """A few vehicles, each in the place of a lane, about to take a step."""
+    """A few vehicles that are about to step alone; each vehicle takes the place of a lane."""
 
-    vehicle: Any  # its kind, with the parameters of each
-    gain: Gain  # zero where the law holds a jerk, which is then what is heard
+    vehicle: Any  # the vehicle kind, with the parameters of each vehicle
+    gain: Gain  # zero where the law holds a jerk: z is then that jerk
     start: Times
     end: Times
     tolerances: Tolerances
 
 
 class Walk(NamedTuple):
-    """A few vehicles on their way through a step."""
+    """Progress of a few vehicles through one step of their fleet."""
 
     time: Times
     state: States  # of one vehicle each
@@ -55,10 +56,10 @@ class Walk(NamedTuple):
 
 
 def suits(lane: Lane, plan: Plan) -> bool:
-    """Whether vehicles of such lanes may go alone.
+    """Return whether vehicles of these lanes may step alone.
 
-    They may not where all decide inside the vector field, for what they hear there jumps, nor where their
-    kind has numbers of every vehicle.
+    Vehicles that decide inside the vector field may not, because the received signals then jump. Vehicles
+    whose kind has parameters vehicle by vehicle may not either.
     """
     of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
     return lane.initial.shape[1] >= SMALLEST and of_lanes and not plan.in_field
@@ -74,10 +75,11 @@ def refined(
     tolerances: Tolerances,
     rule: Method,
 ) -> Trial:
-    """The attempted step, with shorter ones for the vehicles whose own error is not tolerated.
+    """Return the attempted step, with shorter steps for the vehicles whose own error is too large.
 
-    They are taken in lanes that are going and whose step would be refused, where such vehicles are few. The
-    error of a lane is then that of the others, but stays what it was where a vehicle has not arrived.
+    Only a lane that is going, whose step would be refused, and that has few such vehicles takes shorter
+    steps. The lane's error is then the error of the other vehicles. The error stays the same if a vehicle
+    does not arrive.
     """
     rough, (m, lanes) = trial.errors >= 1.0, trial.errors.shape
     wanted = going & trial.finite & (trial.error >= 1.0) & (rough.sum(axis=0) <= m // SHARE)
@@ -102,7 +104,7 @@ def refined(
 
 
 def of_all_lanes(array: Array) -> Array:
-    """The vehicles of all lanes as one last axis."""
+    """Return the array with the axes of vehicles and lanes joined into one last axis."""
     return array.reshape(*array.shape[:-2], -1)
 
 
@@ -114,9 +116,9 @@ def by_themselves(
     there: Bool[Array, " few"],
     rule: Method,
 ) -> tuple[Float[Array, "n few"], Float[Array, "n few"], Bool[Array, " few"]]:
-    """State and slope at the end of a step, of vehicles that take it alone, and who has arrived.
+    """Step vehicles alone to the end of a step. Return their states, their slopes, and which arrived.
 
-    `slopes` and `error` are those of the fleet's step; who is not `there` is left out.
+    `slopes` and `error` belong to the fleet's step. `there` is False for padding.
     """
     length = few.end - few.start
     coefficients, able = heard(few, state, slopes, rule)
@@ -153,14 +155,17 @@ def by_themselves(
 def heard(
     few: SlowVehicles, state: Float[Array, "n few"], slopes: Float[Array, "s n few"], rule: Method
 ) -> tuple[Float[Array, "coefficients 2 few"], Bool[Array, " few"]]:
-    """What vehicles hear over a step, as polynomials in the share of it that is past, and who can go by it.
+    """Fit z over a step by a polynomial in the share of the step that is past.
 
-    A vehicle can if what its polynomial misses moves its acceleration by less than is tolerated of it, if no
-    stage went wild, and if it moved as it was asked: asked for the jerk that it had, it has that jerk.
+    Return the coefficients, and the vehicles for which the polynomial may replace z, under three conditions:
+
+    - the polynomial's misfit moves the acceleration by less than its tolerance;
+    - no stage went wild: the jerk is at most `WILD` times z;
+    - the vehicle moves as asked: asked for the jerk that it had, it has that jerk.
     """
     length = few.end - few.start
     states = state[None] + length[None, None] * jnp.tensordot(jnp.asarray(rule.matrix), slopes, axes=1)
-    states, rates = (jnp.moveaxis(each, 0, 1) for each in (states, slopes))  # stages in the place of vehicles
+    states, rates = (jnp.moveaxis(each, 0, 1) for each in (states, slopes))  # stages replace vehicles
     jets, (_, _, jerk) = jax.jvp(few.vehicle.output_jets, (states,), (rates,))
     at_stages = jnp.moveaxis(jerk + feedback(few.gain, jets), 1, 0)  # s 2 few
     powers = np.vander(rule.nodes, DEGREE + 1)
@@ -176,10 +181,10 @@ def heard(
 
 
 def hidden(rule: Method) -> float:
-    """The integral of what a polynomial misses, over the most that it misses at a stage; 1 or more.
+    """Return the integral of the polynomial's misfit over the greatest misfit at a stage; 1 or more.
 
-    Of the next power, which is the most of what it misses of a smooth signal, over any part from the start of
-    a step whose length is 1.
+    The misfit is that of the next power, which dominates for a smooth signal. The integral is the greatest
+    over any part from the start of a step of length 1.
     """
     fitted = np.linalg.pinv(np.vander(rule.nodes, DEGREE + 1)) @ rule.nodes ** (DEGREE + 1)
     missed = np.poly1d([1.0, *-fitted])

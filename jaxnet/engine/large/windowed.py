@@ -1,9 +1,10 @@
-"""Solve `L x = b` again only near the rows that have changed.
+"""Local update of the solution of `L x = b`, in windows around the rows that have changed.
 
-x was the solution before, so `b - L x` is next to 0 outside the changed rows. Where every vehicle hears the
-navigator, L is strictly diagonally dominant, and the effect of a row decays geometrically with the distance.
-So x is corrected in a window of blocks around the row, while x stands still beside the window. A residual
-is then left in the two blocks beside the window alone, no greater than the correction at the window's edges.
+x solved the system before the change, so `b - L x` is nearly 0 outside the changed rows. Where every vehicle
+hears the navigator, L is strictly diagonally dominant. The effect of a row then decays geometrically with
+distance. So x is corrected in a window of blocks around the row, and stays fixed outside the window. A
+residual is left only in the two blocks next to the window. The residual is at most the correction at the
+window's edges.
 
 `L 1 = a0`, so the error of x is at most the residual over the least a0.
 """
@@ -24,21 +25,21 @@ from jaxnet.model.hearing import Hearing, SlotWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 
-WINDOWS_TOGETHER = 16  # windows that are solved for at once, of all lanes
-WINDOW_ACCURACY = 1e-13  # of a response beside a window, relative to the greatest of the attacks' vectors
-SIDE_BY_SIDE = 4  # windows of a lane, corrected at once
-LEAST_WINDOWS = 16  # fewer are no quicker than to solve whole
-WINDOW = 33  # blocks
+WINDOWS_TOGETHER = 16  # windows of all lanes that are solved at once
+WINDOW_ACCURACY = 1e-13  # error of a response, relative to the attacks' greatest vector component
+SIDE_BY_SIDE = 4  # windows of one lane that are corrected at once
+LEAST_WINDOWS = 16  # windows of a lane; below so many, a whole solve is as quick
+WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
 
 
 class System(NamedTuple):
-    """What L and b of lanes follow from: who hears whom, weights, decisions and attacks."""
+    """Hearing, weights, decisions and attack vectors, from which L and b of lanes follow."""
 
     hearing: Hearing
     weights: SlotWeights
-    decision: Bool[Array, "axes slots m lanes"]  # one axis where both are alike
+    decision: Bool[Array, "axes slots m lanes"]  # axes: 1 if both share a decision, else 2
     vectors: Vectors  # of the attacks
 
 
@@ -51,9 +52,10 @@ def window_count(order: Order | NoOrder) -> int:
 def window_starts(
     order: Order, flagged: Bool[Array, "blocks lanes"]
 ) -> tuple[Int[Array, "windows lanes"], Bool[Array, "windows lanes"]]:
-    """The blocks with which each lane's windows begin, and which of the windows are needed.
+    """Return the first block of each of a lane's windows, and which windows are needed.
 
-    A window has its first flagged block in the middle, if it can, and a block or more to the one before.
+    A window has its first flagged block in the middle where possible. At least one block separates two
+    windows.
     """
     blocks, free = len(order.vehicles), jnp.zeros(flagged.shape[1:], int)
     numbers, found, needed = jnp.arange(blocks)[:, None], [], []
@@ -73,9 +75,10 @@ def clear_flags(
     starts: WindowNumbers,
     over: Bool[Array, "2 few"],
 ) -> Bool[Array, "blocks lanes"]:
-    """The flags after windows have been corrected: none within them, and beside them where too much is left.
+    """Return the flags of blocks after windows have been corrected.
 
-    Of windows past the last lane nothing is done.
+    A block within a window loses its flag. A block next to a window is flagged where `over` says that its
+    residual is too large. Windows past the last lane are padding.
     """
     there, edges = lanes < blocks.shape[1], jnp.stack([starts - 1, starts + WINDOW])
     over = over & there[None] & (edges >= 0) & (edges < len(blocks))
@@ -96,7 +99,7 @@ def clear_flags(
 
 
 def dominance(system: System) -> Float[Array, " lanes"]:
-    """A lower bound on the least a0: 0 where somebody does not hear the navigator or has dropped it."""
+    """Return a lower bound on the least a0; 0 where a vehicle does not hear or retain the navigator."""
     heard = (system.hearing.sources[0] == 0)[:, None] & system.decision[:, 0].all(axis=0)
     return jnp.where(heard, system.weights[0], 0.0).min(axis=0)
 
@@ -104,9 +107,9 @@ def dominance(system: System) -> Float[Array, " lanes"]:
 def correct_windows(
     order: Order, system: System, x: Vectors, lanes: WindowNumbers, starts: WindowNumbers
 ) -> tuple[Vectors, Float[Array, "2 few"]]:
-    """The solution, with some lanes corrected, each in the window that begins with one of the blocks.
+    """Correct the solution in one window of each given lane; `starts` are the windows' first blocks.
 
-    And the greatest that was added in a window's first block, and in its last.
+    Return the solution, and the greatest correction in the first and in the last block of each window.
     """
     size, functions = order.vehicles.shape[1], x.shape[2]
     vehicles, carried_sources, weights, left = jax.vmap(
@@ -116,7 +119,7 @@ def correct_windows(
     place = jnp.asarray(order.place)[carried_sources - 1].reshape(len(carried_sources), WINDOW, size, -1)
     columns = jnp.where(
         carried_sources.reshape(place.shape) > 0, place - first[None, :, None], 3 * size
-    )  # or none
+    )  # out of range: dropped
     heard = jnp.moveaxis(weights, 0, 2).reshape(*place.shape[:3], len(weights), -1)
     nothing = jnp.zeros((WINDOW, size, 3 * size, *heard.shape[3:]))
     rows = np.arange(WINDOW)[None, :, None, None], np.arange(size)[None, None, :, None]
@@ -132,7 +135,7 @@ def correct_windows(
 
 
 def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: Any) -> Any:
-    """Of one lane: its vehicles in the window, whom they hear, their weights, and `b - L x` in their rows."""
+    """Return the vehicles of one lane's window, their sources, their weights, and `b - L x` in their rows."""
     vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(order.vehicles), start, WINDOW).ravel()
     heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
     _, carried_sources, attacked, signals, _ = heard
@@ -150,7 +153,7 @@ def left_in_window(order: Order, system: System, x: Vectors, lane: Any, start: A
 def can_update_locally(decided: DecisionState, network: Network, plan: Plan) -> bool:
     """Return whether a tick changes only the rows of vehicles that retain other sources, in a large fleet.
 
-    Rules that weigh, and attackers that choose vectors, change more rows at every tick.
+    Defences that weigh, and attackers that choose vectors, change more rows at every tick.
     """
     retaining = plan.decides and decided.decision.dtype == bool
     return retaining and not plan.strategic and window_count(network.order) > 0
@@ -166,8 +169,8 @@ def solve_locally(
 ) -> tuple[Vectors, LaneFlags]:
     """Return the response, solved near the changed vehicles of flagged lanes, and the flagged lanes left.
 
-    The windows of a lane do not depend on other lanes. A lane is left if too many of its vehicles changed, if
-    a vehicle does not hear the navigator, or if the effect of a change reaches too far.
+    The windows of a lane do not depend on other lanes. A lane is left in three cases: too many of its
+    vehicles changed, a vehicle does not hear the navigator, or the effect of a change reaches too far.
     """
     order, decision = network.order, decided.decision.reshape(-1, *lane.weights.shape)
     system = System(network.hearing, lane.weights, decision, lane.vectors)
@@ -184,7 +187,7 @@ def solve_locally(
         blocks, windows, response = carry
         starts, needed = window_starts(order, blocks)
         up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
-        taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]  # all of a lane's or none
+        taken = needed & (going(carry) & (up_to <= WINDOWS_TOGETHER))[None]  # all windows of a lane or none
         number = numbered(jnp.cumsum(taken), 0, WINDOWS_TOGETHER)
         lanes = jnp.where(number < taken.size, number % flagged.size, flagged.size)
         theirs = picked(starts.ravel(), number)

@@ -1,4 +1,4 @@
-"""The exact engine (`engine.propagation`)."""
+"""The exact engine as a config names it (see `engine.propagation`)."""
 
 from typing import Any, ClassVar, NamedTuple
 
@@ -24,7 +24,7 @@ class Exact(Engine):
     holds: ClassVar[bool] = True
 
     def numbers(self, draw: Any, gain: Any, interval: float) -> Flow:
-        """The flow of each lane's gains."""
+        """Return the flow over one tick for each lane's gains."""
         from scipy.linalg import expm
 
         from jaxnet.theory import exact
@@ -36,7 +36,7 @@ class Exact(Engine):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
-        """See `engine.propagation`."""
+        """Advance all lanes in lockstep by `engine.propagation`."""
         from jaxnet.engine import loop, propagation
 
         return loop.in_lockstep(propagation.exact_motion, queue, network, clock, plan)

@@ -1,4 +1,4 @@
-"""The nonlinear engine (`engine.integration`)."""
+"""The nonlinear engine as a config names it (see `engine.integration`)."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -12,7 +12,7 @@ class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively."""
 
     kind = "nonlinear"
-    cached: ClassVar[int] = 1_200  # with the slopes of all stages of a step
+    cached: ClassVar[int] = 1_200  # few, because the cache holds the slopes of all stages too
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
     holds: ClassVar[bool] = True
@@ -27,11 +27,11 @@ class Nonlinear(Engine):
     )
 
     def options(self) -> tuple[Any, ...]:
-        """The solver."""
+        """Return the solver, for which the program is compiled."""
         return (self.solver,)
 
     def numbers(self, draw: Any, gain: Any, interval: float) -> Any:
-        """The tolerances."""
+        """Return the tolerances and the most steps of each lane."""
         from jaxnet.engine.plan import Tolerances
 
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
@@ -39,7 +39,7 @@ class Nonlinear(Engine):
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
-        """See `engine.integration`."""
+        """Advance the first `count` lanes of the queue by `engine.integration`."""
         from jaxnet.engine import integration, loop
 
         return loop.from_queue(integration.Integration, queue, count, network, clock, plan)

@@ -1,10 +1,12 @@
 """The stacked engine: the paper's program to the letter, stepped by any adaptive solver of diffrax.
 
-One lane is one pure vector field (`lane_field`): its law solves the dense Kronecker-stacked system `M u = …`
-(`model.definition`; paper, sections 4.2 and 4.3), and `diffrax.diffeqsolve` steps it, under `jax.vmap` over
-the lanes. Whom to retain is decided at ticks and held between them, one `diffeqsolve` each, or, with
-`tick: 0`, inside the vector field. It is slow, and shares neither its law nor its stepping with the other
-engines.
+One lane is one pure vector field (`lane_field`). Its law solves the dense Kronecker-stacked system `M u = …`
+(`model.definition`; paper, sections 4.2 and 4.3). `diffrax.diffeqsolve` steps the field, under `jax.vmap`
+over the lanes.
+
+Vehicles decide at ticks which sources to retain, and keep the decision until the next tick. Each tick is one
+`diffeqsolve`. With `tick: 0` vehicles decide inside the vector field. The engine is slow, and shares neither
+its law nor its stepping with the other engines.
 """
 
 import difflib
@@ -32,25 +34,25 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
 
-LEAST_STEP = 4 * 2.0**-52  # of the time, or of 1 s if that is more: below it a step no longer moves the time
+LEAST_STEP = 4 * 2.0**-52  # over the time, at least 1 s: a smaller step does not move the time
 
 StateOfOne = Float[Array, "n m"]  # of one lane
 
 
 def solvers() -> list[str]:
-    """Names of diffrax's solvers that adapt their step and take an ordinary differential equation."""
+    """Return the names of diffrax's adaptive solvers for ordinary differential equations."""
     return [name for name, found in vars(diffrax).items() if inspect.isclass(found) and fits(found)]
 
 
 def fits(found: type) -> bool:
-    """Whether a class is a solver that needs nothing but a vector field to choose its steps."""
+    """Return whether a class is a solver that needs only a vector field to choose its steps."""
     if not issubclass(found, diffrax.AbstractAdaptiveSolver) or found.__name__.startswith("Abstract"):
         return False
     return getattr(found, "term_structure", None) is diffrax.AbstractTerm
 
 
 def known_solver(name: str) -> str:
-    """The name, if it is one of `solvers`."""
+    """Return the name if `solvers` contains it. Raises ValueError with the allowed names if not."""
     known = {each.lower(): each for each in solvers()}
     if name in known.values():
         return name
@@ -75,22 +77,22 @@ class Stacked(Engine):
     max_steps: int = Field(default=100_000, ge=1, le=10**9, description="of a lane, refused ones included")
 
     def options(self) -> tuple[Any, ...]:
-        """The solver, and the steps that it may take in one tick."""
+        """Return the solver, and the most steps that it may take in one tick."""
         return self.solver, self.max_steps
 
     def numbers(self, draw: Any, gain: Any, interval: float) -> Tolerances:
-        """The tolerances, and the steps that it may take in all."""
+        """Return the tolerances, and the most steps that a lane may take in all."""
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
         return Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
     def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Outcome:
-        """See `ByDiffrax`; what stands after the first `count` lanes is filling."""
+        """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
 
 class StackedState(NamedTuple):
-    """Lanes at a tick."""
+    """State of lanes at a tick."""
 
     state: Float[Array, "n m lanes"]
     time: Instants
@@ -98,7 +100,7 @@ class StackedState(NamedTuple):
 
 
 class FieldInputs(NamedTuple):
-    """What one lane's vector field takes besides time and state; no leaf has an axis over lanes."""
+    """Arguments of one lane's vector field besides time and state; no leaf has an axis over lanes."""
 
     lane: Lane
     weights: Float[Array, "axes slots m"]  # in force until the next tick, unless decided in the field
@@ -106,7 +108,7 @@ class FieldInputs(NamedTuple):
 
 
 class ByDiffrax(Motion):
-    """How lanes move under the stacked law: diffrax solves each lane from tick to tick."""
+    """Motion of lanes under the stacked law: diffrax solves each lane from tick to tick."""
 
     def begin(self) -> StackedState:
         """Return the state at t = 0."""
@@ -128,11 +130,11 @@ class ByDiffrax(Motion):
         return *self.lane.vehicle.pace(state.state), state.state
 
     def steps(self, state: StackedState) -> Int[Array, " lanes"]:
-        """Return the steps that diffrax has taken."""
+        """Return the number of steps that diffrax has taken."""
         return state.steps
 
     def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
-        """Return the state as it is, and the lanes in which a vehicle is cut off."""
+        """Return the state unchanged, and the lanes in which a vehicle is cut off."""
         weights = self.drive(state, decided).weights
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
         return state, ~reached
@@ -156,7 +158,7 @@ class ByDiffrax(Motion):
 
 
 def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
-    """Whether the navigator's word reaches every vehicle over these weights, on every axis."""
+    """Return whether the navigator's jets reach every vehicle over these weights, on every axis."""
 
     def on_axis(each: Any) -> Any:
         hears = hearing.matrix(each) > 0
@@ -170,12 +172,15 @@ def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -
 
 
 class Controller(diffrax.PIDController):
-    """Diffrax's, but for where it begins and how it gives up."""
+    """Diffrax's PID controller with another first step and other reasons to fail."""
 
     def init(
         self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, args: Any, func: Any, error_order: Any
     ) -> Any:
-        """Try the whole tick first: a guess would fail where the vector field does."""
+        """Begin with the whole tick as the first step.
+
+        A guessed first step would fail where the vector field does.
+        """
         return super().init(terms, t0, t1, y0, t1 - t0, args, func, error_order)
 
     def adapt_step_size(
@@ -189,8 +194,9 @@ class Controller(diffrax.PIDController):
         error_order: Any,
         controller_state: Any,
     ) -> Any:
-        """Call a finite step too small to move the time `max_steps_reached`, one that is not finite
-        `dt_min_reached`.
+        """Adapt the step, and name the failure of a step too small to move the time.
+
+        The failure is `max_steps_reached` where state and error are finite, else `dt_min_reached`.
         """
         *found, result = super().adapt_step_size(
             t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
@@ -245,9 +251,9 @@ def solution(
 def lane_field(
     time: Any, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
-    """`ẋ = f(x, u(t, x))` of one lane, with the weights held or, with `tick: 0`, decided here."""
+    """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors = followed
-    alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds take lanes
+    alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         weights = decided_in_field(alone, there, now, network, plan)[..., 0]
     vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
@@ -264,7 +270,7 @@ def lane_field(
 
 
 def decided_in_field(lane: Lane, state: Any, time: Any, network: Network, plan: Plan) -> AxisWeights:
-    """Return the weights in force for what is received now, decided without memory; lanes last."""
+    """Return the weights in force for the jets received now, decided without memory; lanes last."""
     own, navigator = lane.vehicle.output_jets(state), lane.navigator.jets(time)
     y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
     before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
@@ -279,7 +285,7 @@ def jets_of_law(
     weights: Float[Array, "slots m"],
     hearing: Hearing,
 ) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "3 2 m"]]:
-    """`[a0 | A]`, `a0 ⊗ y_0‴ + d‴`, and the jets of ε, for what is received with weights by slot."""
+    """Return `[a0 | A]`, `a0 ⊗ y_0‴ + d‴`, and the jets of ε, for received jets and weights by slot."""
     graph = hearing.matrix(weights)
     added = jnp.stack([(weights[None] * hearing.added(jet)).sum(axis=1) for jet in attack])
     sources = jnp.concatenate([navigator[:3, :, None], own], axis=2)
@@ -288,9 +294,9 @@ def jets_of_law(
 
 
 def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]) -> Float[Array, "2 m"]:
-    """The input that has on each axis the jerk that the law with that axis' weights asks for.
+    """Return the input whose jerk on each axis is the jerk that the law asks for with that axis' weights.
 
-    For `L ⊗ I₂` keeps axes apart: what is solved with one axis' weights is right on that axis.
+    `L ⊗ I₂` keeps axes apart, so the solution with one axis' weights is right on that axis.
     """
     if len(inputs) == 1:
         return inputs[0]
