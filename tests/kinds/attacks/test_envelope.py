@@ -112,7 +112,7 @@ def test_lanes_are_exact(engine, kind, accuracy):
     assert (outcome.status == 0).all()
     assert len(np.unique(one.inputs.lane.signal.start)) == 3
     for lane in range(3):
-        scale = systems.lane(one, lane).amplitude
+        scale = systems.lane(one, lane).attack_scale
         known = by_hand.positions(given_study, one, lane, scale, 150, 0.1)
         assert np.abs(outcome.series["state"][lane, :, :, :2] - known).max() <= accuracy
 
