@@ -118,6 +118,9 @@ def main(write: Path | None, against: Path | None, only: str | None) -> None:
     print(f"{'study':26}{'lanes':>6}{'ok':>5}{'difference':>12}{'steps':>7}{'switches':>9}{'status':>8}")
     for name in names:
         now, then = rows(name), stored[stored["study"] == name].reset_index(drop=True)
+        if then.empty:
+            print(f"{name:26}not in {against}")
+            continue
         numbers = [
             key
             for key in now.columns
