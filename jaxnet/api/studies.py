@@ -105,9 +105,8 @@ def run(
     folder = Folder(default_out(study, out))
     with folder.writing(), executor(folder.path, workers, cluster, devices or cores(), chunk) as others:
         admit(folder, study.config, fresh)
-        with reports.report_progress(
-            progress
-        ) as report:  # `runs` takes long to import; the workers start meanwhile
+        # `runs` takes long to import; the workers start meanwhile.
+        with reports.report_progress(progress) as report:
             machine = batch.Machine(devices, chunk)
             work = runs.Run(study.config, study.cells, folder, report, machine, others)
             missing = work.whole()

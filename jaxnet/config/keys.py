@@ -143,7 +143,7 @@ def stored_lanes_tag(value: object) -> str | None:
 
 
 class Save(Record):
-    """What is stored besides the rows."""
+    """Arrays that are stored beside the rows."""
 
     errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
     trajectories: Annotated[

@@ -25,7 +25,7 @@ from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import control, elimination, signal
+from jaxnet.model import control, elimination, plane, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -85,7 +85,7 @@ class Integration(Motion):
 
     def errors(self, state: IntegrationState) -> Jets:
         """Return E and its first two derivatives now."""
-        return errors_of(self.lane, state.state, state.signals)
+        return plane.relative(self.lane.vehicle.output_jets(state.state), state.signals.navigator)
 
     def basis(self, state: IntegrationState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
@@ -180,13 +180,6 @@ class Integration(Motion):
         return state, fail(status, Status.max_steps, spent | stuck), arrived
 
 
-def errors_of(lane: Lane, states: States, now: Signals) -> Jets:
-    """Return E and its first two derivatives."""
-    own = lane.vehicle.output_jets(states)
-    y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, now.navigator, strict=False))
-    return y, velocity, acceleration
-
-
 def follow_weights(
     lane: Lane, network: Network, decided: DecisionState, plan: Plan
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
@@ -241,7 +234,8 @@ def vector_field(
     if lane.law.holds:
         return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, followed.jerk))
     if plan.in_field:
-        before, errors = tick.before_first(lane, network, plan), errors_of(lane, states, now)
+        before = tick.before_first(lane, network, plan)
+        errors = plane.relative(lane.vehicle.output_jets(states), now.navigator)
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
         followed, _ = follow_weights(lane, network, chosen, plan)
     own, vectors = lane.vehicle.output_jets(states), tick.attack_vectors(lane, decided)

@@ -1,8 +1,8 @@
 """One loop for all engines.
 
-    at a tick    sense → tell → attack → channel → judge → drive     `tick`, then the engine's `hold`
-    between      advance                                             the engine's
-    at outputs   measure, gather, save, count, fail                  `metrics`
+    at a tick    tell → attack → judge → drive          `tick`, then the engine's `hold`
+    between      advance                                the engine's
+    at outputs   measure, gather, save, count, fail     `metrics`
 
 `in_lockstep` advances lanes that are all at the same tick. `from_queue` advances lanes that each have their
 own time, and fills the place of a lane that has ended. The lanes are the last axis of every array.
@@ -190,15 +190,12 @@ def in_lockstep(
     motion = make(batch)
     everywhere = jnp.ones(inputs.lane.attack_scale.shape, bool)
 
-    def move(number: Any) -> Any:
-        def moved(fleet: Fleet) -> Fleet:
-            state, status, _ = motion.advance(fleet.state, fleet.decided, number - 1, fleet.status)
-            return fleet._replace(state=state, status=status)
-
-        return moved
+    def move(fleet: Fleet) -> Fleet:
+        state, status, _ = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
+        return fleet._replace(state=state, status=status)
 
     def pass_tick(number: Any, fleet: Fleet) -> Fleet:
-        fleet = run_if((number > 0) & (fleet.status == Status.ok).any(), move(number), fleet)
+        fleet = run_if((number > 0) & (fleet.status == Status.ok).any(), move, fleet)
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
@@ -227,7 +224,9 @@ def in_lockstep(
     return outcome_of(fleet, motion, batch, series)
 
 
-def from_queue(make: Any, queue: Inputs, count: Any, network: Network, clock: Clock, plan: Plan) -> Outcome:
+def from_queue(
+    make: Callable[[Batch], Motion], queue: Inputs, count: Any, network: Network, clock: Clock, plan: Plan
+) -> Outcome:
     """Simulate the first `count` lanes of a queue, `plan.chunk` of them side by side.
 
     `make(batch)` gives the motion of the lanes in a batch.

@@ -116,7 +116,7 @@ class Solved(Propagation):
         basis = lane.signal.basis(time)
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
-            jets=plus(jets, [-jet[:, None] for jet in lane.navigator.jets(time)]),
+            jets=plane.relative(jets, lane.navigator.jets(time)),
             vectors=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
             time=time,
             basis=basis,
@@ -186,7 +186,7 @@ class Held(Propagation):
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its first two derivatives now."""
-        return plus(state.jets, [-jet[:, None] for jet in self.navigator(state)])
+        return plane.relative(state.jets, self.navigator(state))
 
     def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""

@@ -1,12 +1,11 @@
-"""A tick, the same in every engine: sense → tell → attack → channel → judge → drive.
+"""A tick, the same in every engine: tell → attack → judge → drive.
 
-    sense    a vehicle measures its own jets
     tell     a vehicle sends its jets, and an announcement where its defence announces
     attack   strategic attackers choose their vectors; attacked links carry false jets
-    channel  a link hands over what it carries
-    judge    a vehicle decides which sources to retain
+    judge    a vehicle decides which sources to retain, by jets with the noise of its defence
     drive    the weights and the attacks' vectors that the motion follows until the next tick
 
+Vehicles know their own jets, and links lose nothing: sensors and channels are no part of a tick yet.
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
 
@@ -111,20 +110,15 @@ def decide(
         seen = sight(lane, network, plan, before, errors, basis, time)
         vectors, memory = lane.signal.aim(seen, before.attacker_memory)
         before = before._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
-    return judge(lane, network, plan, before, sense(errors), basis, time)
+    return judge(lane, network, plan, before, errors, basis, time)
 
 
-def sense(errors: Jets) -> Jets:
-    """Return the jets that vehicles measure of themselves."""
-    return errors
-
-
-def tell(sensed: Jets) -> Sent:
+def tell(errors: Jets) -> Sent:
     """Return the jets that the navigator and the vehicles send, each (2, 1 + m, lanes).
 
     The navigator's jets come first and are 0, because jets are relative to the navigator.
     """
-    return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in sensed)
+    return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in errors)
 
 
 def attack(network: Network, sent: Sent, signals: Any) -> Received:
@@ -132,17 +126,12 @@ def attack(network: Network, sent: Sent, signals: Any) -> Received:
     return tuple(network.hearing.received(*both) for both in zip(sent, signals, strict=False))
 
 
-def channel(lane: Lane, carried: Received, time: Instants) -> Received:
-    """Return the jets on the links as the defence observes them."""
-    return lane.defence.observed(carried, time)
-
-
 def judge(
     lane: Lane,
     network: Network,
     plan: Plan,
     before: DecisionState,
-    sensed: Jets,
+    errors: Jets,
     basis: Basis,
     time: Instants,
 ) -> DecisionState:
@@ -151,8 +140,8 @@ def judge(
         return before
     signals = signal.jets(attack_vectors(lane, before), basis)
     decision, memory = lane.defence.decide(
-        sensed,
-        channel(lane, attack(network, tell(sensed), signals), time),
+        errors,
+        lane.defence.observed(attack(network, tell(errors), signals), time),
         before.decision,
         before.memory,
         surroundings(lane, network, time, before.memory, signals),
@@ -172,7 +161,7 @@ def sight(
 
     def in_force(vectors: Any) -> AxisWeights:
         chosen = state._replace(vectors=bounded(vectors, lane))
-        judged = judge(lane, network, plan, chosen, sense(errors), basis, time)
+        judged = judge(lane, network, plan, chosen, errors, basis, time)
         return weights_in_force(lane, judged, plan)
 
     heard, decision = network.hearing, state.decision

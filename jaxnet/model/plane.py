@@ -26,6 +26,12 @@ def length(vectors: Any) -> Any:
     return squares.__array_namespace__().sqrt(squares)
 
 
+def relative(jets: Any, origin: Any) -> Jets:
+    """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes)."""
+    a, b, c = (jet - there[:, None] for jet, there in zip(jets[:3], origin[:3], strict=True))
+    return a, b, c
+
+
 def pace(jets: Any) -> tuple[Any, Any]:
     """Return speed [m/s] and turn rate [rad/s] of forward motion along the jets of a path.
 

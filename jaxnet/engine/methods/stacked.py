@@ -28,7 +28,7 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import definition, signal
+from jaxnet.model import definition, plane, signal
 from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -118,8 +118,7 @@ class ByDiffrax(Motion):
     def errors(self, state: StackedState) -> Jets:
         """Return E and its first two derivatives now."""
         own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.navigator.jets(state.time)
-        y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
-        return y, velocity, acceleration
+        return plane.relative(own, navigator)
 
     def basis(self, state: StackedState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
@@ -271,10 +270,9 @@ def lane_field(
 
 def decided_in_field(lane: Lane, state: Any, time: Any, network: Network, plan: Plan) -> AxisWeights:
     """Return the weights in force for the jets received now, decided without memory; lanes last."""
-    own, navigator = lane.vehicle.output_jets(state), lane.navigator.jets(time)
-    y, velocity, acceleration = (jet - there[:, None] for jet, there in zip(own, navigator, strict=False))
+    errors = plane.relative(lane.vehicle.output_jets(state), lane.navigator.jets(time))
     before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
-    decided = tick.decide(lane, network, plan, before, (y, velocity, acceleration), basis, time)
+    decided = tick.decide(lane, network, plan, before, errors, basis, time)
     return tick.drive(lane, decided, plan).weights
 
 

@@ -42,7 +42,7 @@ class WMSR(Sparing):
         order = xp.arange(above.shape[1])[None, :, None, None]
 
         def beyond(k: int) -> AxisSlotMask:
-            """Who has the one in this slot farther out on the same side."""
+            """Return the sources that slot k exceeds on the same side."""
             other = slice(k, k + 1)
             first = ~ties.over(size, size[:, other]) & (k < order)
             return (side[:, other] == side) & (ties.over(size[:, other], size) | first)
