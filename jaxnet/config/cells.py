@@ -214,7 +214,8 @@ def refuse_sweep(
         elif root in KINDS and key == f"{root}.kind":
             yield key, f"sweep {root} instead: a kind comes with keys of its own"
         elif not known.has(key):
-            yield key, f"unknown key{known.hint(root, key.split('.')[1])}"
+            renamed = wording.renamed_key(split_key(key))
+            yield key, renamed or f"unknown key{known.hint(root, key.split('.')[1])}"
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):

@@ -30,7 +30,7 @@ def situation_of(scenario: Scenario) -> Situation:
     """Return the situation of a scenario at the start."""
     graph = scenario.topology.normalised(scenario.vehicles)
     trusted = scenario.defence.trusts(graph)
-    attacked = scenario.attack.links(graph)
+    attacked = scenario.attack.attacked_links(graph)
     return Situation(graph, attacked, trusted, scenario.defence.retained(graph, trusted))
 
 
@@ -101,4 +101,4 @@ def sources_of(scenario: Scenario) -> np.ndarray:
     """
     linked = scenario.topology.linked(scenario.vehicles)
     each = scenario.attack.identities() + scenario.attack.splits()
-    return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))
+    return hearing.slots(linked, np.where(scenario.attack.attacked_links(linked), each, 1))

@@ -104,7 +104,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if attack.splits():
         linked = scenario.topology.linked(scenario.vehicles)
-        links = hearing.by_slot(linked, attack.links(linked), sources)
+        links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
         lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
@@ -116,7 +116,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
 def network_of(scenario: Scenario, sources: Any) -> Network:
     """Return the network that the lanes of a cell share, by slot."""
     linked = scenario.topology.linked(scenario.vehicles)
-    attacked = hearing.by_slot(linked, scenario.attack.links(linked), sources)
+    attacked = hearing.by_slot(linked, scenario.attack.attacked_links(linked), sources)
     if scenario.attack.splits():
         attacked = attacked & hearing.again(sources)
     trusted = scenario.defence.trusts(linked)
@@ -208,7 +208,7 @@ def attack_of(
 def heard_by(scenario: Scenario) -> np.ndarray:
     """Return which listeners (m,) receive an attacked link from the navigator."""
     linked = scenario.topology.linked(scenario.vehicles)
-    return (scenario.attack.links(linked) & (linked.sources == 0)).any(axis=1)
+    return (scenario.attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:
