@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from jaxnet.config.document import Plain
+from jaxnet.config.document import Plain, dotted_key
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import KindOf
@@ -35,7 +35,7 @@ WORDS = {
     "value_error": "{error}",
     "literal_error": "must be {expected}",
 }
-RENAMED_KEYS = {("attack", "channel"): "links"}  # by the place of the key in a study
+RENAMED_KEYS = {"attack.channel": "links"}
 
 
 def explain(error: ErrorDetails, data: Plain) -> str:
@@ -70,7 +70,7 @@ def explain(error: ErrorDetails, data: Plain) -> str:
 
 def renamed_key(location: tuple[int | str, ...]) -> str:
     """Return that a key was renamed; "" if it was not."""
-    name = RENAMED_KEYS.get(tuple(map(str, location)), "")
+    name = RENAMED_KEYS.get(dotted_key(location), "")
     return name and f"{location[-1]} was renamed to {name}"
 
 

@@ -4,13 +4,13 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put
-from jaxnet.engine.tick import DecisionState, LaneFlags
+from jaxnet.engine.tick import DecisionState, Drive, LaneFlags
 from jaxnet.model import elimination
-from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 
@@ -32,20 +32,38 @@ def solve_response(
     def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-        weights, vectors = tick.drive(part, chosen, plan)
-        new, residual = response_vectors(vectors, weights, network)
-        return put(response, few, new), put(cut_off, few, ~(residual < CONNECTED))
+        drive = tick.drive(part, chosen, plan)
+        new, residual = response_vectors(drive, network)
+        if drive.reception is None:
+            cut = ~(residual < CONNECTED)
+        else:
+            cut = tick.cut_off(part, network, chosen, plan)
+        return put(response, few, new), put(cut_off, few, cut)
 
     at_once = SOLVED if lane.initial.shape[1] < LARGE_TO_SOLVE else SOLVED_OF_LARGE
     return for_each(flagged, at_once, some, (response, cut_off))
 
 
-def response_vectors(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
-    """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1."""
+def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
+    """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
+
+    Where vehicles sense with errors or messages are lost, the vectors of three more functions follow (`signal.WithNavigator`).
+    """
+    weights, vectors = drive.weights, drive.vectors
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
     each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
-    attack = jnp.stack(each)  # (B, 2, m, few)
+    attack = jnp.stack([*each, *kept_columns(drive)])  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
     solution, residual = elimination.solve(network.order, network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
     return response.transpose(1, 2, 0, 3), residual
+
+
+def kept_columns(drive: Drive) -> list[Float[Array, "2 m few"]]:
+    """Return the right-hand sides of kept drives: `x_i = z_i - R(y_0)` for a vehicle that keeps z_i."""
+    if drive.reception is None:
+        nothing = jnp.zeros((2, *drive.weights.shape[2:]))
+        return [] if drive.noise is None else [nothing] * 3
+    navigator = -drive.reception.keeps.astype(float)
+    nothing = jnp.zeros_like(navigator)
+    return [drive.reception.kept, jnp.stack([navigator, nothing]), jnp.stack([nothing, navigator])]

@@ -40,7 +40,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     weights = weights_of(scenario, draw, sources)
-    gain = draw.several(scenario.gain, "gain")
+    gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,
@@ -54,6 +54,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         attack_scale=amplitude,
         announces=tree(announcement_of(scenario, draw)),
         sizes=lanes_first(sizes),
+        sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
+        loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(

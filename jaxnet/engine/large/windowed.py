@@ -156,6 +156,7 @@ def can_update_locally(decided: DecisionState, network: Network, plan: Plan) -> 
     Defences that weigh, and attackers that choose vectors, change more rows at every tick.
     """
     retaining = plan.decides and decided.decision.dtype == bool
+    retaining = retaining and decided.reception is None
     return retaining and not plan.strategic and window_count(network.order) > 0
 
 
