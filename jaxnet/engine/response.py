@@ -47,7 +47,8 @@ def solve_response(
 def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where vehicles sense with errors or messages are lost, the vectors of three more functions follow (`signal.WithNavigator`).
+    Where vehicles sense with errors or messages are lost, the vectors of three more functions follow
+    (`signal.WithNavigator`).
     """
     weights, vectors = drive.weights, drive.vectors
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
