@@ -155,7 +155,7 @@ def can_update_locally(decided: DecisionState, network: Network, plan: Plan) -> 
 
     Defences that weigh, and attackers that choose vectors, change more rows at every tick.
     """
-    retaining = plan.decides and decided.decision.dtype == bool
+    retaining = plan.decides and decided.decision is not None and decided.decision.dtype == bool
     retaining = retaining and decided.reception is None
     return retaining and not plan.strategic and window_count(network.order) > 0
 
@@ -173,6 +173,7 @@ def solve_locally(
     The windows of a lane do not depend on other lanes. A lane is left in three cases: too many of its
     vehicles changed, a vehicle does not hear the navigator, or the effect of a change reaches too far.
     """
+    assert decided.decision is not None
     order, decision = network.order, decided.decision.reshape(-1, *lane.weights.shape)
     system = System(network.hearing, lane.weights, decision, lane.vectors)
     most, least = window_count(order), dominance(system)
