@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxnet.kinds.kind import Kind
 
-Drawn = TypeVar("Drawn")
+AnyDrawn = TypeVar("AnyDrawn")
 
 
 class Settings:
@@ -37,7 +37,7 @@ class Shape(NamedTuple):
 REGISTERED_CLASSES: set[type] = set()
 
 
-def as_pytree(drawn: Drawn) -> Drawn:
+def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
     """Return a drawn kind as a registered pytree without its untraced keys, also inside tuples; else the
     argument.
     """

@@ -26,7 +26,7 @@ Edge = Annotated[
 
 
 @runtime_checkable
-class Network(Protocol):
+class EdgeView(Protocol):
     """What is read of a networkx graph."""
 
     @property
@@ -36,7 +36,7 @@ class Network(Protocol):
 
     @property
     def nodes(self) -> Iterable[SupportsIndex]:
-        """All nodes."""
+        """Nodes of the graph, numbers."""
         ...
 
     @property
@@ -90,7 +90,7 @@ class Edges(Graph):
         """Return the edges of a networkx graph, with its name as the label; raise KindError as `edges_of`
         does.
         """
-        if not isinstance(value, Network):
+        if not isinstance(value, EdgeView):
             return None
         edges = edges_of(value)
         if not edges:
@@ -99,7 +99,7 @@ class Edges(Graph):
 
 
 def edges_of(
-    network: Network, unread: tuple[str, ...] = (), weight: object = 1.0
+    network: EdgeView, unread: tuple[str, ...] = (), weight: object = 1.0
 ) -> list[tuple[int, int, float]]:
     """Return the edges (i, j, w) of a networkx graph: i hears j, and 0 is the navigator.
 
