@@ -85,6 +85,16 @@ def few_side_by_side():
 
 
 @pytest.fixture(scope="module")
+def many_side_by_side(few_side_by_side):
+    """Where tests have hundreds of lanes a cell, most of the time would go into calls for a few."""
+    from jaxnet.kinds import registry
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry.find("engine", "exact"), "chunk", 128)
+        yield
+
+
+@pytest.fixture(scope="module")
 def browser():
     """A Chromium that is told to ask nobody for anything."""
     if BROWSER is None:
