@@ -56,7 +56,7 @@ class Scope:
         finally:
             CURRENT_SCOPE.reset(token)
 
-    def outside(self, family: str, name: str) -> Any:
+    def outside(self, family: str, name: str) -> KindOrMetric | None:
         """Return the kind of an entry point or of `module:attribute`, None if the name is neither."""
         point = next((each for each in entry_points(family) if each.name == name), None)
         if point is not None:
@@ -132,7 +132,7 @@ def record_found(family: str, name: str, found: KindOrMetric) -> None:
         REFERENCES[found] = name
 
 
-def metric_name(metric: Any) -> str:
+def metric_name(metric: KindOrMetric) -> str:
     """Return the name of a metric in a config."""
     return str(METRIC_REFERENCES.get(metric, metric.name))
 
@@ -165,7 +165,7 @@ def adopt(given: KindOrMetric) -> str:
 
 
 @functools.cache
-def builtin_kind(family: str, name: str) -> Any:
+def builtin_kind(family: str, name: str) -> KindOrMetric | None:
     """Return the kind in the file of this name in the family's folder, None if there is no such file."""
     module = f"{FAMILIES[family].package}.{name}"
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
@@ -173,7 +173,7 @@ def builtin_kind(family: str, name: str) -> Any:
     return kind_in_module(importlib.import_module(module), family, name)
 
 
-def kind_in_module(module: ModuleType, family: str, name: str) -> Any:
+def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric | None:
     """Return the kind of a family that a module of jaxnet defines, None if it defines none."""
     base = base_of(family)
     for found in vars(module).values():
