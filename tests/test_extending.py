@@ -16,7 +16,8 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.kinds import provenance, registry
+from jaxnet.kinds import registry
+from jaxnet.outside import provenance
 from jaxnet.runs import cluster
 from jaxnet.view import page
 

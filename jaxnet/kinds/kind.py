@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_serializer
 from upath import UPath
 
-from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
-from jaxnet.kinds.modules import KindError as KindError
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.modules import KindError as KindError
 
 
 class Fault(NamedTuple):

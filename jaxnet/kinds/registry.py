@@ -17,11 +17,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxnet.kinds import modules, provenance
-from jaxnet.kinds.families import FAMILIES, base_of, family_of, is_member
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
-from jaxnet.kinds.outside import entry_points, import_reference
-from jaxnet.kinds.provenance import KindOrMetric, home_of, name_in
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.families import FAMILIES, base_of, family_of, is_member
+from jaxnet.outside.provenance import KindOrMetric, home_of, name_in
+from jaxnet.outside.references import entry_points, import_reference
 
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxnet.kinds.families import add_family
 from jaxnet.kinds.kind import Fault, Kind
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.outside.families import add_family
 
 if TYPE_CHECKING:
     from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan

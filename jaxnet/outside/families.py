@@ -4,7 +4,7 @@ import functools
 import importlib
 from typing import NamedTuple
 
-from jaxnet.kinds.modules import KindError
+from jaxnet.outside.modules import KindError
 
 
 class Family(NamedTuple):
