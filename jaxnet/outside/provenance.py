@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     KindOrMetric = type | MetricLike
 else:
-    KindOrMetric = Any
+    KindOrMetric = MetricLike = Any
 
 PLAIN_TYPES = (bool, int, float, complex, str)
 

@@ -138,18 +138,18 @@ def describe_outside(
     """Return the manifest's description of kinds from outside, for readers without their code."""
     wanted = list(named)
     return {
-        name: {"family": family, **(of_metric(found) if isinstance(found, Metric) else of_class(found))}
+        name: {"family": family, **(of_class(found) if isinstance(found, type) else of_metric(found))}
         for (family, name), found in known.items()
         if any(each is found for each in wanted)
     }
 
 
-def of_metric(metric: Metric) -> Description:
+def of_metric(metric: source.MetricLike) -> Description:
     """Return the fields of a metric without its function."""
     return {key: getattr(metric, key) for key in METRIC}
 
 
-def of_class(cls: type[Kind]) -> Description:
+def of_class(cls: type) -> Description:
     """Describe a class: its base, keys with defaults, constant facts, and overridden methods."""
     base = next(each for each in cls.__mro__ if is_ours(each))
     keys = {key: field.get_default() for key, field in cls.model_fields.items() if not field.is_required()}
