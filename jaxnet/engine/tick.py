@@ -236,12 +236,18 @@ def judge(
         return before
     signals, own = signal.jets(attack_vectors(lane, before), basis), sensed(errors, before.noise)
     heard = lane._replace(weights=arrived_weights(lane, before.reception))
+    received, arrived = attack(network, tell(own), signals), None
+    if before.reception is not None:  # a slot without a message holds the vehicle itself
+        arrived = before.reception.arrived
+        received = tuple(
+            jnp.where(arrived[None], jet, mine[:, None]) for jet, mine in zip(received, own, strict=False)
+        )
     decision, memory = lane.defence.decide(
         own,
-        lane.defence.observed(attack(network, tell(own), signals), time),
+        lane.defence.observed(received, time),
         before.decision,
         before.memory,
-        surroundings(heard, network, time, before.memory, signals),
+        surroundings(heard, network, time, before.memory, signals, arrived),
     )
     decision = of_heard(decision, lane)
     if before.reception is not None and before.decision is not None:
@@ -282,7 +288,12 @@ def sight(
 
 
 def surroundings(
-    lane: Lane, network: Network, time: Instants, memory: Memory, signals: SignalJets | None = None
+    lane: Lane,
+    network: Network,
+    time: Instants,
+    memory: Memory,
+    signals: SignalJets | None = None,
+    arrived: Bool[Array, "slots m lanes"] | None = None,
 ) -> Neighbourhood:
     """Return the inputs of a defence besides the received jets; `signals` are the attacks' jets."""
     heard, trusted = network.hearing, network.trusted
@@ -293,7 +304,7 @@ def surroundings(
         carried = heard.received(sent, control.driven(lane.gain, signals))
         announced = lane.announces.received(heard.sent(sent), carried, attacked, heard.signals, time)
         announced = lane.defence.overheard(announced, heard.sources, time)
-    rest = network.shared, announced, attacked
+    rest = network.shared, announced, attacked, arrived
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 

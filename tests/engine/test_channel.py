@@ -178,3 +178,32 @@ def test_vehicles_move_as_the_plain_program(case, engine, law, orders):
         assert apart <= (1e-7 if engine == "exact" else 1e-5)
         assert outcome.unheard[number] == count
         assert (count > 20) == CASES[case]["lossy"]
+
+
+def dropped(arrived, error, attack):
+    """Whom one round of trimming with ϑ = 1 drops: the source farthest from the navigator, who is trusted."""
+    away = np.zeros_like(arrived)
+    for i in range(len(arrived)):
+        heard = np.flatnonzero(arrived[i])
+        if len(heard) >= 3 and 0 in heard:
+            told = [np.append(np.zeros((1, 2)), error, axis=0)[j] + attack[i, j] for j in heard]
+            away[i, heard[np.linalg.norm(told - told[0], axis=1).argmax()]] = True
+    return away
+
+
+def test_trimming_judges_what_arrived():
+    """Everybody hears everybody: at every tick the farthest of those who arrived is dropped, if three did."""
+    keys = KEYS | {"topology": "complete", "vehicles": 5, "engine": "exact", "channel": {"loss": Striped()}}
+    keys |= {"attack": {"kind": "rotating", "vehicles": [2, 4]}, "defence": "trusted_trim"}
+    one = systems.lanes(systems.study(**keys), 1)
+    outcome, lane = systems.simulate(one), systems.lane(one, 0)
+    attack, navigator, drops = attack_on_links(one, 0), navigator_at(one, 0), 0
+    for n in range(TICKS + 1):
+        arrived = (lane.weights > 0) & ~is_lost(n, np.arange(5)[:, None], np.arange(6)[None])
+        error = outcome.series["state"][0, n, :, :2] - navigator(n * TICK)[0]
+        away = dropped(arrived, error, attack(n * TICK)[0])
+        keeping = keepers(arrived & ~away)
+        expected = arrived & ~away & ~np.isin(np.arange(5), list(keeping))[:, None]
+        np.testing.assert_array_equal(outcome.series["kept"][0, n] > 0, expected)
+        drops += away.sum()
+    assert drops > 20

@@ -47,7 +47,7 @@ STUDY = {
 }
 COLUMNS = [
     *("cell", "sample", "topology", "attack.magnitude", "status", "tail_mean", "tail_max"),
-    *("tail_disagreement", "peak_error", "min_speed", "peak_turn_rate", "steps", "switches"),
+    *("tail_disagreement", "peak_error", "min_speed", "peak_turn_rate", "steps", "switches", "unheard"),
 ]
 
 
@@ -69,7 +69,7 @@ def test_rows_have_the_contract_s_columns(results):
     """Names, order and types; one row per lane."""
     rows = results.lanes
     assert rows.columns.tolist() == COLUMNS
-    assert rows[["cell", "sample", "steps", "switches"]].dtypes.eq(np.int64).all()
+    assert rows[["cell", "sample", "steps", "switches", "unheard"]].dtypes.eq(np.int64).all()
     assert rows["attack.magnitude"].tolist() == [0, 0, 0, 5.5, 5.5, 5.5] * 2
     assert rows["topology"].tolist() == ["star"] * 6 + ["cyclic"] * 6
     assert rows["sample"].tolist() == [0, 1, 2] * 4

@@ -365,9 +365,9 @@ class Attack(AnyAttack):
     def begin(self, seen: TickView) -> Memory:
         """Return the memory of a strategic attack before the first tick, before any decision or error.
 
-        The memory is any pytree of arrays with lanes last.
+        The memory is any pytree of arrays with lanes last; by default None.
         """
-        return ()
+        return None
 
     def drawn_faults(self, number: int, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield the faults of vehicles that are drawn for each lane."""

@@ -50,6 +50,8 @@ class Neighbourhood(NamedTuple):
     - `shared`: the result of the defence's `shared`
     - `announced` (2, slots, m, lanes): announcement of each slot's source, attacked or not
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
+    - `arrived` (slots, m, lanes): the slots whose message arrived; None if every message arrives.
+      `weights` are then those of the arrived messages, 0 in other slots
     """
 
     sources: Any
@@ -60,6 +62,7 @@ class Neighbourhood(NamedTuple):
     shared: Any
     announced: Any = None
     attacked: Any = None
+    arrived: Any = None
 
 
 class AnyDefence(DrawsAtTicks):
@@ -77,14 +80,15 @@ class AnyDefence(DrawsAtTicks):
         return trusted_links(graph, {})
 
     def shared(self, graph: Digraph, trusted: Links, sources: np.ndarray) -> Memory:
-        """Return arrays that all lanes share, any pytree. `sources` (slots, m) are the numbers of the
-        sources.
+        """Return arrays that all lanes share, any pytree; by default None.
+
+        `sources` (slots, m) are the numbers of the sources.
         """
-        return ()
+        return None
 
     def start(self, around: Neighbourhood) -> Memory:
-        """Return the memory before the first tick: any pytree of arrays with lanes last."""
-        return ()
+        """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
+        return None
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
         """Return the announcement `R(y) - R(y_0)` of each vehicle: (2, m, lanes), or None if vehicles

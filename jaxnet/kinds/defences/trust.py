@@ -70,7 +70,8 @@ class Trust(Sparing):
             alpha = self.random_alpha(around)
         else:
             alpha = self.alpha(own[0], received[0], around)
-        memory = memory + alpha - 0.5
+        observed = memory + alpha - 0.5
+        memory = observed if around.arrived is None else xp.where(around.arrived, observed, memory)
         greatest = xp.where(heard, memory, -xp.inf).max(axis=0, keepdims=True)
         return self.spared(around) | (memory >= xp.minimum(greatest, 0.0)), memory
 

@@ -1,7 +1,7 @@
 """Only trusted sources are believed: a baseline for comparisons."""
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, SlotMask, VehicleJets
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
 
@@ -24,8 +24,15 @@ class TrustedOnly(Defence):
         self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
     ) -> tuple[Decision, Memory]:
         """Return the trusted sources, the same at all times."""
-        trusts = (around.weights > 0) & around.trusted[:, :, None]
-        return trusts | ~trusts.any(axis=0, keepdims=True), memory
+        return self.trusts_of(around) | memory, memory
+
+    def start(self, around: Neighbourhood) -> Memory:
+        """Return the vehicles that trust no source, and retain every source: (1, m, lanes)."""
+        return ~self.trusts_of(around).any(axis=0, keepdims=True)
+
+    def trusts_of(self, around: Neighbourhood) -> SlotMask:
+        """Return the slots of trusted sources."""
+        return (around.weights > 0) & around.trusted[:, :, None]
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that all untrusted sources of a listener with a trusted source are dropped."""

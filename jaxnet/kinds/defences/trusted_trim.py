@@ -17,8 +17,11 @@ from jaxnet.kinds.shapes import (
     AxisSlotNumbers,
     Decision,
     LaneGains,
+    LaneTimes,
     Memory,
     SlotJets,
+    SlotMask,
+    SlotNumbers,
     VehicleJets,
     VehicleVectors,
 )
@@ -61,16 +64,16 @@ class Trimming(NamedTuple):
 
 
 class Recollection(NamedTuple):
-    """The memory of trimming; () for a part that the score does not need.
+    """The memory of trimming; None for a part that the score does not need.
 
-    `candidates` and `shares` are the same at all ticks.
+    `candidates` and `shares` are those of all sources. They serve where every message arrives.
     """
 
-    candidates: Any  # (slots, m, lanes), who may be dropped
+    candidates: SlotMask  # who may be dropped
     shares: Any  # (most, m, lanes), of trusted sources in a score
-    score: Any  # (slots, m, lanes), low-pass filtered
-    time: Any  # (lanes,) [s] of the last tick
-    announced: Any  # (2, m, lanes), ρ, which it announces itself
+    score: SlotNumbers | None  # low-pass filtered
+    time: LaneTimes | None  # [s] of the last tick
+    announced: VehicleVectors | None  # ρ, which it announces itself
 
 
 class TrustedTrim(Sparing):
@@ -149,21 +152,24 @@ class TrustedTrim(Sparing):
     def start(self, around: Neighbourhood) -> Memory:
         """Return the memory at t = 0: the candidates to drop, the first announcements, and no score."""
         xp, lanes = around.weights.__array_namespace__(), around.weights.shape[1:]
-        heard, theta = around.weights > 0, around.shared.theta
-        trusts = heard & around.trusted[:, :, None]
-        trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
-        shares, score, time, announced = (), (), (), ()
+        candidates, shares = self.candidates(around)
+        score = time = announced = None
         if self.announcing():
             announced = xp.zeros((2, *lanes))
             if self.first_announcement is not None:
                 normal = self.random(around.time, "first announcement", jax.random.normal, (2, lanes[0]))
                 announced = self.first_announcement[None, None] * normal
-        else:
-            shares = trimming.trusted_shares(trusts, around.shared.references)
         if self.filter is not None:
             score, time = xp.zeros(around.weights.shape), xp.full(lanes[1:], -xp.inf)
-        candidates = heard & ~self.spared(around) & trims[None]
         return Recollection(candidates, shares, score, time, announced)
+
+    def candidates(self, around: Neighbourhood) -> tuple[SlotMask, Any]:
+        """Return the sources that may be dropped, and the shares of trusted sources in a score."""
+        heard, theta = around.weights > 0, around.shared.theta
+        trusts = heard & around.trusted[:, :, None]
+        trims = self.trims(heard.sum(axis=0), trusts.sum(axis=0), theta[:, None])
+        shares = None if self.announcing() else trimming.trusted_shares(trusts, around.shared.references)
+        return heard & ~self.spared(around) & trims[None], shares
 
     def announcement(self, memory: Memory) -> VehicleVectors | None:
         """Return ρ of the last tick."""
@@ -177,16 +183,20 @@ class TrustedTrim(Sparing):
         `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
         decision (SCIENCE O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
         """
+        candidates, shares = memory.candidates, memory.shares
+        if around.arrived is not None:
+            candidates, shares = self.candidates(around)
         if self.announcing():
             score = length(around.announced)
         else:
-            compared = self.compared(received, around.gain)
-            score = trimming.deviation(compared, memory.shares, around.shared.references)
+            score = trimming.deviation(self.compared(received, around.gain), shares, around.shared.references)
         if self.filter is not None:
             score = trimming.filtered(score, memory.score, around.time - memory.time, self.filter)
+            if around.arrived is not None:
+                score = score.__array_namespace__().where(around.arrived, score, memory.score)
             memory = memory._replace(score=score, time=around.time)
         score = trimming.stiffened(score, last, self.tolerance)
-        decision = ~trimming.farthest(score, memory.candidates, around.shared.theta)
+        decision = ~trimming.farthest(score, candidates, around.shared.theta)
         if self.announcing():
             weights = retained.in_force(around.weights, decision)
             memory = memory._replace(announced=(weights * around.announced).sum(axis=1))

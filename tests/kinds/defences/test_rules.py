@@ -116,7 +116,7 @@ def test_it_is_the_rule(rule, reference):
     own, received, weights, trusted = given = neighbourhoods(1)
     around = Neighbourhood(None, weights, trusted, None, None, ())
     last = np.ones(weights.shape, bool)
-    decision, _ = rule.decide((own,) * 3, (received,) * 3, last, (), around)
+    decision, _ = rule.decide((own,) * 3, (received,) * 3, last, rule.start(around), around)
     found = np.broadcast_to(retained.in_force(weights, decision), (2, *weights.shape))
     for vehicle in range(VEHICLES):
         for lane in range(LANES):
