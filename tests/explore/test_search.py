@@ -27,8 +27,6 @@ from jaxnet.view.page.sections import search_section
 from jaxnet.view.text.worst import search_text as text_of
 from tests import systems
 
-pytestmark = pytest.mark.usefixtures("many_side_by_side")
-
 MANY = Machine(devices=1, chunk=64)  # a generation at once
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
 

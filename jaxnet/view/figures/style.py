@@ -65,7 +65,11 @@ class Figure(figure.Figure):
     """A figure with the print style in every output, displayed by a notebook."""
 
     def savefig(
-        self, fname: str | PathLike[str] | IO[bytes], *, transparent: bool | None = None, **options: object
+        self,
+        fname: str | PathLike[str] | io.BytesIO | IO[bytes],
+        *,
+        transparent: bool | None = None,
+        **options: object,
     ) -> None:
         """Write the figure in the resolution and style for print."""
         with mpl.rc_context(PRINT_STYLE):
