@@ -33,7 +33,6 @@ from jaxnet.engine.flow import (
     passed_on,
     propagate,
 )
-from jaxnet.engine.large import windowed
 from jaxnet.engine.loop import Batch, LaneFlags, Motion, Tick, Ticks
 from jaxnet.engine.status import Code
 from jaxnet.engine.subset import LaneIndices, picked, run_if
@@ -143,10 +142,8 @@ class Solved(Propagation):
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
         def solve(carry: Any) -> Any:
-            (vectors, cut_off), left = carry, at.anew
-            if windowed.can_update_locally(decided, network, plan):
-                vectors, left = windowed.solve_locally(vectors, at.anew, changed, decided, lane, network)
-            return response.solve_response(vectors, cut_off, left, decided, lane, network, plan)
+            vectors, cut_off = carry
+            return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
 
         vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
         return state._replace(vectors=vectors), cut_off

@@ -8,26 +8,34 @@ import jax.numpy as jnp
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put
-from jaxnet.engine.tick import DecisionState, LaneFlags
-from jaxnet.model import elimination
+from jaxnet.engine.tick import DecisionState, LaneFlags, VehicleFlags
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
-
-SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
-LARGE_TO_SOLVE = 128  # vehicles; from this size on, padding lanes cost more than another pass
+from jaxnet.solvers.choice import solved_at_once
+from jaxnet.solvers.solver import System
 
 
 def solve_response(
     response: Vectors,
     cut_off: LaneFlags,
     flagged: LaneFlags,
+    changed: VehicleFlags,
     decided: DecisionState,
     lane: Lane,
     network: Network,
     plan: Plan,
 ) -> tuple[Vectors, LaneFlags]:
-    """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off."""
+    """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off.
+
+    `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
+    vehicles, the solver may update the response near them. Defences that weigh, and attackers that choose
+    vectors, change more rows at every tick.
+    """
+    if plan.decides and decided.decision.dtype == bool and not plan.strategic:
+        decision = decided.decision.reshape(-1, *lane.weights.shape)
+        system = System(network.hearing, lane.weights, decision, lane.vectors)
+        response, flagged = network.solver.update(system, response, flagged, changed)
 
     def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
@@ -36,8 +44,7 @@ def solve_response(
         new, residual = response_vectors(vectors, weights, network)
         return put(response, few, new), put(cut_off, few, ~(residual < CONNECTED))
 
-    at_once = SOLVED if lane.initial.shape[1] < LARGE_TO_SOLVE else SOLVED_OF_LARGE
-    return for_each(flagged, at_once, some, (response, cut_off))
+    return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
 
 
 def response_vectors(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
@@ -46,6 +53,6 @@ def response_vectors(vectors: Vectors, weights: AxisWeights, network: Network) -
     each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     attack = jnp.stack(each)  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
-    solution, residual = elimination.solve(network.order, network.hearing, weights, right)
+    solution, residual = network.solver.solve(network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
     return response.transpose(1, 2, 0, 3), residual

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from jaxnet.engine import batch
-from jaxnet.engine.large import windowed
-from jaxnet.engine.methods.exact import Exact
-from jaxnet.engine.tick import DecisionState
 from jaxnet.model import hearing
+from jaxnet.solvers import choice, windowed
+from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.solver import System
+from jaxnet.solvers.windowed import Windowed
 from tests import systems
 
 VEHICLES = 601
@@ -66,19 +67,18 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     """
     keys, window, replaced, beyond = TOPOLOGIES[topology]
     monkeypatch.setattr(windowed, "WINDOW", window)
-    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * window)
     lane, network, before = begun(keys, replaced, 5)
-    vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
+    vehicles, after = np.asarray(network.solver.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
     for number, those in enumerate([[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]):
         after[-1, 2, those, number] = False
     after[0, 0, middle, 2] = False
     changed = (after != before[:axes]).any(axis=(0, 1))
-    decided = DecisionState(jnp.asarray(after if axes == 2 else after[0]), None, None, None)
+    system = System(network.hearing, lane.weights, jnp.asarray(after), lane.vectors)
     start, flagged = known(lane, network, before), jnp.arange(5) < 4
-    found, left = jax.jit(windowed.solve_locally)(
-        jnp.asarray(start), flagged, jnp.asarray(changed), decided, lane, network
-    )
+    update = jax.jit(lambda solver, *given: solver.update(*given))
+    found, left = update(network.solver, system, jnp.asarray(start), flagged, jnp.asarray(changed))
     np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
     np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])
     exact, within = known(lane, network, after), slice(len(beyond), 2)
@@ -90,15 +90,15 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
 
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     """To 1e-9 m, through decisions; a lane is the same to the last bit beside others and alone."""
-    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)
     monkeypatch.setattr(windowed, "WINDOWS_TOGETHER", windowed.SIDE_BY_SIDE)
     keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
     given = systems.study(engine="exact", **keys)
     small = systems.lanes(given, 3, ("state",))
-    monkeypatch.setattr(Exact, "one_block", 300)
+    monkeypatch.setattr(choice, "ONE_BLOCK", 300)
     dense = systems.lanes(given, 3, ("state",))
-    assert windowed.window_count(small.network.order) == 4
-    assert windowed.window_count(dense.network.order) == 0
+    assert isinstance(small.network.solver, Windowed)
+    assert isinstance(dense.network.solver, Dense)
     ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
     assert (ours.status == 0).all()
     assert (ours.switches > 30).all()

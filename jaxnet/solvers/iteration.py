@@ -1,15 +1,7 @@
-"""Iterative solution of `L x = b` with a certified error, for graphs without a narrow order.
+"""Restarted BiCGSTAB (van der Vorst) for `L x = b`, slot by slot without a matrix.
 
-The iteration is BiCGSTAB (van der Vorst), because L is not symmetric and its spectrum is not known
-beforehand. It works slot by slot without a matrix. It restarts while the residual is too large.
-
-L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum norm. Any v
-with `L v > 0` gives the bound
-
-    ‖L⁻¹‖ ≤ max v / min L v,      ‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖.
-
-Each column of each axis and lane stops as soon as its own error is small enough. No result therefore depends
-on the other lanes of the batch.
+L is not symmetric, and its spectrum is not known beforehand. Each column of each axis and lane stops as soon
+as its own residual is small enough. No result therefore depends on the other lanes of the batch.
 """
 
 from collections.abc import Callable
@@ -17,14 +9,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
 
-ACCURACY = 1e-12  # wanted error of a solution, relative to its greatest component
-LOOSEST = 1e-6  # relative error from which a solution counts as not found
-CERTIFICATE = 0.25  # tolerated distance of `L v` from 1
 STARTS = 8
 ROUNDS = 4  # maximum number of steps of a start, in multiples of m
 
@@ -32,7 +20,6 @@ Unknowns = Float[Array, "m columns axes lanes"]
 Sizes = Float[Array, "columns axes lanes"]
 Map = Callable[[Unknowns], Unknowns]
 Allowance = Callable[[Sizes], Sizes]  # tolerated residual norm, by the norm of x
-InverseBound = Float[Array, "axes lanes"]
 
 
 def of_vehicles(hearing: Hearing, weights: AxisWeights) -> AxisWeights:
@@ -54,48 +41,6 @@ def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
         return jax.lax.fori_loop(0, len(carried_sources), less, x)
 
     return times
-
-
-def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
-    """Return a bound on `‖L⁻¹‖` from the weights of all sources.
-
-    The bound is infinite if the navigator does not reach every vehicle. It is NaN if the iteration found no
-    bound.
-    """
-    reached = hearing.all_reached(weights)
-    times = apply_laplacian(hearing, of_vehicles(hearing, weights))
-    m, axes, lanes = weights.shape[2], len(weights), weights.shape[-1]
-    right = jnp.ones((m, 1, axes, lanes))
-    v = iterated(times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
-    greatest = residual_norm(v)[0]
-    least = times(v).min(axis=0)[0] - rounding(hearing) * greatest
-    bound = jnp.where(least > 0, greatest / least, jnp.nan)
-    return jnp.where(reached[None], bound, jnp.inf)
-
-
-def certified(
-    hearing: Hearing, weights: AxisWeights, bound: InverseBound, right: Unknowns, start: Unknowns
-) -> tuple[Unknowns, Sizes]:
-    """Solve `L x = b`, and return x and a bound on its relative error.
-
-    `weights` are the weights of vehicles only, `bound` is a bound on `‖L⁻¹‖`, and `start` is the initial
-    guess. The solution is NaN in three cases: b is not finite, `bound` is not finite, or the error is at
-    least LOOSEST. The error bound of a NaN solution is 0.
-    """
-    times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
-    share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
-    unit = jnp.where(size > 0, size, 1.0)[None]
-    x, left = iterated(
-        times, right / unit, start / unit, lambda reached: jnp.where(limited, share * reached, jnp.inf)
-    )
-    error = jnp.where(left == 0.0, 0.0, bound[None] * left / residual_norm(x))
-    found = limited & (error < LOOSEST)
-    return jnp.where(found[None], x * unit, jnp.nan), jnp.where(found, error, 0.0)
-
-
-def rounding(hearing: Hearing) -> float:
-    """Return the greatest rounding error of the computed `b - L x`, relative to x."""
-    return (4 + len(hearing.carried_sources) / 2) * float(np.finfo(float).eps)
 
 
 def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
