@@ -41,7 +41,7 @@ STUDIES: dict[str, dict[str, Any]] = {
     "by axis": {"attack": DRAWN, "defence": "coordinate_median"},
     "weighed": {"attack": DRAWN, "defence": "geometric_median", "topology": RANDOM},
     "clipped": {"attack": DRAWN, "defence": {"kind": "clipping"}},
-    "freeze": {"attack": {"kind": "freeze", "magnitude": 10, "channel": "navigator"}, "topology": "star"},
+    "freeze": {"attack": {"kind": "freeze", "magnitude": 10, "links": "navigator"}, "topology": "star"},
     "rounds": {"attack": TURNING, "law": {"kind": "rounds", "rounds": 3}, "tick": 0.02, "horizon": 8.0},
     "exact 200": {"vehicles": 200, "topology": LATTICE, "attack": {**TURNING, "vehicles": [2, 90]}},
     "nonlinear": {"engine": "nonlinear", "attack": TURNING},

@@ -146,7 +146,7 @@ def tally_of(number: int) -> dict[str, list[float]]:
 
 def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, off: Any, ended: bool) -> None:
     """Count one lane, each vehicle under the strongest reason for which it is safe."""
-    attacked, trusted = scenario.attack.links(heard), scenario.defence.trusts(heard)
+    attacked, trusted = scenario.attack.attacked_links(heard), scenario.defence.trusts(heard)
     networks = [(heard, trusted)]
     if scenario.attack.identities() > 1:
         wider, _, also = with_sybils(heard, attacked, trusted, scenario.attack.identities() - 1)

@@ -137,7 +137,7 @@ def attack(rng: np.random.Generator) -> dict[str, Any]:
         "kind": kind,
         "magnitude": {"uniform": [0, 20]},
         "vehicles": sorted(attacked.tolist()),
-        "channel": str(rng.choice(["neighbour", "navigator"])),
+        "links": str(rng.choice(["neighbour", "navigator"])),
         **numbers,
     }
 

@@ -26,7 +26,17 @@ from jaxnet.config.document import (
     set_value,
     split_key,
 )
-from jaxnet.config.keys import KINDS, Config, Geomspace, Initial, Linspace, Scenario, Sweep
+from jaxnet.config.keys import (
+    INNER_KINDS,
+    KINDS,
+    Channel,
+    Config,
+    Geomspace,
+    Initial,
+    Linspace,
+    Scenario,
+    Sweep,
+)
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
@@ -39,6 +49,7 @@ SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
+RECORDS: dict[str, type[Record]] = {"initial": Initial, "channel": Channel}
 UNLABELLED_KEYS = ("kind", "label", "edges", "content")  # keys of kinds that labels leave out
 
 
@@ -139,7 +150,7 @@ def with_kind(field: str, value: Plain) -> Plain:
     """Return the mapping that a value of a kind's field means."""
     if isinstance(value, str):
         return {"kind": value}
-    if isinstance(value, dict) and "kind" not in value:
+    if isinstance(value, dict) and "kind" not in value and field in KINDS:
         return {"kind": Scenario.model_fields[field].default.reference(), **value}
     return value
 
@@ -214,7 +225,8 @@ def refuse_sweep(
         elif root in KINDS and key == f"{root}.kind":
             yield key, f"sweep {root} instead: a kind comes with keys of its own"
         elif not known.has(key):
-            yield key, f"unknown key{known.hint(root, key.split('.')[1])}"
+            renamed = wording.renamed_key(split_key(key))
+            yield key, renamed or f"unknown key{known.hint(root, key.split('.')[1])}"
         if any(other.startswith(f"{key}.") for other in list(values)[:number]):
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
@@ -248,14 +260,14 @@ class KnownKeys:
     def hint(self, root: str, word: str) -> str:
         """Return a hint to the key that a word probably means, or a list of the keys that can be swept."""
         found = self.inside(root)
-        if root in KINDS or root == "initial":
+        if root in KINDS or root in RECORDS:
             return wording.suggestion(word, found)
         return f" (known here: {', '.join(found or [root])})"
 
     def inside(self, root: str) -> list[str]:
         """Return the keys inside a key, without `kind`; the indices if the key is a list."""
-        if root == "initial":
-            return list(Initial.model_fields)
+        if root in RECORDS:
+            return list(RECORDS[root].model_fields)
         if root == "gain":
             return list(map(str, range(len(Scenario.model_fields[root].default))))
         models = [model_of(root, value) for value in self.given.get(root, [])]
@@ -276,12 +288,13 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     A kind is labelled by its `label`, or by its name with the keys that tell it apart from others of that
     name.
     """
-    if key not in KINDS:
+    if key not in KINDS and key not in INNER_KINDS:
         if all(isinstance(value, int | float) for value in listed):
             fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
             return listed if fits else list(map(float, listed))  # integers in columns have 64 bits
         return [value if isinstance(value, str) else wording.value_text(value) for value in listed]
-    kinds = [full_kind(key, with_kind(key, value)) for value in listed]
+    family = INNER_KINDS.get(key, key)
+    kinds = [full_kind(family, with_kind(family, value)) for value in listed]
     telling = telling_keys(kinds)
     return [kind_label(kind, telling) for kind in kinds]
 
@@ -290,7 +303,7 @@ def telling_keys(kinds: list[Plain]) -> dict[str, list[Any]]:
     """Return, by name of a kind, the keys in which swept kinds of this name differ."""
     found: dict[str, list[Any]] = {}
     first: dict[str, dict[Any, Any]] = {}
-    for kind in filter(lambda each: isinstance(each, dict), kinds):
+    for kind in filter(lambda each: isinstance(each, dict) and "kind" in each, kinds):
         name = wording.value_text(kind["kind"])
         other, keys = first.setdefault(name, kind), found.setdefault(name, [])
         differing = (key for key in {**other, **kind} if other.get(key) != kind.get(key))
@@ -310,7 +323,7 @@ def full_kind(field: str, value: Plain) -> Plain:
 
 def kind_label(kind: Plain, telling: Mapping[str, list[Any]]) -> str:
     """Return the label of one swept kind: its own label, or its name with the keys that tell it apart."""
-    if not isinstance(kind, dict):
+    if not isinstance(kind, dict) or "kind" not in kind:
         return wording.shorten_value(kind)
     if isinstance(kind.get("label"), str):
         return kind["label"]

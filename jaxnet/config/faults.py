@@ -36,7 +36,7 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 def metric_faults(study: Config) -> Iterator[Fault]:
     """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
     own = [metric.name for metric in study.measured()]
-    names = ["cell", "sample", "status", "steps", "switches", *study.sweep, *own]
+    names = ["cell", "sample", "status", "steps", "switches", "unheard", *study.sweep, *own]
     twice = sorted({name for name in own if names.count(name) > 1})
     odd = [name for name in own if not name.isidentifier()]
     if twice or odd:
@@ -116,6 +116,7 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from gain_faults(scenario)
     for key in KINDS:
         yield from kind_faults(key, getattr(scenario, key), scenario)
+    yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

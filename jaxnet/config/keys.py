@@ -25,9 +25,13 @@ from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.laws import Law
 from jaxnet.kinds.laws.exact import ExactLaw
+from jaxnet.kinds.losses import Loss
+from jaxnet.kinds.losses.none import NoLoss
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
+from jaxnet.kinds.sensors import Sensor
+from jaxnet.kinds.sensors.gaussian import Gaussian
 from jaxnet.kinds.vehicles import Vehicle
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 
@@ -38,6 +42,12 @@ class Initial(Record):
     position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], of both axes")
     heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
     speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
+
+
+class Channel(Record):
+    """What happens to messages on their way. Attacks act before the channel."""
+
+    loss: Annotated[Loss, KindOf("loss"), Field(description="which messages are lost")] = NoLoss()
 
 
 def known_metric(name: str) -> Metric:
@@ -88,6 +98,10 @@ class Scenario(Record):
     defence: Annotated[AnyDefence, KindOf("defence"), Field(description="whom a vehicle believes")] = (
         TrustedTrim()
     )
+    sensing: Annotated[
+        Sensor, KindOf("sensing"), Field(description="what vehicles sense of their own motion")
+    ] = Gaussian()
+    channel: Annotated[Channel, Field(description="what happens to messages on their way")] = Channel()
     engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[], description="what rows measure besides what all do"
@@ -99,7 +113,8 @@ class Scenario(Record):
 
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
-KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "engine")  # keys that take a kind
+KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "engine")  # take a kind
+INNER_KINDS = {"attack.announces": "announcement", "channel.loss": "loss"}  # families of deeper keys
 
 
 class Linspace(Record):

@@ -30,16 +30,25 @@ def situation_of(scenario: Scenario) -> Situation:
     """Return the situation of a scenario at the start."""
     graph = scenario.topology.normalised(scenario.vehicles)
     trusted = scenario.defence.trusts(graph)
-    attacked = scenario.attack.links(graph)
-    return Situation(graph, attacked, trusted, scenario.defence.retained(graph, trusted))
+    attacked = scenario.attack.attacked_links(graph)
+    retained = scenario.defence.retained(graph, trusted) if is_ideal(scenario) else None
+    return Situation(graph, attacked, trusted, retained)
+
+
+def is_ideal(scenario: Scenario) -> bool:
+    """Return whether vehicles sense without errors and every message arrives, as the theory presupposes."""
+    return scenario.sensing.exact() and scenario.channel.loss.perfect()
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     """Return the safe vehicles, by reason, of this graph if these links are attacked.
 
     A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
-    announcements is left out if attacked links announce otherwise.
+    announcements is left out if attacked links announce otherwise. No reason is known if vehicles sense with
+    errors or messages are lost.
     """
+    if not is_ideal(scenario):
+        return []
     trusted, more = scenario.defence.trusts(graph), scenario.attack.identities() - 1
     if more:
         graph, attacked, trusted = with_sybils(graph, attacked, trusted, more)
@@ -80,9 +89,10 @@ def differs_by_lane(scenario: Scenario) -> bool:
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Return whether anything happens at ticks: a decision, a sum of effects, or a held jerk."""
-    something = scenario.defence.decides or scenario.attack.strategic or not scenario.attack.consistent()
-    return (something or scenario.law.holds) and scenario.tick > 0
+    """Return whether anything happens at ticks: a decision, a sum of effects, a held jerk, noise, a loss."""
+    decides = scenario.defence.decides or scenario.attack.strategic
+    holds = scenario.law.holds or not scenario.attack.consistent()
+    return (decides or holds or not is_ideal(scenario)) and scenario.tick > 0
 
 
 def interval_of(scenario: Scenario) -> float:
@@ -101,4 +111,4 @@ def sources_of(scenario: Scenario) -> np.ndarray:
     """
     linked = scenario.topology.linked(scenario.vehicles)
     each = scenario.attack.identities() + scenario.attack.splits()
-    return hearing.slots(linked, np.where(scenario.attack.links(linked), each, 1))
+    return hearing.slots(linked, np.where(scenario.attack.attacked_links(linked), each, 1))

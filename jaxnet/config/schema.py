@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 from jaxnet.config.document import Plain
-from jaxnet.config.keys import KINDS, Config, Scenario
+from jaxnet.config.keys import KINDS, Channel, Config, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.kind import Kind
@@ -40,9 +40,10 @@ def config_schema() -> JsonSchema:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **referring(whole)}
 
 
-# Families by the kind that stands where none is named: those of a study's keys, and of an attack's.
+# Families by the kind that stands where none is named: those of a study's keys, an attack's and a channel's.
 DEFAULT_KINDS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
 DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.reference()
+DEFAULT_KINDS["loss"] = Channel.model_fields["loss"].default.reference()
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from jaxnet.config.document import Plain
+from jaxnet.config.document import Plain, dotted_key
 from jaxnet.config.keys import Config
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import KindOf
@@ -35,6 +35,7 @@ WORDS = {
     "value_error": "{error}",
     "literal_error": "must be {expected}",
 }
+RENAMED_KEYS = {"attack.channel": "links"}
 
 
 def explain(error: ErrorDetails, data: Plain) -> str:
@@ -43,6 +44,8 @@ def explain(error: ErrorDetails, data: Plain) -> str:
     if kind == "missing":
         return "an entry is missing" if isinstance(error["loc"][-1], int) else "required"
     if kind in ("extra_forbidden", "invalid_key"):
+        if renamed := renamed_key(error["loc"]):
+            return renamed
         return "unknown key" + suggestion(str(error["loc"][-1]), known_keys(error["loc"], data))
     if kind == "kind":
         return f"must be a mapping, or one of {context['known']} (got {shorten_value(given)})"
@@ -63,6 +66,12 @@ def explain(error: ErrorDetails, data: Plain) -> str:
     if kind in ("float_type", "int_type") and names_distribution(given):
         message += ", not a distribution"
     return f"{message} (got {shorten_value(given)})"
+
+
+def renamed_key(location: tuple[int | str, ...]) -> str:
+    """Return that a key was renamed; "" if it was not."""
+    name = RENAMED_KEYS.get(dotted_key(location), "")
+    return name and f"{location[-1]} was renamed to {name}"
 
 
 def shorten_value(value: object) -> str:

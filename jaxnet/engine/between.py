@@ -61,8 +61,12 @@ def stood(
     from E, Ė and Ë now, and the greatest norms of the navigator's jerk and the attack's functions.
     """
     path, functions = lane.sizes
-    drive = control.feedback(lane.gain, functions[:3]) + functions[3]
-    pull = jnp.sqrt((forced**2).sum(axis=(0, 2))) * (drive * (1.0 + interval * reach[2]))[None]
+    attack = lane.vectors.shape[2]
+    pull = norm(forced[:, :, :attack]) * greatest_drive(lane.gain, functions)
+    if forced.shape[2] > attack:  # the functions of `signal.WithNavigator`
+        constant, tracked = forced[:, :, attack], forced[:, :, attack + 1 :]
+        pull = pull + length(constant) + norm(tracked) * greatest_drive(lane.gain, path)
+    pull = pull * (1.0 + interval * reach[2])[None]
     jerk = path[3][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(3))
     forcing = signal.jets(forced, effect)
     free = tuple(jet - other for jet, other in zip(errors, forcing, strict=True))
@@ -84,6 +88,16 @@ def stood(
 
     longest = flow.longest(lane.gain)
     return standstill.stands(pace, go_back, (time, free, effect), jerk, interval, longest)
+
+
+def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
+    """Return the root of the sum of squares of each vehicle's vectors."""
+    return jnp.sqrt((vectors**2).sum(axis=(0, 2)))
+
+
+def greatest_drive(gain: control.Gain, sizes: Float[Array, "4 lanes"]) -> Float[Array, "1 lanes"]:
+    """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
+    return (control.feedback(gain, sizes[:3]) + sizes[3])[None]
 
 
 def stood_held(jets: Jets, held: Vectors, interval: Any) -> LaneFlags:

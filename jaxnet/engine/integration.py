@@ -94,10 +94,14 @@ class Integration(Motion):
 
     def drive(self, state: IntegrationState, decided: DecisionState) -> Drive:
         """Return the weights and attack vectors that the motion follows now."""
-        vectors = tick.attack_vectors(self.lane, decided)
         if self.plan.in_field:
             return tick.drive(self.lane, decided, self.plan)
-        return Drive(state.followed.weights, vectors)
+        vectors = tick.attack_vectors(self.lane, decided)
+        return Drive(state.followed.weights, vectors, decided.noise, decided.reception)
+
+    def drive_now(self, state: IntegrationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
+        return tick.drive_along(self.lane, state.state, state.slope, decided.noise)
 
     def steps(self, state: IntegrationState) -> Int[Array, " lanes"]:
         """Return the number of attempts so far."""
@@ -130,7 +134,7 @@ class Integration(Motion):
             followed = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new)
             return followed, put(slope, few, there), put(step, few, proposed), put(cut_off, few, ~connected)
 
-        flagged = at.here if lane.law.holds else at.anew
+        flagged = at.here if lane.law.holds or lane.sensor is not None else at.anew
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
         at_once = factorised_at_once(lane.initial.shape[1])
         followed, slope, step, cut_off = for_each(flagged, at_once, some, carry)
@@ -181,12 +185,14 @@ def follow_weights(
     lane: Lane, network: Network, decided: DecisionState, plan: Plan
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and factors, and whether the navigator reaches every vehicle."""
-    weights, vectors = tick.drive(lane, decided, plan)
-    factors, residual = network.solver.factorise(network.hearing, weights)
-    followed = FollowedLaw(weights, factors, None, None)
+    drive = tick.drive(lane, decided, plan)
+    factors, residual = network.solver.factorise(network.hearing, drive.weights)
+    followed = FollowedLaw(drive.weights, factors, None, None)
     if network.solver.starts:
-        followed = followed._replace(response=response(vectors, followed, network))
-    return followed, residual < CONNECTED
+        followed = followed._replace(response=response(drive.vectors, followed, network))
+    if drive.reception is None:
+        return followed, residual < CONNECTED
+    return followed, ~tick.cut_off(lane, network, decided, plan)
 
 
 def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
@@ -209,10 +215,10 @@ def exchanged(
     plan: Plan,
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
-    (weights, vectors), own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    attack = signal.combined(vectors, now.drive)
-    jerk = tick.exchange(lane, network, weights, own, now.path, attack, last)
-    return FollowedLaw(weights, None, jerk, None), network.hearing.all_reached(weights)
+    drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
+    attack = signal.combined(drive.vectors, now.drive)
+    jerk = tick.exchange(lane, network, drive, own, now.path, attack, last)
+    return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
 
 
 def vector_field(
@@ -235,9 +241,11 @@ def vector_field(
         errors = plane.relative(lane.vehicle.output_jets(states), now.navigator)
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
         followed, _ = follow_weights(lane, network, chosen, plan)
-    own, vectors = lane.vehicle.output_jets(states), tick.attack_vectors(lane, decided)
-    attack = signal.combined(vectors, now.drive)
+    own = tick.sensed(lane.vehicle.output_jets(states), decided.noise)
+    attack = signal.combined(tick.attack_vectors(lane, decided), now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
+    if decided.reception is not None:
+        demand = demand + decided.reception.kept
     start = None if followed.response is None else expected(lane, followed.response, now, own)
     jerk = network.solver.apply(network.hearing, followed.factors, demand, start)
     return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, jerk))

@@ -1,8 +1,8 @@
 """One loop for all engines.
 
-    at a tick    tell → attack → judge → drive          `tick`, then the engine's `hold`
-    between      advance                                the engine's
-    at outputs   measure, gather, save, count, fail     `metrics`
+    at a tick    sense → tell → attack → channel → judge → drive    `tick`, then the engine's `hold`
+    between      advance                                            the engine's
+    at outputs   measure, gather, save, count, fail                 `metrics`
 
 `in_lockstep` advances lanes that are all at the same tick. `from_queue` advances lanes that each have their
 own time, and fills the place of a lane that has ended. The lanes are the last axis of every array.
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import metrics, tick
 from jaxnet.engine.metrics import Gathered, Observation
@@ -24,7 +24,7 @@ from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import signal
+from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
@@ -57,7 +57,8 @@ class Batch(NamedTuple):
     @property
     def acts(self) -> bool:
         """Return whether anything happens at ticks after the first."""
-        return self.plan.choosing or self.lane.law.holds
+        lane = self.lane
+        return self.plan.choosing or lane.law.holds or lane.sensor is not None or lane.loss is not None
 
 
 class Motion(ABC):
@@ -82,6 +83,10 @@ class Motion(ABC):
     @abstractmethod
     def seen(self, state: Any) -> tuple[Any, Any, Any]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+
+    @abstractmethod
+    def drive_now(self, state: Any, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return the drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle senses."""
 
     @abstractmethod
     def hold(self, state: Any, decided: DecisionState, at: Tick) -> tuple[Any, LaneFlags]:
@@ -110,6 +115,7 @@ class Fleet(NamedTuple):
     ticks: Ticks
     at_tick: LaneFlags
     switches: Int[Array, " lanes"]
+    unheard: Int[Array, " lanes"]
     status: Code
     gathered: Gathered
 
@@ -124,6 +130,7 @@ def begin(motion: Motion, batch: Batch, ticks: Any) -> Fleet:
         ticks=ticks,
         at_tick=jnp.ones(status.shape, bool),
         switches=jnp.zeros_like(status),
+        unheard=jnp.zeros_like(status),
         status=status,
         gathered=metrics.nothing(batch.plan.metrics, lane.initial.shape[1:]),
     )
@@ -137,7 +144,7 @@ def status_at_start(lane: Lane) -> Code:
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
-    """Pass the tick in the lanes that are at one: decide, count the switches, hold the decisions.
+    """Pass the tick in the lanes that are at one: decide, count, hold the decisions.
 
     The first decision is no switch. `lockstep` says that all lanes are at the same tick.
     """
@@ -145,16 +152,29 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     first = jnp.broadcast_to(fleet.ticks == 0, fleet.status.shape)
     here = fleet.at_tick & (fleet.status == Status.ok)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
-    time, basis = motion.basis(fleet.state)
-    decided = tick.decide(lane, network, plan, before, motion.errors(fleet.state), basis, time)
+    (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
+    last = None if lane.loss is None else last_drive(fleet, motion, lane, first)
+    decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
     if not lockstep:
         decided = select(here, decided, fleet.decided)
     lanes, vehicles = tick.changes(decided, fleet.decided, lane)
     switches = fleet.switches + jnp.where(here & ~first, vehicles.sum(axis=0), 0)
+    unheard = fleet.unheard
+    if decided.reception is not None:
+        unheard = unheard + jnp.where(here, decided.reception.keeps.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
     status = fail(fleet.status, Status.disconnected, cut_off)
-    return fleet._replace(state=state, decided=decided, switches=switches, status=status)
+    counts = {"switches": switches, "unheard": unheard}
+    return fleet._replace(state=state, decided=decided, status=status, **counts)
+
+
+def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
+    """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
+    time, _ = motion.basis(fleet.state)
+    navigator = [jet[:, None] for jet in lane.navigator.jets(time)[:3]]
+    without_jerk = control.feedback(lane.gain, plane.plus(motion.errors(fleet.state), navigator))
+    return jnp.where(first[None, None], without_jerk, motion.drive_now(fleet.state, fleet.decided))
 
 
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
@@ -179,7 +199,7 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: dict[str, Any
     found = metrics.fleet_values(
         batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
     )
-    return Outcome(status, found, motion.steps(fleet.state), fleet.switches, series)
+    return Outcome(status, found, motion.steps(fleet.state), fleet.switches, fleet.unheard, series)
 
 
 def in_lockstep(

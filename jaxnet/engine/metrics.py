@@ -28,9 +28,13 @@ class Observation(NamedTuple):
         return length(self.error)
 
     def disagreements(self) -> Float[Array, "m *lanes"]:
-        """Return `‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs."""
+        """Return `‖y_i - Σ_j w_ij y_j‖` [m] with the weights in force and the true outputs.
+
+        The disagreement of a vehicle that hears nobody is 0.
+        """
         sources = jnp.concatenate([jnp.zeros_like(self.error[:, :1]), self.error], axis=1)
-        return length(self.error - self.hearing.mean_sent(self.weights, sources))
+        apart = self.error - self.hearing.mean_sent(self.weights, sources)
+        return length(jnp.where((self.weights == 0).all(axis=1), 0.0, apart))
 
 
 # Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).

@@ -73,4 +73,5 @@ class Outcome(NamedTuple):
     metrics: dict[str, Float[Array, "*lanes"]]
     steps: Int[Array, "*lanes"]
     switches: Int[Array, "*lanes"]
+    unheard: Int[Array, "*lanes"]  # (vehicle, tick) pairs at which a vehicle kept its drive
     series: dict[str, Any]

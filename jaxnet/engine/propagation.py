@@ -39,7 +39,7 @@ from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
 from jaxnet.model.plane import Jets
-from jaxnet.model.signal import Basis, Vectors
+from jaxnet.model.signal import Basis, Vectors, WithNavigator
 
 
 class PropagationState(NamedTuple):
@@ -51,6 +51,7 @@ class PropagationState(NamedTuple):
     basis: Basis  # the attacks' functions β now
     effect: Effect | None  # g now, with two derivatives; None where g = β
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
+    noise: Jets | None  # errors of the sensed jets until the next tick
 
 
 class Propagation(Motion):
@@ -58,7 +59,11 @@ class Propagation(Motion):
 
     def basis(self, state: PropagationState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
-        return state.time, state.basis
+        return state.time, state.basis[:, : self.lane.vectors.shape[2]]
+
+    def forced(self, state: PropagationState) -> Vectors:
+        """Return the vectors v until the next tick."""
+        return state.vectors
 
     def navigator(self, state: PropagationState) -> Float[Array, "4 2 lanes"]:
         """Return the navigator's jets now."""
@@ -92,7 +97,8 @@ class Propagation(Motion):
     ) -> tuple[PropagationState, Code, LaneFlags]:
         """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
         flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
-        now = now._replace(jets=plus(propagate(flow, state.jets), signal.jets(state.vectors, forcing)))
+        moved = signal.jets(self.forced(state), forcing)
+        now = now._replace(jets=plane.plus(propagate(flow, state.jets), moved))
 
         def stood(few: Any) -> LaneFlags:
             return self.stood(now, few)
@@ -106,21 +112,26 @@ class Solved(Propagation):
 
     def __init__(self, batch: Batch):
         super().__init__(batch)
-        consistent = batch.plan.consistent
-        self.responses = None if consistent else impulse_responses(self.lane.gain, self.clock.interval)
+        lane, consistent = self.lane, batch.plan.consistent
+        self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
+        # The lanes with all functions that drive them.
+        self.driven = lane
+        if lane.sensor is not None or lane.loss is not None:
+            self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
-        basis = lane.signal.basis(time)
+        basis, attack = self.driven.signal.basis(time), lane.vectors.shape[2]
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
             jets=plane.relative(jets, lane.navigator.jets(time)),
-            vectors=jnp.zeros((2, lane.weights.shape[1], *lane.vectors.shape[2:])),
+            vectors=jnp.zeros((2, lane.weights.shape[1], *basis.shape[1:])),
             time=time,
             basis=basis,
-            effect=None if self.plan.consistent else jnp.zeros_like(basis[:3]),
+            effect=None if self.plan.consistent else basis[:3].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
+            noise=tick.sense(lane, time),
         )
 
     def errors(self, state: PropagationState) -> Jets:
@@ -129,7 +140,7 @@ class Solved(Propagation):
 
     def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""
-        return plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
+        return plane.plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
     def hold(
         self, state: PropagationState, decided: DecisionState, at: Tick
@@ -146,17 +157,31 @@ class Solved(Propagation):
             return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
 
         vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
-        return state._replace(vectors=vectors), cut_off
+        return state._replace(vectors=vectors, noise=decided.noise), cut_off
+
+    def forced(self, state: PropagationState) -> Vectors:
+        """Return the vectors v until the next tick, with those of the sensor's errors: `-P(n)`."""
+        if state.noise is None:
+            return state.vectors
+        constant = self.lane.vectors.shape[2]
+        return state.vectors.at[:, :, constant].add(-control.feedback(self.lane.gain, state.noise))
+
+    def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return `R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
+        path, functions = (
+            control.driven(self.lane.gain, jets) for jets in (self.navigator(state), state.basis)
+        )
+        return path[:, None] + signal.combined(state.vectors, functions)
 
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        flow, basis = self.numbers.flow, barrier(self.lane.signal.basis(time))
+        flow, basis = self.numbers.flow, barrier(self.driven.signal.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and self.responses is not None:
             interval, before = self.clock.interval, state.effect
-            effect = barrier(passed_on(before, flow, self.responses, self.lane, state.time, interval))
+            effect = barrier(passed_on(before, flow, self.responses, self.driven, state.time, interval))
         now = basis if effect is None else effect
         forcing = barrier(now[:3] - jnp.stack(propagate(flow, before)))
         return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
@@ -164,7 +189,7 @@ class Solved(Propagation):
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         effect = state.basis[:3] if state.effect is None else state.effect
-        given = state.jets, state.vectors, effect, self.lane, self.numbers.reach, state.time
+        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood(*some, interval=self.clock.interval, plan=self.plan)
 
@@ -177,9 +202,8 @@ class Held(Propagation):
         lane, time = self.lane, self.instant(0)
         jets = lane.vehicle.output_jets(lane.initial)
         vectors = jnp.zeros_like(jets[0])[:, :, None]
-        return PropagationState(
-            jets, vectors, time, lane.signal.basis(time), None, jnp.ones(time.shape, bool)
-        )
+        straight, basis = jnp.ones(time.shape, bool), lane.signal.basis(time)
+        return PropagationState(jets, vectors, time, basis, None, straight, None)
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its first two derivatives now."""
@@ -194,19 +218,24 @@ class Held(Propagation):
     ) -> tuple[PropagationState, LaneFlags]:
         """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle cut off."""
         lane, network, plan = self.lane, self.network, self.plan
-        weights, vectors = tick.drive(lane, decided, plan)
+        drive = tick.drive(lane, decided, plan)
         path, functions = barrier(
             tuple(control.driven(lane.gain, jets) for jets in (self.navigator(state), state.basis))
         )
-        attack = signal.combined(vectors, functions)
+        attack = signal.combined(drive.vectors, functions)
         last = state.vectors[:, :, 0]
-        jerk = tick.exchange(lane, network, weights, state.jets, path, attack, last)
+        jerk = tick.exchange(lane, network, drive, state.jets, path, attack, last)
         cut_off = run_if(
             at.first.any() | plan.decides,
-            lambda _: ~network.hearing.all_reached(weights),
+            lambda _: tick.cut_off(lane, network, decided, plan),
             jnp.zeros_like(at.here),
         )
         return state._replace(vectors=jerk[:, :, None]), cut_off
+
+    def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return `y‴ + P(ŷ)`."""
+        own = tick.sensed(state.jets, decided.noise)
+        return state.vectors[:, :, 0] + control.feedback(self.lane.gain, own)
 
     def over_tick(
         self, state: PropagationState, time: Instants
@@ -225,8 +254,3 @@ class Held(Propagation):
 def exact_motion(batch: Batch) -> Propagation:
     """Return the motion of a batch: `Held` where the law holds a jerk, else `Solved`."""
     return Held(batch) if batch.lane.law.holds else Solved(batch)
-
-
-def plus(jets: Any, others: Any) -> Jets:
-    """Return the sum of two signals' jets."""
-    return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]

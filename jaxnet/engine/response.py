@@ -4,12 +4,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put
-from jaxnet.engine.tick import DecisionState, LaneFlags, VehicleFlags
-from jaxnet.model.hearing import AxisWeights
+from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, VehicleFlags
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 from jaxnet.solvers.choice import solved_at_once
@@ -29,10 +29,11 @@ def solve_response(
     """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off.
 
     `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
-    vehicles, the solver may update the response near them. Defences that weigh, and attackers that choose
-    vectors, change more rows at every tick.
+    vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
+    vectors, sensors with errors and lost messages change more rows at every tick.
     """
-    if plan.decides and decided.decision.dtype == bool and not plan.strategic:
+    retains = plan.decides and decided.decision.dtype == bool and not plan.strategic
+    if retains and decided.noise is None and decided.reception is None:
         decision = decided.decision.reshape(-1, *lane.weights.shape)
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
@@ -40,19 +41,38 @@ def solve_response(
     def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-        weights, vectors = tick.drive(part, chosen, plan)
-        new, residual = response_vectors(vectors, weights, network)
-        return put(response, few, new), put(cut_off, few, ~(residual < CONNECTED))
+        drive = tick.drive(part, chosen, plan)
+        new, residual = response_vectors(drive, network)
+        if drive.reception is None:
+            cut = ~(residual < CONNECTED)
+        else:
+            cut = tick.cut_off(part, network, chosen, plan)
+        return put(response, few, new), put(cut_off, few, cut)
 
     return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
 
 
-def response_vectors(vectors: Vectors, weights: AxisWeights, network: Network) -> tuple[Vectors, Any]:
-    """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1."""
+def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
+    """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
+
+    Where vehicles sense with errors or messages are lost, the vectors of three more functions follow
+    (`signal.WithNavigator`).
+    """
+    weights, vectors = drive.weights, drive.vectors
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
     each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
-    attack = jnp.stack(each)  # (B, 2, m, few)
+    attack = jnp.stack([*each, *kept_columns(drive)])  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
     solution, residual = network.solver.solve(network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
     return response.transpose(1, 2, 0, 3), residual
+
+
+def kept_columns(drive: Drive) -> list[Float[Array, "2 m few"]]:
+    """Return the right-hand sides of kept drives: `x_i = z_i - R(y_0)` for a vehicle that keeps z_i."""
+    if drive.reception is None:
+        nothing = jnp.zeros((2, *drive.weights.shape[2:]))
+        return [] if drive.noise is None else [nothing] * 3
+    navigator = -drive.reception.keeps.astype(float)
+    nothing = jnp.zeros_like(navigator)
+    return [drive.reception.kept, jnp.stack([navigator, nothing]), jnp.stack([nothing, navigator])]

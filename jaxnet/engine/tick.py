@@ -1,11 +1,15 @@
-"""A tick, the same in every engine: tell → attack → judge → drive.
+"""A tick, the same in every engine: sense → tell → attack → channel → judge → drive.
 
-    tell     a vehicle sends its jets, and an announcement where its defence announces
+    sense    a vehicle senses its own jets, with errors that stay the same until the next tick
+    tell     a vehicle sends the jets that it senses, and an announcement where its defence announces
     attack   strategic attackers choose their vectors; attacked links carry false jets
+    channel  messages are lost
     judge    a vehicle decides which sources to retain, by jets with the noise of its defence
-    drive    the weights and the attacks' vectors that the motion follows until the next tick
+    drive    the weights, the attacks' vectors, the errors and the kept drives, until the next tick
 
-Vehicles know their own jets, and links lose nothing: sensors and channels are no part of a tick yet.
+A vehicle that hears nobody keeps its last drive `z = y‴ + P(ŷ)`, where ŷ is what it senses. So does a group
+of vehicles that hear only each other: the law has no solution for such a group.
+
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
 
@@ -18,7 +22,8 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
-from jaxnet.model import control, retained, signal, xla
+from jaxnet.kinds.losses import Messages
+from jaxnet.model import control, plane, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -31,6 +36,15 @@ LaneFlags = Bool[Array, " lanes"]
 VehicleFlags = Bool[Array, "m lanes"]
 
 
+class Reception(NamedTuple):
+    """Messages that arrived at a tick, and the vehicles that keep their drive because too few did."""
+
+    arrived: Bool[Array, "slots m lanes"]
+    memory: Any  # of the loss
+    keeps: VehicleFlags
+    kept: Float[Array, "2 m lanes"]  # the drive z that they keep [m/s³]; 0 for other vehicles
+
+
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
@@ -38,13 +52,17 @@ class DecisionState(NamedTuple):
     memory: Any  # of the defence
     vectors: Vectors | None  # of strategic attackers
     attacker_memory: Any  # of strategic attackers
+    noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
+    reception: Reception | None = None  # None where every message arrives
 
 
 class Drive(NamedTuple):
-    """Weights and attack vectors that the motion follows from one tick to the next."""
+    """What the motion follows from one tick to the next."""
 
-    weights: AxisWeights  # in force
+    weights: AxisWeights  # in force; 0 for a vehicle that keeps its drive
     vectors: Vectors  # of the attacks [m]
+    noise: Jets | None  # errors of the sensed jets
+    reception: Reception | None
 
 
 class Seen(NamedTuple):
@@ -62,7 +80,7 @@ class Seen(NamedTuple):
 
 
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
-    """Return the state before the first tick: every vehicle retains every source."""
+    """Return the state before the first tick: every vehicle retains every source, every message arrived."""
     time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
     errors = zero, zero, zero
     decision = memory = None
@@ -73,9 +91,11 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         carried = attack(network, tell(errors), errors)
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
+    noise = None if lane.sensor is None else (zero, zero, zero)
+    reception = first_reception(lane, network, errors, time)
     if not plan.strategic:
-        return DecisionState(decision, memory, None, None)
-    state = DecisionState(decision, memory, lane.vectors, None)
+        return DecisionState(decision, memory, None, None, noise, reception)
+    state = DecisionState(decision, memory, lane.vectors, None, noise, reception)
     seen = sight(lane, network, plan, state, errors, lane.signal.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -96,6 +116,15 @@ def first_decision(decided: Any, lane: Lane) -> Any:
     return jnp.broadcast_to(lane.weights, decided.shape)
 
 
+def first_reception(lane: Lane, network: Network, errors: Jets, time: Instants) -> Reception | None:
+    """Return the reception before the first tick, None where every message arrives."""
+    if lane.loss is None:
+        return None
+    messages = messages_of(lane, network, errors, time)
+    nobody, zero = jnp.zeros(lane.weights.shape[1:], bool), jnp.zeros_like(errors[0])
+    return Reception(messages.present, lane.loss.start(messages), nobody, zero)
+
+
 def decide(
     lane: Lane,
     network: Network,
@@ -104,13 +133,68 @@ def decide(
     errors: Jets,
     basis: Basis,
     time: Instants,
+    drive: Float[Array, "2 m lanes"] | None = None,
 ) -> DecisionState:
-    """Pass one tick: return the decisions for errors E, where the attacks' functions are `basis`."""
+    """Pass one tick: return the decisions for errors E, where the attacks' functions are `basis`.
+
+    `drive` is the drive z of each vehicle until now, needed where messages are lost.
+    """
+    state = before._replace(noise=sense(lane, time))
     if plan.strategic:
-        seen = sight(lane, network, plan, before, errors, basis, time)
-        vectors, memory = lane.signal.aim(seen, before.attacker_memory)
-        before = before._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
-    return judge(lane, network, plan, before, errors, basis, time)
+        seen = sight(lane, network, plan, state, errors, basis, time)
+        vectors, memory = lane.signal.aim(seen, state.attacker_memory)
+        state = state._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
+    state = state._replace(reception=channel(lane, network, state.reception, errors, time))
+    state = judge(lane, network, plan, state, errors, basis, time)
+    return keep_drive(lane, network, plan, state, before.reception, drive)
+
+
+def sense(lane: Lane, time: Instants) -> Jets | None:
+    """Return the errors of the jets that vehicles sense of themselves, None where vehicles sense exactly."""
+    if lane.sensor is None:
+        return None
+    return xla.materialised(lambda: lane.sensor.errors(time, lane.weights.shape[1]))
+
+
+def sensed(jets: Jets, noise: Jets | None) -> Jets:
+    """Return the jets with the errors of the sensor."""
+    return jets if noise is None else plane.plus(jets, noise)
+
+
+def channel(
+    lane: Lane, network: Network, before: Reception | None, errors: Jets, time: Instants
+) -> Reception | None:
+    """Return the messages that arrive at a tick, None where every message arrives."""
+    if before is None:
+        return None
+    messages = messages_of(lane, network, errors, time)
+    lost, memory = lane.loss.lost(messages, before.memory)
+    arrived = xla.materialised(lambda: messages.present & ~lost)
+    return before._replace(arrived=arrived, memory=memory)
+
+
+def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> Messages:
+    """Return the messages on their way at a tick."""
+    sources, own = network.hearing.sources, errors[0]
+    apart = plane.length(network.hearing.sent(tell(errors)[0]) - own[:, None])
+    return Messages(time, sources, lane.weights > 0, apart)
+
+
+def keep_drive(
+    lane: Lane, network: Network, plan: Plan, state: DecisionState, before: Reception | None, drive: Any
+) -> DecisionState:
+    """Return the state with the vehicles that keep their drive: those that no believed message reaches.
+
+    A vehicle that kept its drive at the tick before still keeps the same one.
+    """
+    reception = state.reception
+    if reception is None or before is None:
+        return state
+    heard = (weights_without_loss(lane, state, plan) > 0) & reception.arrived[None]
+    nobody = ~heard.any(axis=1)
+    keeps = (nobody | ~network.hearing.reached(heard, nobody)).any(axis=0)
+    kept = jnp.where(keeps[None], jnp.where(before.keeps[None], before.kept, drive), 0.0)
+    return state._replace(reception=reception._replace(keeps=keeps, kept=kept))
 
 
 def tell(errors: Jets) -> Sent:
@@ -138,29 +222,43 @@ def judge(
     """Return the state with the sources that each vehicle retains, for the attackers' chosen vectors."""
     if not plan.decides:
         return before
-    signals = signal.jets(attack_vectors(lane, before), basis)
+    signals, own = signal.jets(attack_vectors(lane, before), basis), sensed(errors, before.noise)
+    heard = lane._replace(weights=arrived_weights(lane, before.reception))
     decision, memory = lane.defence.decide(
-        errors,
-        lane.defence.observed(attack(network, tell(errors), signals), time),
+        own,
+        lane.defence.observed(attack(network, tell(own), signals), time),
         before.decision,
         before.memory,
-        surroundings(lane, network, time, before.memory, signals),
+        surroundings(heard, network, time, before.memory, signals),
     )
-    return before._replace(decision=of_heard(decision, lane), memory=memory)
+    decision = of_heard(decision, lane)
+    if before.reception is not None:
+        decision = jnp.where(before.reception.arrived, decision, before.decision)
+    return before._replace(decision=decision, memory=memory)
+
+
+def arrived_weights(lane: Lane, reception: Reception | None) -> Float[Array, "slots m lanes"]:
+    """Return the weights of the messages that arrived, with sum 1, or all 0 where none arrived."""
+    if reception is None:
+        return lane.weights
+    arrived = jnp.where(reception.arrived, lane.weights, 0.0)
+    total = arrived.sum(axis=0, keepdims=True)
+    return arrived / jnp.where(total > 0, total, 1.0)
 
 
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
-    """Return the weights and attack vectors that the motion follows after these decisions."""
-    return Drive(weights_in_force(lane, state, plan), attack_vectors(lane, state))
+    """Return what the motion follows after these decisions."""
+    weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
+    return Drive(weights, vectors, state.noise, state.reception)
 
 
 def sight(
     lane: Lane, network: Network, plan: Plan, state: DecisionState, errors: Jets, basis: Basis, time: Instants
 ) -> Seen:
-    """Return the view of a strategic attacker at a tick."""
+    """Return the view of a strategic attacker at a tick: everything but the losses of the tick."""
 
     def in_force(vectors: Any) -> AxisWeights:
-        chosen = state._replace(vectors=bounded(vectors, lane))
+        chosen = state._replace(vectors=bounded(vectors, lane), reception=None)
         judged = judge(lane, network, plan, chosen, errors, basis, time)
         return weights_in_force(lane, judged, plan)
 
@@ -213,8 +311,22 @@ def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
 
 
 def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
-    """Return the weights until the next tick."""
+    """Return the weights until the next tick, of messages that arrived and that vehicles retain."""
+    weights, reception = weights_without_loss(lane, state, plan), state.reception
+    if reception is None:
+        return weights
+    arrived = jnp.where(reception.arrived[None], weights, 0.0)
+    return jnp.where(reception.keeps[None, None], 0.0, arrived / arrived.sum(axis=1, keepdims=True))
+
+
+def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
+    """Return the weights that would be in force if every message had arrived."""
     return retained.in_force(lane.weights, state.decision) if plan.decides else lane.weights[None]
+
+
+def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
+    """Return the lanes in which decisions alone, without any loss, cut a vehicle off from the navigator."""
+    return ~network.hearing.all_reached(weights_without_loss(lane, state, plan))
 
 
 def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
@@ -226,20 +338,34 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
         lanes = others.sum(axis=0) > 0  # callers sum too, and XLA then sums once
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
+    if now.reception is not None and before.reception is not None:
+        arrived = now.reception.arrived, before.reception.arrived
+        lanes = lanes | retained.changed(*arrived).any(axis=0)
     if now.vectors is not None and before.vectors is not None:
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others
 
 
+def drive_along(
+    lane: Lane, states: Float[Array, "n m lanes"], rates: Float[Array, "n m lanes"], noise: Jets | None
+) -> Float[Array, "2 m lanes"]:
+    """Return the drive `z = y‴ + P(ŷ)` of vehicles whose states change at these rates."""
+    own, (_, _, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
+    return jerk + control.feedback(lane.gain, sensed(own, noise))
+
+
 def exchange(
-    lane: Lane, network: Network, weights: AxisWeights, own: Jets, path: Any, attack: Any, last: Any
+    lane: Lane, network: Network, drive: Drive, own: Jets, path: Any, attack: Any, last: Any
 ) -> Float[Array, "2 m lanes"]:
     """Return the jerk that vehicles hold until the next tick, under a law that holds a jerk.
 
     `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), and `last` is the jerk held until
-    now.
+    now, which a vehicle that hears nobody still holds.
     """
+    own, weights = sensed(own, drive.noise), drive.weights
     demand = control.demand(own, path, attack, network.hearing, weights, lane.gain)
+    if drive.reception is not None:
+        demand = jnp.where(drive.reception.keeps[None], last, demand)
 
     def heard(jerk: Any) -> Any:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)

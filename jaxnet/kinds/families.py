@@ -23,6 +23,8 @@ FAMILIES = {
     "announcement": Family("jaxnet.kinds.announcements", "Announcement", "jaxnet.announcements"),
     "defence": Family("jaxnet.kinds.defences", "AnyDefence", "jaxnet.defences"),
     "law": Family("jaxnet.kinds.laws", "Law", "jaxnet.laws"),
+    "sensing": Family("jaxnet.kinds.sensors", "Sensor", "jaxnet.sensors"),
+    "loss": Family("jaxnet.kinds.losses", "Loss", "jaxnet.losses"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
 }
 

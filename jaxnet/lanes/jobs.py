@@ -41,7 +41,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     weights = weights_of(scenario, draw, sources)
-    gain = draw.several(scenario.gain, "gain")
+    gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,
@@ -55,6 +55,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         attack_scale=amplitude,
         announces=tree(announcement_of(scenario, draw)),
         sizes=lanes_first(sizes),
+        sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
+        loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -105,7 +107,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if attack.splits():
         linked = scenario.topology.linked(scenario.vehicles)
-        links = hearing.by_slot(linked, attack.links(linked), sources)
+        links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
         lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
@@ -117,7 +119,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
 def network_of(scenario: Scenario, sources: Any) -> Network:
     """Return the network that the lanes of a cell share, by slot."""
     linked = scenario.topology.linked(scenario.vehicles)
-    attacked = hearing.by_slot(linked, scenario.attack.links(linked), sources)
+    attacked = hearing.by_slot(linked, scenario.attack.attacked_links(linked), sources)
     if scenario.attack.splits():
         attacked = attacked & hearing.again(sources)
     trusted = scenario.defence.trusts(linked)
@@ -209,7 +211,7 @@ def attack_of(
 def heard_by(scenario: Scenario) -> np.ndarray:
     """Return which listeners (m,) receive an attacked link from the navigator."""
     linked = scenario.topology.linked(scenario.vehicles)
-    return (scenario.attack.links(linked) & (linked.sources == 0)).any(axis=1)
+    return (scenario.attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
 
 
 def announcement_of(scenario: Scenario, draw: Draw) -> Announcement:

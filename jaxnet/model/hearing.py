@@ -137,8 +137,16 @@ class Hearing(NamedTuple):
         return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
     def all_reached(self, weights: AxisWeights) -> Bool[Any, "*lanes"]:
-        """Return whether the navigator reaches every vehicle over positive weights, on every axis."""
-        heard = weights > 0
+        """Return whether the navigator reaches every vehicle over positive weights, on every axis.
+
+        A vehicle whose weights are all 0 keeps its drive, and counts as reached.
+        """
+        return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
+
+    def reached(
+        self, heard: Bool[Any, "axes slots m *lanes"], reached: Bool[Any, "axes m *lanes"]
+    ) -> Bool[Any, "axes m *lanes"]:
+        """Return the vehicles that the navigator or a vehicle in `reached` reaches over the links `heard`."""
 
         def spread(carry: Any) -> Any:
             reached, _ = carry
@@ -147,9 +155,7 @@ class Hearing(NamedTuple):
             further = reached | (heard & said).any(axis=1)
             return further, (further != reached).any()
 
-        nobody = jnp.zeros_like(heard[:, 0])
-        reached, _ = jax.lax.while_loop(lambda carry: carry[1], spread, (nobody, jnp.asarray(True)))
-        return reached.all(axis=(0, 1))
+        return jax.lax.while_loop(lambda carry: carry[1], spread, (reached, jnp.asarray(True)))[0]
 
     def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
         """Return `[a0 | A]` by the sources of the carried messages, from weights by slot."""

@@ -11,8 +11,8 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence and announcements are kinds with their numbers drawn. The signal of the attack has a method
-    `basis`.
+    defence, announcements, sensor and loss are kinds with their numbers drawn. The signal of the attack has a
+    method `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -27,6 +27,8 @@ class Lane(NamedTuple):
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
     sizes: Float[Array, "2 4 *lanes"]  # greatest norms by order: navigator's path, signal functions
+    sensor: Any = None  # None where vehicles sense without errors
+    loss: Any = None  # None where every message arrives
 
 
 class Network(NamedTuple):

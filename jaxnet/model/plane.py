@@ -26,6 +26,11 @@ def length(vectors: Any) -> Any:
     return squares.__array_namespace__().sqrt(squares)
 
 
+def plus(jets: Any, others: Any) -> Jets:
+    """Return the sum of two signals, with two derivatives."""
+    return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
+
+
 def relative(jets: Any, origin: Any) -> Jets:
     """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes)."""
     a, b, c = (jet - there[:, None] for jet, there in zip(jets[:3], origin[:3], strict=True))

@@ -44,6 +44,24 @@ class Falsified(NamedTuple):
         return self.orders[:, None] * self.signal.basis(time)
 
 
+class WithNavigator(NamedTuple):
+    """The functions of a signal, and three more: the constant c with R(c) = 1, and the navigator's path.
+
+    The path is two functions, one for each axis. The three functions serve drives that differ from R(y_0):
+    errors of sensors and kept drives.
+    """
+
+    signal: Any  # has a method `basis`
+    navigator: Any  # has a method `jets`
+    gain: Float[Any, "3 *lanes"]
+
+    def basis(self, time: Any) -> Any:
+        """Return all functions with three derivatives: (4, B + 3, lanes)."""
+        xp, functions, path = time.__array_namespace__(), self.signal.basis(time), self.navigator.jets(time)
+        constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
+        return xp.concatenate([functions, constant[:, None], path], axis=1)
+
+
 class Apart(NamedTuple):
     """A signal with separate functions for each of n vehicles.
 

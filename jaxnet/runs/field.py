@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
+from jaxnet.config.scenario import is_ideal
 from jaxnet.config.study import Study
 from jaxnet.engine.methods.stacked import FieldInputs, lane_field
 from jaxnet.lanes.jobs import job, source_of
@@ -28,11 +29,15 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
     if scenario.law.holds:
         raise ValueError(f"law {scenario.law.kind} has a jerk held, and a vector field knows of no ticks")
+    if not is_ideal(scenario):
+        raise ValueError(
+            "vehicles sense, and messages are lost, at ticks, and a vector field knows of no ticks"
+        )
     source = source_of(study.config, scenario)
     one = job(scenario.model_copy(update={"tick": 0.0}), source, [sample])
     alone = jax.tree.map(lambda leaf: leaf[0], one.inputs.lane)
     lane, network = jax.tree.map(jnp.asarray, (alone, one.network))
-    followed = FieldInputs(lane, lane.weights[None], lane.vectors)
+    followed = FieldInputs(lane, lane.weights[None], lane.vectors, None, None)
 
     @jax.jit
     def derivative(time: ArrayLike, state: ArrayLike, args: object = None) -> jax.Array:

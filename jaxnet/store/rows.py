@@ -76,6 +76,7 @@ def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataT
     columns |= {
         "steps": outcome.steps.astype(np.int64),
         "switches": outcome.switches.astype(np.int64),
+        "unheard": outcome.unheard.astype(np.int64),
     }
     return pa.table(columns)
 
@@ -83,7 +84,7 @@ def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataT
 def column_names(cell: Cell) -> list[str]:
     """Return the names of a row file's columns, in order."""
     metrics = [metric.name for metric in cell.scenario.measured()]
-    return ["cell", "sample", *cell.labels, "status", *metrics, "steps", "switches"]
+    return ["cell", "sample", *cell.labels, "status", *metrics, "steps", "switches", "unheard"]
 
 
 def row_file(number: int) -> str:

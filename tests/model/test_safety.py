@@ -193,7 +193,7 @@ LOOP = graph.weighted(3, [(i, j, 1.0) for i, j in ((1, 0), (2, 1), (2, 3), (3, 1
 
 def reasons(defence, weights, attacked=()):
     """Vehicles by reason."""
-    links = Bias(vehicles=list(attacked)).links(weights)
+    links = Bias(vehicles=list(attacked)).attacked_links(weights)
     found = defence.safe(weights, links, defence.trusts(weights))
     return {each.why.partition(",")[0]: numbers(each.vehicles) for each in found}
 

@@ -160,7 +160,7 @@ def test_what_has_one_frequency_is_held_against_less():
 @pytest.mark.parametrize("channel", ["neighbour", "navigator"])
 def test_the_transient_is_that_of_the_drawn_start(channel):
     """Against the reference program's jets and displacements, lane by lane; ā is the lane's own."""
-    attack = {"kind": "rotating", "vehicles": [1, 2], "channel": channel, "magnitude": {"uniform": [1, 9]}}
+    attack = {"kind": "rotating", "vehicles": [1, 2], "links": channel, "magnitude": {"uniform": [1, 9]}}
     keys = {"vehicles": 4, "topology": {"kind": "edges", "edges": EDGES}, "gain": GAIN, "defence": "none"}
     (cell,) = systems.study(attack=attack, **keys).cells
     times, samples = np.array([0.0, 0.7, 3.0]), [0, 4, 2]

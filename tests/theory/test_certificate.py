@@ -16,7 +16,7 @@ STAR, CYCLIC, PATH = Star().weights(12), Cyclic(navigator_weight=0.1).weights(12
 
 def certificate(weights, attacked=()):
     """Certificate of a graph where these vehicles are attacked."""
-    return certify(weights, Bias(vehicles=list(attacked)).links(weights))
+    return certify(weights, Bias(vehicles=list(attacked)).attacked_links(weights))
 
 
 @pytest.mark.parametrize(

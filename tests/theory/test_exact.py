@@ -133,7 +133,7 @@ def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
     """
     added = np.array([0.6, -0.8])
     network = of_matrix(weights)
-    links = whole(network, Bias(vehicles=ATTACKED.tolist(), channel=channel).links(network))
+    links = whole(network, Bias(vehicles=ATTACKED.tolist(), links=channel).attacked_links(network))
 
     def corruption(t, in_force):
         share = np.where(links, in_force, 0.0).sum(axis=1)

@@ -54,9 +54,9 @@ class Network(NamedTuple):
 
 def of(weights, attacked, channel="auto", theta=1, trusted=None, threat="adds"):
     """A network in which these vehicles are attacked, ϑ the same for all."""
-    attack = Bias(vehicles=attacked, channel=channel, threat=threat)
+    attack = Bias(vehicles=attacked, links=channel, threat=threat)
     network = graph.of_matrix(weights)
-    links = whole(network, attack.links(network))
+    links = whole(network, attack.attacked_links(network))
     trusts = whole(network, graph.trusted_links(network, trusted or {}))
     return Network(weights, links, ~(links & attack.replaces()), trusts, np.full(len(weights), theta))
 

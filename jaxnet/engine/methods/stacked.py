@@ -105,6 +105,8 @@ class FieldInputs(NamedTuple):
     lane: Lane
     weights: Float[Array, "axes slots m"]  # in force until the next tick, unless decided in the field
     vectors: Float[Array, "2 m functions"]  # of the attacks
+    noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
+    kept: Float[Array, "2 m"] | None  # drives that vehicles keep, 0 for others
 
 
 class ByDiffrax(Motion):
@@ -134,20 +136,31 @@ class ByDiffrax(Motion):
 
     def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
         """Return the state unchanged, and the lanes in which a vehicle is cut off."""
-        weights = self.drive(state, decided).weights
+        weights = tick.weights_without_loss(self.lane, decided, self.plan)
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
         return state, ~reached
+
+    def drive_now(self, state: StackedState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
+        field = functools.partial(lane_field, network=self.network, plan=self.plan)
+        slope = jax.vmap(field, -1, -1)(state.time, state.state, self.followed(state, decided))
+        return tick.drive_along(self.lane, state.state, slope, decided.noise)
+
+    def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
+        """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
+        drive = self.drive(state, decided)
+        kept = None if drive.reception is None else drive.reception.kept
+        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, kept)
 
     def advance(
         self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[StackedState, Code, LaneFlags]:
         """Return the state at the next tick; a lane that has failed stays where it is."""
-        lane, tolerances, clock, plan = self.lane, self.numbers, self.clock, self.plan
+        tolerances, clock, plan = self.numbers, self.clock, self.plan
         ok = status == Status.ok
         end = jnp.where(ok, jnp.broadcast_to(clock.at(ticks + 1), state.time.shape), state.time)
-        weights, vectors = self.drive(state, decided)
         solve = functools.partial(solution, network=self.network, plan=plan)
-        followed = FieldInputs(lane, weights, vectors)
+        followed = self.followed(state, decided)
         moved, steps, reason = jax.vmap(solve, -1, -1)(followed, tolerances, state.time, end, state.state)
         steps, last = state.steps + steps, clock.outputs * clock.ticks
         status = jnp.where(ok, reason, status)
@@ -251,17 +264,19 @@ def lane_field(
     time: Any, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors = followed
+    lane, weights, vectors, noise, kept = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         weights = decided_in_field(alone, there, now, network, plan)[..., 0]
     vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
     attack = jnp.stack(signal.jets(vectors[..., None], alone.signal.basis(now)))[..., 0]
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
+    own = own if noise is None else own + jnp.stack(noise)
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
 
     def law(each: Float[Array, "slots m"]) -> Float[Array, "2 m"]:
         graph, third, error = jets_of_law(own, navigator, attack, each, network.hearing)
+        third = third if kept is None else third + kept
         return definition.inputs(drift, decoupling, graph, third, error, lane.gain)
 
     inputs = of_axes(jax.vmap(law)(weights), decoupling)

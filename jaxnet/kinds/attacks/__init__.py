@@ -42,7 +42,7 @@ from jaxnet.model.wording import ranges
 
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
-Channel = Literal["auto", "neighbour", "navigator"]
+AttackedLinks = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 DerivativeOrder = Literal[0, 1, 2, 3]
 
@@ -83,7 +83,7 @@ class AnyAttack(Kind):
         """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
 
-    def links(self, graph: Digraph) -> Links:
+    def attacked_links(self, graph: Digraph) -> Links:
         """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
         it.
         """
@@ -206,7 +206,7 @@ class Attack(AnyAttack):
 
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label", "magnitude", "vehicles", "channel", "threat", "orders", "listeners", "sybils", "announces"}
+        {"label", "magnitude", "vehicles", "links", "threat", "orders", "listeners", "sybils", "announces"}
     )
 
     magnitude: NotNegative = Field(
@@ -219,7 +219,7 @@ class Attack(AnyAttack):
         default=[2, 5, 8, 11],
         description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
     )
-    channel: Channel = Field(
+    links: AttackedLinks = Field(
         default="auto",
         description="neighbour: what they transmit; navigator: what they hear from 0; "
         "auto: navigator where no vehicle hears another",
@@ -291,16 +291,16 @@ class Attack(AnyAttack):
         """Return the key `magnitude`."""
         return self.magnitude
 
-    def links(self, graph: Digraph) -> Links:
+    def attacked_links(self, graph: Digraph) -> Links:
         """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
         (`navigator`).
         """
-        channel = self.channel
-        if channel == "auto":
-            channel = "neighbour" if hears_vehicles(graph) else "navigator"
+        links = self.links
+        if links == "auto":
+            links = "neighbour" if hears_vehicles(graph) else "navigator"
         everyone = np.arange(1, graph.vehicles + 1)
         listed = np.isin(everyone, self.targets()) if isinstance(self.vehicles, list) else everyone > 0
-        if channel == "neighbour":
+        if links == "neighbour":
             return graph.heard & np.append(False, listed)[graph.sources]
         return graph.heard & (graph.sources == 0) & listed[:, None]
 

@@ -22,7 +22,7 @@ class Envelope(Attack):
     """Another attack's signal times a smooth envelope, three times continuously differentiable.
 
     The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is
-    given. Magnitude, vehicles, channel and threat are keys of the envelope, not of the other attack.
+    given. Magnitude, vehicles, links and threat are keys of the envelope, not of the other attack.
     """
 
     kind = "envelope"

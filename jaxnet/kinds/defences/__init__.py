@@ -2,14 +2,14 @@
 itself.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Discriminator, Field
 
-from jaxnet.kinds.fields import MARK, NotNegative, Record, Uniform, union_member
-from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.fields import MARK, NotNegative, Record, union_member
+from jaxnet.kinds.kind import Fault, KindError, unknown_vehicles
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
     AnyMask,
@@ -23,6 +23,7 @@ from jaxnet.kinds.shapes import (
     VehicleJets,
     VehicleVectors,
 )
+from jaxnet.kinds.ticks import DrawsAtTicks
 from jaxnet.lazy import LazyModule
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, hops, least, trusted_links
@@ -61,7 +62,7 @@ class Neighbourhood(NamedTuple):
     attacked: Any = None
 
 
-class AnyDefence(Kind):
+class AnyDefence(DrawsAtTicks):
     """Base class of all defences, with the defaults of their methods."""
 
     decides: ClassVar[bool] = False
@@ -95,10 +96,6 @@ class AnyDefence(Kind):
 
     def announcing(self) -> bool:
         """Return whether vehicles announce what drives them off the navigator, and are judged by it."""
-        return False
-
-    def draws(self) -> bool:
-        """Return whether the defence draws random numbers at ticks."""
         return False
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
@@ -239,23 +236,9 @@ class Defence(AnyDefence):
         return self.noise != 0
 
     def drawn(self, draw: LaneDraw, name: str) -> "Defence":
-        """Return the rule with drawn numbers, and with a key for its random numbers at ticks."""
-        values = {**vars(super().drawn(draw, name))}
-        if self.noise == 0:
-            values["noise"] = None
-        if self.draws():
-            values["key"] = draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")
-        return self.filled(values)
-
-    def random(
-        self, time: LaneTimes, purpose: str, sampler: Callable[..., Any], shape: tuple[int, ...]
-    ) -> Any:
-        """Return `sampler(key, shape)` for a sampler of `jax.random`, lanes last, independent at each tick
-        and lane.
-
-        Draws with different purposes are independent. Only a rule whose `draws` is true may call this method.
-        """
-        return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
+        """Return the rule with drawn numbers; the noise is None where it is 0."""
+        found = super().drawn(draw, name)
+        return self.filled({**vars(found), "noise": None}) if self.noise == 0 else found
 
     def observed(self, received: SlotJets, time: LaneTimes) -> SlotJets:
         """Return the received jets with noise."""

@@ -209,7 +209,8 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
 def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Links:
     """Return the links on which these vehicles are attacked: own transmissions or the navigator's."""
     sources, listeners = graph.sources, np.arange(1, graph.vehicles + 1)[:, None]
-    return cell.scenario.attack.links(graph) & np.isin(np.where(sources, sources, listeners), attacked)
+    links = cell.scenario.attack.attacked_links(graph)
+    return links & np.isin(np.where(sources, sources, listeners), attacked)
 
 
 def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:

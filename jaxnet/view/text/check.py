@@ -139,7 +139,7 @@ class NetworkKeys:
         """
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
-        attacked = attack.links(graph)[links].tobytes()
+        attacked = attack.attacked_links(graph)[links].tobytes()
         threat = attack.kind, attack.replaces(), attack.falsified(), attack.identities()
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
         return shared, attacked, threat, scenario.horizon, held
@@ -352,7 +352,7 @@ def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
     """Return a line on attacked sets that break safety, and on the number of further attackers."""
 
     def safe(attacked: list[int]) -> Vehicles:
-        reasons = safe_in(scenario, graph, scenario.attack.on(attacked).links(graph))
+        reasons = safe_in(scenario, graph, scenario.attack.on(attacked).attacked_links(graph))
         return np.any([each.vehicles for each in reasons], axis=0)
 
     everyone = range(1, graph.vehicles + 1)

@@ -72,7 +72,7 @@ def plain(kind, lane, links, navigator):
 @pytest.mark.parametrize(("kind", "threat", "channel", "topology", "sybils"), CASES)
 def test_a_lane_moves_as_its_links_say(kind, threat, channel, topology, sybils):
     """Vehicle by vehicle for 6 s, to 1e-8 m."""
-    keys = {"kind": kind, "channel": channel, "threat": threat, "sybils": sybils}
+    keys = {"kind": kind, "links": channel, "threat": threat, "sybils": sybils}
     attack = keys | (ADDING | REPLACING)[kind]
     study = systems.study(
         engine="exact", attack=attack, defence="none", navigator=NAVIGATOR, topology=topology, **CLOCK

@@ -19,7 +19,7 @@ def test_attacked_links_of_each_channel(heard, attackers):
     vehicles_talk = any(j > 0 for _, j in links(heard))
 
     def attacked(channel):
-        return marked(weights, Bias(vehicles=sorted(attackers), channel=channel).links(weights))
+        return marked(weights, Bias(vehicles=sorted(attackers), links=channel).attacked_links(weights))
 
     assert attacked("neighbour") == transmitted
     assert attacked("navigator") == received
@@ -36,4 +36,4 @@ def test_attacked_links_of_each_channel(heard, attackers):
 )
 def test_attacked_links_of_the_papers_scenarios(graph, expected):
     weights = graph.weights(12)
-    assert marked(weights, Bias().links(weights)) == expected
+    assert marked(weights, Bias().attacked_links(weights)) == expected

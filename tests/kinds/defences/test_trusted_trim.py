@@ -307,5 +307,5 @@ OUTNUMBERED = "; more than ϑ attacked sources, or a trusted one, at "
 def test_the_paper_s_assumption_is_told_of_each_network(kind, attacked, keys, expected):
     """Who trims nobody is not called protected."""
     weights, rule = kind().weights(12), TrustedTrim(**keys)
-    links = Bias(vehicles=attacked).links(weights)
+    links = Bias(vehicles=attacked).attacked_links(weights)
     assert rule.describe(weights, links, rule.trusts(weights)) == {"trimming": expected}

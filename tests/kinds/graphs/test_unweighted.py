@@ -99,7 +99,7 @@ def test_the_gain_of_the_complete_graph():
     attacked = [2, 5]
     expected = gain_of_complete(9, attacked, 0.2)
     network = Complete(navigator_weight=0.2).weights(9)
-    weights, links = graphs.dense(network), whole(network, Bias(vehicles=attacked).links(network))
+    weights, links = graphs.dense(network), whole(network, Bias(vehicles=attacked).attacked_links(network))
     static = np.linalg.solve(np.eye(9) - weights[:, 1:], (weights * links).sum(axis=1))
     np.testing.assert_allclose(static, expected, rtol=1e-12)
     given = systems.study(

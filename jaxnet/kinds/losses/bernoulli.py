@@ -1,0 +1,34 @@
+"""Independent loss of messages."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.losses import Loss, Messages
+from jaxnet.kinds.shapes import Memory, SlotMask
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax
+else:
+    jax = LazyModule("jax")
+
+
+class Bernoulli(Loss):
+    """Each message is lost with one probability, independently on each link and at each tick."""
+
+    kind = "bernoulli"
+
+    probability: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
+        description="that a message is lost, on each link and at each tick"
+    )
+
+    def draws(self) -> bool:
+        """Return True."""
+        return True
+
+    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
+        """Return the slots whose random number is below the probability."""
+        drawn = self.random(messages.time, "loss", jax.random.uniform, messages.present.shape[:-1])
+        return drawn < self.probability[None, None], memory

@@ -1,0 +1,41 @@
+"""Sensors: how vehicles sense their own position, velocity and acceleration."""
+
+from collections.abc import Iterator
+
+from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.shapes import LaneTimes, VehicleJets
+from jaxnet.kinds.ticks import DrawsAtTicks
+
+
+class Sensor(DrawsAtTicks):
+    """A way in which vehicles sense their own jets. A subclass gives `errors`.
+
+    A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself by
+    what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
+    """
+
+    def exact(self) -> bool:
+        """Return whether all errors are 0."""
+        return False
+
+    def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:
+        """Return the errors of one tick.
+
+        Parameters
+        ----------
+        time
+            Time of the tick [s], (lanes,).
+        vehicles
+            Number m of vehicles.
+
+        Returns
+        -------
+            Errors of position, velocity and acceleration [m, m/s, m/s²], each (2, m, lanes).
+        """
+        raise KindError(f"{self.kind}: a sensor gives errors(self, time, vehicles)")
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault if vehicles sense with errors and the scenario has no ticks."""
+        if not self.exact() and scenario.tick == 0:
+            yield Fault(("sensing", "tick"), "vehicles sense at ticks: give a tick")

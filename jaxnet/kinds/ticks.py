@@ -1,0 +1,60 @@
+"""Kinds that draw random numbers at ticks."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from jaxnet.kinds.fields import Uniform
+from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.protocols import LaneDraw
+from jaxnet.kinds.shapes import AnyNumbers, LaneTimes
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    from jaxnet.model import chance
+else:
+    chance = LazyModule("jaxnet.model.chance")
+
+AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")
+
+
+class DrawsAtTicks(Kind):
+    """A kind that may draw random numbers at ticks, independent at each tick and in each lane."""
+
+    def draws(self) -> bool:
+        """Return whether the kind draws random numbers at ticks."""
+        return False
+
+    def drawn(self: AnyDrawer, draw: LaneDraw, name: str) -> AnyDrawer:
+        """Return the kind with drawn numbers, and with a key for its random numbers at ticks."""
+        found = super().drawn(draw, name)
+        if not self.draws():
+            return found
+        return self.filled({**vars(found), "key": draw.one(Uniform(uniform=[0.0, 1.0]), f"{name}.key")})
+
+    def random(
+        self,
+        time: LaneTimes,
+        purpose: str,
+        sampler: Callable[..., AnyNumbers],
+        shape: tuple[int, ...],
+    ) -> AnyNumbers:
+        """Return random numbers at a tick.
+
+        Parameters
+        ----------
+        time
+            Time of the tick [s], (lanes,).
+        purpose
+            A name; draws with different purposes are independent.
+        sampler
+            A sampler of `jax.random`, such as `jax.random.normal`, called as `sampler(key, shape)`.
+        shape
+            Shape of the numbers of one lane.
+
+        Returns
+        -------
+            The numbers, with an axis over lanes after those of `shape`.
+
+        Only a kind whose `draws` is true may call this method.
+        """
+        return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)

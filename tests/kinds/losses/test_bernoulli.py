@@ -1,0 +1,138 @@
+"""Lost messages: counts against the binomial distribution, and lanes with a known motion."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.linalg import expm
+
+from jaxnet.config.document import ConfigError
+from jaxnet.config.scenario import safe_in, situation_of
+from jaxnet.engine.status import Status
+from jaxnet.kinds import registry
+from tests import systems
+
+QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
+DROPPING = [name for name in registry.kind_names("defence") if name != "none"]
+
+
+def loss(probability):
+    """The key `channel`."""
+    return {"loss": {"kind": "bernoulli", "probability": probability}}
+
+
+def test_a_vehicle_with_one_source_keeps_its_drive_as_often_as_messages_are_lost():
+    """On the star; inside the 99.9 % interval of a binomial number."""
+    study = systems.study(topology="star", channel=loss(0.3), horizon=10.0, tail=1.0, **QUIET)
+    outcome = systems.simulate(systems.lanes(study, 50, ()))
+    number = 50 * 12 * 201
+    low, high = stats.binom.ppf([0.0005, 0.9995], number, 0.3)
+    assert low <= outcome.unheard.sum() <= high
+
+
+def test_where_everybody_hears_somebody_the_error_is_nominal():
+    """Each of 12 vehicles hears all others: weights do not matter without attack and noise."""
+    keys = QUIET | {"topology": "complete", "horizon": 10.0, "tail": 1.0}
+    plain, lossy = (
+        systems.simulate(systems.lanes(systems.study(**keys, channel=channel), 4))
+        for channel in (loss(0.0), loss(0.3))
+    )
+    assert lossy.unheard.tolist() == [0, 0, 0, 0]
+    states = (outcome.series["state"][..., :2] for outcome in (plain, lossy))
+    assert np.abs(np.subtract(*states)).max() <= 1e-9
+
+
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
+def test_who_never_hears_anything_goes_on_as_it_began(engine, accuracy):
+    """Its drive stays P(y) of the start, where the jerk was 0: y‴ + P(y - y*) = 0 with `k0 y* = P(y)`."""
+    keys = QUIET | {"engine": engine, "channel": loss(1.0), "horizon": 10.0, "tail": 1.0}
+    lanes = systems.lanes(systems.study(**keys), 2)
+    outcome = systems.simulate(lanes)
+    assert outcome.status.tolist() == [0, 0]
+    assert outcome.unheard.tolist() == [12 * 201] * 2
+    x, y, heading, speed = np.moveaxis(lanes.inputs.lane.initial[:, :4], 1, 0)
+    velocity = np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=-1)
+    flow = expm(10.0 * np.array([[0, 1, 0], [0, 0, 1], [-1, -3, -3]]))
+    start = np.stack([x, y], axis=-1)
+    end = start + 3 * velocity + flow[0, 0] * -3 * velocity + flow[0, 1] * velocity
+    assert np.abs(outcome.series["state"][:, -1, :, :2] - end).max() <= accuracy
+
+
+@pytest.mark.parametrize("name", DROPPING)
+def test_both_engines_agree_under_every_defence(name):
+    """Path by path to 1e-5 m, under attack, with noise and losses; every lane ends."""
+    keys = {"vehicles": 6, "topology": {"kind": "random_regular", "degree": 4}, "tick": 0.1}
+    keys |= {"attack": {"kind": "rotating", "vehicles": [2]}, "defence": name, "channel": loss(0.3)}
+    keys |= {"horizon": 3.0, "tail": 1.0, "output_step": 0.1, "sensing": {"position": 0.1}}
+    exact, nonlinear = (
+        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
+        for engine in ("exact", "nonlinear")
+    )
+    assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]
+    assert exact.unheard.tolist() == nonlinear.unheard.tolist()
+    assert np.abs(exact.series["state"][..., :2] - nonlinear.series["state"][..., :2]).max() <= 1e-5
+    np.testing.assert_allclose(exact.series["kept"], nonlinear.series["kept"], rtol=0, atol=1e-8)
+
+
+def test_a_channel_that_loses_nothing_changes_nothing():
+    """Lanes whose defence cuts a vehicle off fail, the others have the same errors."""
+    edges = [
+        [1, 0, 1],
+        [2, 1, 1],
+        [2, 3, 1],
+        [2, 4, 1],
+        [3, 2, 1],
+        [3, 1, 1],
+        [3, 4, 1],
+        [4, 2, 1],
+        [4, 3, 1],
+    ]
+    defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
+    keys = {
+        "topology": {"kind": "edges", "edges": edges},
+        "vehicles": 4,
+        "defence": defence,
+        "attack": "none",
+    }
+    plain, lossless = (
+        systems.simulate(
+            systems.lanes(systems.study(horizon=10.0, tail=1.0, engine="exact", **keys, **more), 16)
+        )
+        for more in ({}, {"channel": loss(0.0)})
+    )
+    assert Status.disconnected in plain.status
+    assert plain.status.tolist() == lossless.status.tolist()
+    assert plain.switches.tolist() == lossless.switches.tolist()
+    for name, values in plain.metrics.items():
+        np.testing.assert_allclose(lossless.metrics[name], values, rtol=0, atol=1e-9)
+
+
+def test_no_bound_and_no_certificate_is_told_where_messages_are_lost():
+    """The theory presupposes every message."""
+    for keys in ({"channel": loss(0.1)}, {"sensing": {"velocity": 0.1}}):
+        scenario = systems.study(**keys).cells[0].scenario
+        known = situation_of(scenario)
+        assert known.retained is None
+        assert safe_in(scenario, known.graph, known.attacked) == []
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"tick": 0}, "channel.loss: messages are lost at ticks: give a tick"),
+        ({"defence": {"kind": "trusted_trim", "score": "announced"}}, "needs every message"),
+    ],
+)
+def test_a_loss_that_cannot_be_simulated_is_refused(keys, message):
+    """With the key that the user may change."""
+    with pytest.raises(ConfigError, match=message):
+        systems.study(channel=loss(0.1), **keys)
+
+
+def test_probability_and_kind_of_loss_are_swept():
+    """Labels are numbers, or names with what tells them apart."""
+    by_number = systems.study(channel=loss(0.1), sweep={"channel.loss.probability": [0.0, 0.5]})
+    assert [cell.scenario.channel.loss.probability for cell in by_number.cells] == [0.0, 0.5]
+    kinds = ["none", {"kind": "bernoulli", "probability": 0.1}, {"kind": "bernoulli", "probability": 0.2}]
+    by_kind = systems.study(sweep={"channel.loss": kinds})
+    labels = [cell.labels["channel.loss"] for cell in by_kind.cells]
+    assert labels == ["none", "bernoulli(probability=0.1)", "bernoulli(probability=0.2)"]
