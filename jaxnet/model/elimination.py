@@ -4,16 +4,17 @@ A matrix (n, c, axes, lanes) has n rows and c columns. Elimination does not sear
 diagonally dominant and for positive definite matrices.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.model import xla
+from jaxnet.model.shapes import LoopIndex
 
-AT_ONCE = 4  # pivot rows, or columns of a product, in one pass over the other rows
-LEFT_OUT = 6  # maximum number of removals of finished columns; each compiles another program
+# Pivot rows, or columns of a product, in one pass: 1.3 times, trimming, 12 vehicles; 1.04 times, 1,000.
+AT_ONCE = 4
+# Maximum number of removals of finished columns: 1.07 times, trimming, 12 vehicles. Each compiles a program.
+LEFT_OUT = 6
 
 Matrix = Float[Array, "n c axes lanes"]
 
@@ -23,7 +24,7 @@ def identity(matrix: Float[Array, "... n n axes lanes"]) -> Float[Array, "... n 
     return jnp.broadcast_to(jnp.eye(matrix.shape[-3])[:, :, None, None], matrix.shape)
 
 
-def multiplied(left: Float[Array, "n n axes lanes"], right: Float[Array, "n c axes lanes"]) -> Any:
+def multiplied(left: Float[Array, "n n axes lanes"], right: Matrix) -> Matrix:
     """Return the product of two small matrices, for each axis and lane."""
     total = left[:, :1] * right[:1]
     for n in range(1, len(right)):
@@ -31,15 +32,17 @@ def multiplied(left: Float[Array, "n n axes lanes"], right: Float[Array, "n c ax
     return total
 
 
-def product(columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "components n lanes"]) -> Any:
+def product(
+    columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "components n lanes"]
+) -> Float[Array, "components m lanes"]:
     """Multiply a matrix, given by its columns, with vectors in each lane.
 
     The matrix has one axis for both components, or one for each component. The batched product of XLA handles
-    one lane at a time; for small matrices it is several times slower than this loop.
+    one lane at a time. This loop makes the nonlinear engine 1.9 times as fast, plain, 12 vehicles.
     """
-    at_once = in_one_pass(len(columns))
+    at_once = max(n for n in range(1, AT_ONCE + 1) if len(columns) % n == 0)
 
-    def add(block: Any, total: jax.Array) -> jax.Array:
+    def add(block: LoopIndex, total: jax.Array) -> jax.Array:
         for number in range(at_once):
             j = block * at_once + number
             total = total + columns[j] * jax.lax.dynamic_index_in_dim(vectors, j, axis=1)
@@ -49,12 +52,7 @@ def product(columns: Float[Array, "n axes m lanes"], vectors: Float[Array, "comp
     return jax.lax.fori_loop(0, len(columns) // at_once, add, nothing)
 
 
-def in_one_pass(number: int) -> int:
-    """Return the number of columns for one pass: the greatest divisor up to AT_ONCE."""
-    return max(n for n in range(1, AT_ONCE + 1) if number % n == 0)
-
-
-def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes lanes"]:
+def eliminated(whole: Matrix) -> Float[Array, "n r axes lanes"]:
     """Return `M⁻¹ B` for `[M | B]` by blocked Gauss–Jordan elimination, vectorised over lanes.
 
     AT_ONCE pivot rows at the front eliminate the other rows and then move to the back. Most of the time goes
@@ -66,7 +64,7 @@ def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes 
     passes, rest = divmod(len(whole), AT_ONCE)
     at_a_time = max(1, -(-passes // LEFT_OUT))
 
-    def one(_: Any, rows: jax.Array) -> jax.Array:
+    def one(_: LoopIndex, rows: jax.Array) -> jax.Array:
         return jnp.concatenate([eliminate(rows, AT_ONCE), rows[:, :AT_ONCE]], axis=1)
 
     for done in range(0, passes, at_a_time):
@@ -76,14 +74,14 @@ def eliminated(whole: Float[Array, "n c axes lanes"]) -> Float[Array, "n r axes 
     return eliminate(whole, rest) if rest else whole
 
 
-def eliminate(rows: Float[Array, "n c axes lanes"], first: int) -> Float[Array, "n r axes lanes"]:
+def eliminate(rows: Matrix, first: int) -> Float[Array, "n r axes lanes"]:
     """Eliminate with the first rows, move these rows to the back, and remove their columns.
 
     `first` is the number of pivot rows.
     """
     if len(rows) == first:
         return reduced(rows)
-    pivots = xla.materialised(lambda: reduced(rows[:first]))
+    pivots = xla.materialised(lambda: reduced(rows[:first]))  # 1.09 times, trimming, 12 vehicles
     return jnp.concatenate([without(rows[first:], pivots), pivots])
 
 
@@ -101,7 +99,7 @@ def reduced(rows: Float[Array, "k c axes lanes"]) -> Float[Array, "k r axes lane
     return jnp.concatenate([without(first, others), others])
 
 
-def without(rows: Float[Array, "n c axes lanes"], pivots: Float[Array, "k r axes lanes"]) -> Any:
+def without(rows: Matrix, pivots: Float[Array, "k r axes lanes"]) -> Float[Array, "n r axes lanes"]:
     """Subtract multiples of k pivot rows from rows, and remove the first k columns, which become 0."""
     left = rows[:, len(pivots) :]
     for n, pivot in enumerate(pivots):

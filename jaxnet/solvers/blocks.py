@@ -11,16 +11,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxnet.model import xla
 from jaxnet.model.elimination import eliminated, identity, multiplied, product
 from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.solvers.solver import Columns, PlaneVector, Residual, Solver, off_one
 from jaxnet.solvers.table import BlockTable, add_weights
 
-SMALL = 2  # vehicles in a block, up to which recomputation is faster than storage
-
 RightSides = Float[Array, "blocks axes size lanes"]
 Products = Float[Array, "blocks size axes size lanes"]
+Side = Float[Array, "components size lanes"]  # of one block, as the next two
+Product = Float[Array, "size axes size lanes"]
+Block = Float[Array, "size _ axes lanes"]
+ThreeBlocks = tuple[Block, Block, Block]
 
 
 class BlockFactors(NamedTuple):
@@ -55,11 +56,11 @@ class Blocks(Solver[BlockFactors]):
         before, own, after, navigator = self.blocks_of(hearing, weights)
         eye = identity(own[0])
 
-        def there(last: Any, block: Any) -> tuple[Any, Any]:
+        def there(last: Block, block: ThreeBlocks) -> tuple[Block, ThreeBlocks]:
             before, own, after = block
             rest = jnp.concatenate([own - multiplied(before, last), eye, before, after], axis=1)
             found = jnp.split(eliminated(rest), 3, axis=1)
-            return found[2], tuple(found)
+            return found[2], (found[0], found[1], found[2])
 
         _, found = jax.lax.scan(there, jnp.zeros_like(own[0]), (before, own, after))
         factors = BlockFactors(*(jnp.moveaxis(each, 1, 3) for each in found))
@@ -111,18 +112,14 @@ def from_block_to_block(
     """Solve a block tridiagonal system for several columns, by a forward and a backward pass."""
     size = own.shape[1]
 
-    def there(last: Any, block: Any) -> tuple[Any, Any]:
+    def there(last: Block, block: ThreeBlocks) -> tuple[Block, Block]:
         before, own, beyond = block
-
-        def rest() -> jax.Array:
-            carried = multiplied(before, last)
-            beside = beyond.at[:, size:].add(carried[:, size:])
-            return jnp.concatenate([own - carried[:, :size], beside], axis=1)
-
-        found = eliminated(rest() if size <= SMALL else xla.materialised(rest))
+        carried = multiplied(before, last)
+        beside = beyond.at[:, size:].add(carried[:, size:])
+        found = eliminated(jnp.concatenate([own - carried[:, :size], beside], axis=1))
         return found, found
 
-    def back(following: Any, block: Any) -> tuple[Any, Any]:
+    def back(following: Block, block: Block) -> tuple[Block, Block]:
         found = block[:, size:] + multiplied(block[:, :size], following)
         return found, found
 
@@ -134,12 +131,12 @@ def from_block_to_block(
 def through(factors: BlockFactors, right: RightSides) -> RightSides:
     """Solve with the factors of L, by a forward and a backward pass over the blocks."""
 
-    def there(last: Any, block: Any) -> tuple[Any, Any]:
+    def there(last: Side, block: tuple[Product, Product, Side]) -> tuple[Side, Side]:
         inverse, before, right = block
         found = product(inverse, right) + product(before, last)
         return found, found
 
-    def back(following: Any, block: Any) -> tuple[Any, Any]:
+    def back(following: Side, block: tuple[Product, Side]) -> tuple[Side, Side]:
         after, right = block
         found = right + product(after, following)
         return found, found

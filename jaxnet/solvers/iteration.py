@@ -5,19 +5,23 @@ as its own residual is small enough. No result therefore depends on the other la
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.shapes import LoopIndex
 
 STARTS = 8
 ROUNDS = 4  # maximum number of steps of a start, in multiples of m
 
 Unknowns = Float[Array, "m columns axes lanes"]
 Sizes = Float[Array, "columns axes lanes"]
+Going = Bool[Array, "..."]
+Restart = tuple[LoopIndex, Unknowns, Unknowns, Sizes, Going]  # number, x, residual, its norm, going
+InnerProducts = Float[Array, "1 columns axes lanes"]
+Step = tuple[LoopIndex, Unknowns, Unknowns, Unknowns, InnerProducts, Going]  # see `stabilised`
 Map = Callable[[Unknowns], Unknowns]
 Allowance = Callable[[Sizes], Sizes]  # tolerated residual norm, by the norm of x
 
@@ -35,7 +39,7 @@ def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
     )
 
     def times(x: Unknowns) -> Unknowns:
-        def less(slot: Any, total: Any) -> Any:
+        def less(slot: LoopIndex, total: Unknowns) -> Unknowns:
             return total - heard[slot][:, None] * x.at[carried_sources[slot]].get(mode="promise_in_bounds")
 
         return jax.lax.fori_loop(0, len(carried_sources), less, x)
@@ -52,7 +56,7 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
     can be orthogonal to its images.
     """
 
-    def start(carry: Any) -> Any:
+    def start(carry: Restart) -> Restart:
         number, x, left, size, going = carry
         shadow = jnp.cos(((number + 1) * jnp.arange(len(right)) ** 2).astype(float))
         shadow = jnp.broadcast_to(shadow[:, None, None, None], left.shape)
@@ -71,14 +75,14 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
 
 
 def stabilised(
-    times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Bool[Array, "..."], allowed: Allowance
+    times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Going, allowed: Allowance
 ) -> Unknowns:
     """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated residual.
 
     `left` is the residual of x, and `shadow` is the shadow vector.
     """
 
-    def step(carry: Any) -> Any:
+    def step(carry: Step) -> Step:
         number, x, left, direction, along, going = carry
         image = times(direction)
         alpha = jnp.where(going, along / inner_product(shadow, image), 0.0)
@@ -98,7 +102,7 @@ def stabilised(
     return jax.lax.while_loop(lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry)[1]
 
 
-def inner_product(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:
+def inner_product(x: Unknowns, y: Unknowns) -> InnerProducts:
     """Return the inner product of each column of x with the same column of y."""
     return (x * y).sum(axis=0, keepdims=True)
 

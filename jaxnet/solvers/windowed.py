@@ -10,7 +10,6 @@ window's edges.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model import retained
 from jaxnet.model.elimination import identity
+from jaxnet.model.shapes import LoopIndex
 from jaxnet.model.signal import Vectors
 from jaxnet.solvers.blocks import Blocks, from_block_to_block
 from jaxnet.solvers.solver import SolvedLanes, SolvedVehicles, System
@@ -30,6 +30,7 @@ WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
 FlaggedBlocks = Bool[Array, "blocks lanes"]
+Corrected = tuple[FlaggedBlocks, Int[Array, " lanes"], Vectors]  # flags, windows so far, solution
 
 
 @jax.tree_util.register_dataclass
@@ -50,11 +51,11 @@ class Windowed(Blocks):
         blocks = changed.at[self.vehicles].get(mode="fill", fill_value=False).any(axis=1)
         suited = flagged & (least > 0) & (blocks.sum(axis=0) <= most)
 
-        def going(carry: Any) -> SolvedLanes:
+        def going(carry: Corrected) -> SolvedLanes:
             blocks, windows, _ = carry
             return blocks.any(axis=0) & (windows < most)
 
-        def some(carry: Any) -> Any:
+        def some(carry: Corrected) -> Corrected:
             blocks, windows, x = carry
             starts, needed = window_starts(blocks)
             up_to = jnp.cumsum(jnp.where(going(carry), needed.sum(axis=0), 0))
@@ -98,7 +99,9 @@ class Windowed(Blocks):
         added = jnp.moveaxis(found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape), -1, 1)
         return x.at[:, vehicles, :, lanes[None]].add(added, mode="drop"), at_edges
 
-    def left_in_window(self, system: System, x: Vectors, lane: Any, start: Any) -> Any:
+    def left_in_window(
+        self, system: System, x: Vectors, lane: LoopIndex, start: LoopIndex
+    ) -> tuple[Int[Array, " w"], Int[Array, "slots w"], Float[Array, "axes slots w"], Float[Array, "w 2 _"]]:
         """Return the vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
         heard = (each.at[:, vehicles].get(mode="clip") for each in system.hearing)
@@ -153,12 +156,12 @@ def clear_flags(
     there, edges = lanes < blocks.shape[1], jnp.stack([starts - 1, starts + WINDOW])
     over = over & there[None] & (edges >= 0) & (edges < len(blocks))
 
-    def within(number: Any, blocks: Any) -> Any:
+    def within(number: LoopIndex, blocks: FlaggedBlocks) -> FlaggedBlocks:
         place = starts[number], lanes[number]
         left = jax.lax.dynamic_slice(blocks, place, (WINDOW, 1)) & ~there[number]
         return jax.lax.dynamic_update_slice(blocks, left, place)
 
-    def beside(number: Any, blocks: Any) -> Any:
+    def beside(number: LoopIndex, blocks: FlaggedBlocks) -> FlaggedBlocks:
         for edge in range(2):
             place = edges[edge, number], lanes[number]
             left = jax.lax.dynamic_slice(blocks, place, (1, 1)) | over[edge, number]

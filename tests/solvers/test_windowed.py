@@ -106,3 +106,17 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
     alone = batch.simulate(small._replace(inputs=batch.part(small.inputs, 2, 3)), systems.FEW)
     np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
+
+
+def test_vehicles_that_sense_with_errors_are_solved_for_everywhere(monkeypatch):
+    """The drive of every vehicle then changes at every tick; lanes go as with one dense matrix."""
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)
+    keys = {"horizon": 0.5, "tail": 0.5, "vehicles": 150, "attack": "rotating"}
+    given = systems.study(engine="exact", sensing={"kind": "gaussian", "position": 0.1}, **keys)
+    small = systems.lanes(given, 2, ("state",))
+    monkeypatch.setattr(choice, "ONE_BLOCK", 150)
+    dense = systems.lanes(given, 2, ("state",))
+    assert isinstance(small.network.solver, Windowed)
+    ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
+    assert (ours.status == 0).all()
+    np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
