@@ -13,7 +13,7 @@ A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives
 integrators, v is the jerk, and f = (h³/6, h²/2, h).
 
 The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because
-XLA would compute them again for each vehicle that uses them.
+XLA would compute them again for each vehicle that uses them (1.08 times, plain, 12 vehicles).
 """
 
 from typing import Any, NamedTuple
