@@ -26,11 +26,43 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # what one process has compil
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the same goes for Python's, a command's too
 
+import functools
+import inspect
+import typing
+
+import jaxtyping
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-install_import_hook("jaxnet", "beartype.beartype")
+with_shapes = jaxtyping.jaxtyped
+
+
+def checked(function=None, *, typechecker):
+    """Decorate a function or class so that annotations hold, for less than jaxtyping's own decorator takes.
+
+    jaxtyping's decorator binds the arguments and checks them twice, in every call. Shapes need the binding
+    alone, and functions without arrays need neither. Names in quotes are left to jaxtyping.
+    """
+    if function is None:
+        return functools.partial(checked, typechecker=typechecker)
+    if inspect.isclass(function) or inspect.isgeneratorfunction(function):
+        return with_shapes(function, typechecker=typechecker)
+    parts = [part for note in function.__annotations__.values() for part in parts_of(note)]
+    if any(isinstance(part, str | typing.ForwardRef) for part in parts):
+        return with_shapes(function, typechecker=typechecker)
+    arrays = any(getattr(part, "__module__", "").startswith("jaxtyping") for part in parts)
+    return with_shapes(typechecker(function), typechecker=None) if arrays else typechecker(function)
+
+
+def parts_of(note):
+    """Yield an annotation and all annotations inside it."""
+    yield note
+    for inner in note if isinstance(note, list) else typing.get_args(note):
+        yield from parts_of(inner)
+
+
+jaxtyping.jaxtyped = checked
+jaxtyping.install_import_hook("jaxnet", "beartype.beartype")
 
 settings.register_profile("jaxnet", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile("jaxnet")
@@ -49,6 +81,16 @@ def few_side_by_side():
     with pytest.MonkeyPatch.context() as patch:
         for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)
+        yield
+
+
+@pytest.fixture(scope="module")
+def many_side_by_side(few_side_by_side):
+    """Where tests have hundreds of lanes a cell, most of the time would go into calls for a few."""
+    from jaxnet.kinds import registry
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry.find("engine", "exact"), "chunk", 128)
         yield
 
 

@@ -16,7 +16,8 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.kinds import provenance, registry
+from jaxnet.kinds import registry
+from jaxnet.outside import provenance
 from jaxnet.runs import cluster
 from jaxnet.view import page
 
@@ -25,14 +26,15 @@ BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
 
 
 def blocks():
-    """Blocks of code of the page, in order: the module, the study, and the script."""
+    """Blocks of code of the page, in order: the module, the study, a module of a loss, and the script."""
     return BLOCK.findall((ROOT / "docs" / "extending.md").read_text())
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with the page's module and study, and nothing else; its module is nobody else's."""
-    module, study, script = blocks()
+    module, study, loss, script = blocks()
+    (tmp_path / "my_losses.py").write_text(loss)
     (tmp_path / "my_kinds.py").write_text(module)
     (tmp_path / "study.yaml").write_text(study)
     (tmp_path / "script.py").write_text(script)
@@ -320,9 +322,20 @@ def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     assert lanes.loc[lanes["status"] != "ok", "tail_mean"].isna().all()
 
 
+def test_a_strangers_loss_decides_which_messages_arrive(folder):
+    """Within 1,000 km everybody hears everybody, within 1 mm nobody hears anybody."""
+    keys = ["engine=exact", "samples=2", "sweep={channel.loss.radius: [1.0e+6, 1.0e-3]}"]
+    loss = "channel={loss: {kind: 'my_losses:Range'}}"
+    jaxnet_in(folder, "run", "study.yaml", loss, *keys, "--out", "found")
+    found = jaxnet.open(folder / "found")
+    config, counts = found.study.config, found.lanes.groupby("channel.loss.radius")["unheard"]
+    pairs = config.vehicles * (round(config.horizon / config.tick) + 1)
+    assert counts.unique().map(list).tolist() == [[pairs], [0]]
+
+
 def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
     """By an entry point's name, and as a class of `__main__` that a script hands over."""
-    module, _, _ = blocks()
+    module, *_ = blocks()
     (tmp_path / "their_kinds.py").write_text(module)
     info = tmp_path / "their_package-1.0.dist-info"
     info.mkdir()

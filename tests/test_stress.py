@@ -1,11 +1,14 @@
 """The stress script: no bound is broken by 2,000 lanes of random cells, and it would tell if one were."""
 
 import numpy as np
+import pytest
 
 import jaxnet
 from experiments import stress
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
+
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
 
 def test_no_lane_is_over_a_bound_that_holds_for_it():

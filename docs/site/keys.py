@@ -19,6 +19,7 @@ WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text"
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 PARTS = {
     "initial": "Initial",
+    "channel": "Channel",
     "recovery": "Recovery",
     "search": "SearchSettings",
     "save": "Save",

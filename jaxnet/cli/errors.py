@@ -15,15 +15,15 @@ from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
     from jaxnet.config import document
-    from jaxnet.kinds import blame, modules
+    from jaxnet.outside import blame, modules
     from jaxnet.runs import cluster
     from jaxnet.store import folder
 else:
     cluster = LazyModule("jaxnet.runs.cluster")
     document = LazyModule("jaxnet.config.document")
     folder = LazyModule("jaxnet.store.folder")
-    modules = LazyModule("jaxnet.kinds.modules")
-    blame = LazyModule("jaxnet.kinds.blame")
+    modules = LazyModule("jaxnet.outside.modules")
+    blame = LazyModule("jaxnet.outside.blame")
 
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 REPEAT_AFTER = 0.5  # [s]

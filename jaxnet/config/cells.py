@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError, create_model
 from pydantic_core import ErrorDetails
@@ -41,6 +41,7 @@ from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
 
+Model = TypeVar("Model", bound=BaseModel)
 Locate = Callable[..., str]  # from candidate keys to the FILE:LINE:COL of the first that was written
 
 MOST_SWEPT_CELLS = 1_000_000
@@ -176,7 +177,7 @@ def complete(document: Document, field: str, holder: Plain, at: Keys) -> None:
             document.problems.append(Problem(document.place(key, at), dotted_key(key), str(error)))
 
 
-def validate(model: type[Any], data: PlainMapping, place: Locate) -> tuple[Any, list[Problem]]:
+def validate(model: type[Model], data: PlainMapping, place: Locate) -> tuple[Model | None, list[Problem]]:
     """Return the model of the data, or None and the problem of each wrong key."""
     try:
         return model.model_validate(dict(data)), []
@@ -299,10 +300,10 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     return [kind_label(kind, telling) for kind in kinds]
 
 
-def telling_keys(kinds: list[Plain]) -> dict[str, list[Any]]:
+def telling_keys(kinds: list[Plain]) -> dict[str, list[object]]:
     """Return, by name of a kind, the keys in which swept kinds of this name differ."""
-    found: dict[str, list[Any]] = {}
-    first: dict[str, dict[Any, Any]] = {}
+    found: dict[str, list[object]] = {}
+    first: dict[str, PlainMapping] = {}
     for kind in filter(lambda each: isinstance(each, dict) and "kind" in each, kinds):
         name = wording.value_text(kind["kind"])
         other, keys = first.setdefault(name, kind), found.setdefault(name, [])
@@ -321,7 +322,7 @@ def full_kind(field: str, value: Plain) -> Plain:
     return {key: without_empty_labels(each) for key, each in (defaults | value).items()}
 
 
-def kind_label(kind: Plain, telling: Mapping[str, list[Any]]) -> str:
+def kind_label(kind: Plain, telling: Mapping[str, list[object]]) -> str:
     """Return the label of one swept kind: its own label, or its name with the keys that tell it apart."""
     if not isinstance(kind, dict) or "kind" not in kind:
         return wording.shorten_value(kind)
@@ -348,7 +349,7 @@ class CellParts:
         self.swept: dict[str, list[str]] = {}
         for key in values:
             self.swept.setdefault(key.split(".")[0], []).append(key)
-        self.found: dict[Any, tuple[Any, list[Problem]]] = {}
+        self.found: dict[tuple[str | int, ...], tuple[object, list[Problem]]] = {}
         fixed = {root: self.validated(root, {}) for root in self.base if root not in self.swept}
         self.problems = [problem for _, wrong in fixed.values() for problem in wrong]
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
@@ -377,14 +378,14 @@ class CellParts:
             ]
         return None if wrong else made, problems
 
-    def part(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
+    def part(self, root: str, chosen: Mapping[str, int]) -> tuple[object, list[Problem]]:
         """Return the value of a key by the indices of the swept values in it, or its problems; cached."""
         mine = root, *chosen.values()
         if mine not in self.found:
             self.found[mine] = self.validated(root, chosen)
         return self.found[mine]
 
-    def validated(self, root: str, chosen: Mapping[str, int]) -> tuple[Any, list[Problem]]:
+    def validated(self, root: str, chosen: Mapping[str, int]) -> tuple[object, list[Problem]]:
         """Return the value of a key with swept values set into it, or its problems."""
         data = {root: self.base[root]}
         for key, index in chosen.items():

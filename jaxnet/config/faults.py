@@ -6,9 +6,9 @@ import numpy as np
 
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
 from jaxnet.config.wording import shorten_value
-from jaxnet.kinds import blame
 from jaxnet.kinds.fields import Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.outside import blame
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from jaxnet.config.keys import KINDS, Scenario
-from jaxnet.kinds.families import base_of
+from jaxnet.outside.families import base_of
 
 MAGNITUDE = "attack.magnitude"
 NO_BREAK = "\N{NO-BREAK SPACE}"

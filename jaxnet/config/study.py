@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path, PurePath
 from textwrap import shorten
 from types import NoneType
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import yaml
 from upath import UPath
@@ -125,22 +125,29 @@ def native(value: object, *keys: str | int) -> Plain:
     return Native().plain(value, keys)
 
 
+@runtime_checkable
+class Listable(Protocol):
+    """An array or number of NumPy, pandas or JAX."""
+
+    def tolist(self) -> object:
+        """Return Python's lists and numbers."""
+        ...
+
+
 class Native:
     """Converts a script's values to plain data, and counts them."""
 
     def __init__(self):
         self.count = 0
 
-    def plain(self, value: Any, keys: Keys) -> Any:
+    def plain(self, value: object, keys: Keys) -> Plain:
         """Return plain data of the value at these keys; raise ConfigError."""
         self.count += 1
         if self.count > MOST_VALUES:
             raise refusal(keys, f"more than {MOST_VALUES:,} values")
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
-        value = (
-            value.tolist() if hasattr(value, "tolist") else config_form(value, keys)
-        )  # of NumPy, pandas, JAX
+        value = value.tolist() if isinstance(value, Listable) else config_form(value, keys)
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
@@ -166,12 +173,12 @@ def config_form(value: object, keys: Keys) -> object:
     return value if graph is None else config_form(graph, keys)
 
 
-def plain_scalar(value: Any, keys: Keys) -> bool | int | float | str | None:
+def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
     """Return a number, text, true, false or null as a Python object; raise ConfigError for anything else."""
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = value.tolist() if isinstance(value, Listable) else value
     if isinstance(value, PurePath | UPath):
         return str(value)
-    if type(value) not in SCALAR_TYPES:
+    if not (value is None or isinstance(value, bool | int | float | str)) or type(value) not in SCALAR_TYPES:
         allowed = "must be a number, text, true, false, null, a list or a mapping"
         raise refusal(keys, f"{allowed} (got {value!r})")
     if isinstance(value, int) and abs(value) >= TOO_GREAT:

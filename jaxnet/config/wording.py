@@ -3,9 +3,9 @@
 import difflib
 import json
 import typing
-from typing import Any
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from jaxnet.config.document import Plain, dotted_key
@@ -95,7 +95,7 @@ def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
 
 def known_keys(location: tuple[int | str, ...], data: Plain) -> list[str]:
     """Return the keys allowed in the mapping in which pydantic found an unknown key."""
-    model: Any = Config
+    model: object = Config
     for part in location[:-1]:
         if isinstance(part, str) and part.startswith(MARK):
             model = record_of(part.removeprefix(MARK), model)
@@ -106,7 +106,7 @@ def known_keys(location: tuple[int | str, ...], data: Plain) -> list[str]:
     return list(getattr(model, "model_fields", {}))
 
 
-def model_in(field: Any, value: Any) -> Any:
+def model_in(field: FieldInfo, value: Plain) -> object:
     """Return the model or union of models of a key. If the key takes a kind, this is the class that its value
     names.
     """
@@ -121,7 +121,7 @@ def model_in(field: Any, value: Any) -> Any:
         return None
 
 
-def record_of(member: str, union: Any) -> Any:
+def record_of(member: str, union: object) -> type[BaseModel] | None:
     """Return the member of a union of records with this tag, None if there is none."""
     found = [each for each in records(union) if member in (each.__name__.lower(), *each.model_fields)]
     return found[0] if found else None

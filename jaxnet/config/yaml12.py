@@ -49,13 +49,13 @@ class Yaml12Loader(yaml.SafeLoader):
         self.depth = 0
         self.sizes: dict[yaml.Node, int] = {}  # number of values of each node with its aliases expanded
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node:
+    def compose_node(self, parent: yaml.Node | None, index: int | yaml.Node | None) -> yaml.Node:
         """Return the node of the next events; raise ExcessError beyond the limits."""
         self.depth += 1
         mark, alias = self.peek_event().start_mark, self.check_event(yaml.AliasEvent)
         if self.depth > MOST_DEPTH and self.check_event(yaml.CollectionStartEvent):
             raise ExcessError(TOO_DEEP, mark)
-        node: Any = super().compose_node(parent, index)
+        node: Any = super().compose_node(parent, index)  # pyright: ignore[reportArgumentType]
         self.depth -= 1
         if not alias:
             self.sizes[node] = 1 + sum(self.sizes.get(inner, 0) for inner in child_nodes(node))
@@ -95,7 +95,7 @@ class Yaml12Loader(yaml.SafeLoader):
         while self.peek() in characters:
             self.forward()
 
-    def scan_plain_spaces(self, indent: int, start_mark: yaml.Mark) -> Any:
+    def scan_plain_spaces(self, indent: int, start_mark: yaml.Mark) -> list[str] | None:
         """Return the white space inside or after plain text; a line break and the blanks around it are one
         space.
         """

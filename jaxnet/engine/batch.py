@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import Array, Int
 
 from jaxnet.engine.cores import cores
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
@@ -144,7 +145,9 @@ def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: 
 def program(platform: str) -> Callable[[Plan, Network, Clock, Inputs, int], Outcome]:
     """Return the jitted program that runs a plan's engine on a platform."""
 
-    def run(plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Any) -> Outcome:
+    def run(
+        plan: Plan, network: Network, clock: Clock, queue: Inputs, count: Int[Array, ""] | int
+    ) -> Outcome:
         COMPILING.add(threading.get_ident())  # JAX runs this line only while tracing, before compilation
         return plan.engine.simulate(queue, count, network, clock, plan)
 

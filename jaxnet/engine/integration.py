@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import multirate, stepper, tick
-from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
+from jaxnet.engine.loop import LaneFlags, Motion, PerVehicle, Tick, Ticks
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals, signals
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
@@ -54,7 +54,12 @@ class IntegrationState(NamedTuple):
     followed: FollowedLaw
 
 
-class Integration(Motion):
+HoldCarry = tuple[
+    FollowedLaw, States, Instants, LaneFlags
+]  # law, slope, step, and lanes with a vehicle cut off
+
+
+class Integration(Motion[IntegrationState]):
     """Motion of the nonlinear vehicles under the law, by adaptive steps. `numbers` are the tolerances."""
 
     def begin(self) -> IntegrationState:
@@ -88,7 +93,7 @@ class Integration(Motion):
         """Return the time [s] and the attacks' functions now."""
         return state.signals.time, state.signals.basis
 
-    def seen(self, state: IntegrationState) -> tuple[Any, Any, States]:
+    def seen(self, state: IntegrationState) -> tuple[PerVehicle, PerVehicle, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         return *self.lane.vehicle.pace(state.state), state.state
 
@@ -116,7 +121,7 @@ class Integration(Motion):
         """
         lane, network, plan = self.lane, self.network, self.plan
 
-        def some(few: LaneIndices, carry: Any) -> Any:
+        def some(few: LaneIndices, carry: HoldCarry) -> HoldCarry:
             followed, slope, step, cut_off = carry
             part, now, chosen, tolerated = jax.tree.map(
                 lambda leaf: picked(leaf, few), (lane, state.signals, decided, self.numbers)
@@ -124,7 +129,13 @@ class Integration(Motion):
             states = picked(state.state, few)
             if lane.law.holds:
                 new, connected = exchanged(
-                    part, network, chosen, picked(followed.jerk, few), now, states, plan
+                    part,
+                    network,
+                    chosen,
+                    jax.tree.map(lambda leaf: picked(leaf, few), followed.jerk),
+                    now,
+                    states,
+                    plan,
                 )
             else:
                 new, connected = follow_weights(part, network, chosen, plan)
@@ -198,7 +209,7 @@ def follow_weights(
 def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
     """Return `L⁻¹ d` for the attacks' vectors."""
 
-    def of_one(vector: Any) -> Any:
+    def of_one(vector: Jerk) -> Jerk:
         right = network.hearing.mean_added(followed.weights, vector)
         return network.solver.apply(network.hearing, followed.factors, right, None)
 

@@ -10,17 +10,18 @@ own time, and fills the place of a lane that has ended. The lanes are the last a
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import metrics, tick
-from jaxnet.engine.metrics import Gathered, Observation
+from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
 from jaxnet.kinds.vehicles import SPEED
@@ -29,6 +30,9 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
 
+MotionState = TypeVar("MotionState")  # of a motion: a pytree, lanes last
+TickNumber = Int[Array, ""] | int
+PerVehicle = Float[Array, "m lanes"]
 Ticks = Int[Array, "*ticks"]  # number of ticks passed; one number where lanes are in lockstep
 
 
@@ -61,7 +65,7 @@ class Batch(NamedTuple):
         return self.plan.choosing or lane.law.holds or lane.sensor is not None or lane.loss is not None
 
 
-class Motion(ABC):
+class Motion(ABC, Generic[MotionState]):
     """Motion of a batch's lanes, which differs between engines. `state` is a pytree, lanes last."""
 
     def __init__(self, batch: Batch):
@@ -69,40 +73,40 @@ class Motion(ABC):
         self.network, self.clock, self.plan = batch.network, batch.clock, batch.plan
 
     @abstractmethod
-    def begin(self) -> Any:
+    def begin(self) -> MotionState:
         """Return the state at t = 0, before anything is decided."""
 
     @abstractmethod
-    def errors(self, state: Any) -> Jets:
+    def errors(self, state: MotionState) -> Jets:
         """Return E and its first two derivatives now."""
 
     @abstractmethod
-    def basis(self, state: Any) -> tuple[Instants, Basis]:
+    def basis(self, state: MotionState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
 
     @abstractmethod
-    def seen(self, state: Any) -> tuple[Any, Any, Any]:
+    def seen(self, state: MotionState) -> tuple[PerVehicle, PerVehicle, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
 
     @abstractmethod
-    def drive_now(self, state: Any, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+    def drive_now(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return the drive `z = y‴ + P(ŷ)` of each vehicle now [m/s³], where ŷ is what the vehicle senses."""
 
     @abstractmethod
-    def hold(self, state: Any, decided: DecisionState, at: Tick) -> tuple[Any, LaneFlags]:
+    def hold(self, state: MotionState, decided: DecisionState, at: Tick) -> tuple[MotionState, LaneFlags]:
         """Return the state that follows the decisions, and the lanes in which a vehicle is cut off."""
 
     @abstractmethod
     def advance(
-        self, state: Any, decided: DecisionState, ticks: Ticks, status: Code
-    ) -> tuple[Any, Code, LaneFlags]:
+        self, state: MotionState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[MotionState, Code, LaneFlags]:
         """Return a later state, at most at the next tick; the status; the lanes that reached that tick."""
 
-    def drive(self, state: Any, decided: DecisionState) -> Drive:
+    def drive(self, state: MotionState, decided: DecisionState) -> Drive:
         """Return the weights and attack vectors that the motion follows now."""
         return tick.drive(self.lane, decided, self.plan)
 
-    def steps(self, state: Any) -> Int[Array, " lanes"]:
+    def steps(self, state: MotionState) -> Int[Array, " lanes"]:
         """Return the number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
 
@@ -120,7 +124,7 @@ class Fleet(NamedTuple):
     gathered: Gathered
 
 
-def begin(motion: Motion, batch: Batch, ticks: Any) -> Fleet:
+def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
     """Return the lanes at t = 0, before their first tick."""
     lane = batch.lane
     status = status_at_start(lane)
@@ -191,7 +195,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     )
 
 
-def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: dict[str, Any]) -> Outcome:
+def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
     """Return the results of lanes that have ended."""
     clock, gathered = batch.clock, fleet.gathered
     status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
@@ -214,14 +218,14 @@ def in_lockstep(
         state, status, _ = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
         return fleet._replace(state=state, status=status)
 
-    def pass_tick(number: Any, fleet: Fleet) -> Fleet:
+    def pass_tick(number: TickNumber, fleet: Fleet) -> Fleet:
         fleet = run_if((number > 0) & (fleet.status == Status.ok).any(), move, fleet)
         fleet = fleet._replace(ticks=number)
         if batch.acts:
             return arrive(fleet, motion, batch, lockstep=True)
         return fleet
 
-    def output(number: Any, carry: Any) -> Any:
+    def output(number: TickNumber, carry: tuple[Fleet, Series]) -> tuple[Fleet, Series]:
         fleet, series = carry
         last = number * clock.ticks
         if batch.acts or not plan.consistent:
@@ -233,7 +237,9 @@ def in_lockstep(
             name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
             for name, value in metrics.series(plan.save, seen).items()
         }
-        gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, clock.in_tail(number))
+        gathered = metrics.add(
+            plan.metrics, fleet.gathered, seen, everywhere, clock.in_tail(jnp.asarray(number))
+        )
         return fleet._replace(gathered=gathered), series
 
     fleet = begin(motion, batch, jnp.asarray(0))
@@ -245,7 +251,12 @@ def in_lockstep(
 
 
 def from_queue(
-    make: Callable[[Batch], Motion], queue: Inputs, count: Any, network: Network, clock: Clock, plan: Plan
+    make: Callable[[Batch], Motion],
+    queue: Inputs,
+    count: TickNumber,
+    network: Network,
+    clock: Clock,
+    plan: Plan,
 ) -> Outcome:
     """Simulate the first `count` lanes of a queue, `plan.chunk` of them side by side.
 
@@ -256,7 +267,7 @@ def from_queue(
         batch = Batch(inputs, network, clock, plan)
         return begin(make(batch), batch, jnp.zeros(inputs.lane.attack_scale.shape, int))
 
-    def advance(places: Places, series: Any) -> tuple[Fleet, Any]:
+    def advance(places: Places, series: Series) -> tuple[Fleet, Series]:
         batch = Batch(places.inputs, network, clock, plan)
         motion = make(batch)
         fleet = arrive(places.state, motion, batch, lockstep=False)

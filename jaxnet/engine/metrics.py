@@ -1,7 +1,7 @@
 """Metrics of a lane, gathered at output times, so that memory does not grow with time; saved series."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,8 @@ class Observation(NamedTuple):
 
 
 # Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).
-SERIES: dict[str, Callable[[Observation], Any]] = {
+Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
+SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
     "state": lambda seen: seen.state.swapaxes(0, 1),
@@ -47,12 +48,12 @@ SERIES: dict[str, Callable[[Observation], Any]] = {
 }
 
 
-def series(save: Sequence[str], seen: Observation) -> dict[str, Any]:
+def series(save: Sequence[str], seen: Observation) -> Series:
     """Return the saved arrays of an observation, by name, lanes last."""
     return {name: SERIES[name](seen) for name in save}
 
 
-def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> dict[str, Any]:
+def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> Series:
     """Return stacks of the saved arrays over `rows` output times, filled with not-a-number."""
     shapes = jax.eval_shape(lambda: series(save, seen()))
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
@@ -90,7 +91,7 @@ def add(
 
 def reduce_over_time(
     metrics: Sequence[Metric], gathered: Gathered, seen: Observation, there: Bool[Array, "*lanes"]
-) -> dict[str, Any]:
+) -> dict[str, Float[Array, "m *lanes"]]:
     """Return these metrics with the observation added, in the lanes where `there` holds."""
     found = {}
     for metric in metrics:

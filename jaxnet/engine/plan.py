@@ -39,11 +39,11 @@ class Clock(NamedTuple):
     outputs: Int[Array, ""]  # output times after t = 0
     tail_outputs: Int[Array, ""]  # number of the last output times, which stand for t → ∞
 
-    def at(self, number: Any) -> Float[Array, "*numbers"]:
+    def at(self, number: Int[Array, "*numbers"]) -> Float[Array, "*numbers"]:
         """Return the times [s] of the ticks with these numbers."""
         return number.astype(float) * self.interval
 
-    def in_tail(self, output: Any) -> Bool[Array, "*numbers"]:
+    def in_tail(self, output: Int[Array, "*numbers"]) -> Bool[Array, "*numbers"]:
         """Return whether these output times stand for t → ∞."""
         return output > self.outputs - self.tail_outputs
 
@@ -54,9 +54,9 @@ class Tolerances(NamedTuple):
     The error is the root mean square over vehicles that step together.
     """
 
-    rtol: Float[Array, "*lanes"]
-    atol: Float[Array, "*lanes"]
-    max_steps: Int[Array, "*lanes"]
+    rtol: Float[Any, "*lanes"]
+    atol: Float[Any, "*lanes"]
+    max_steps: Int[Any, "*lanes"]
 
 
 class Inputs(NamedTuple):

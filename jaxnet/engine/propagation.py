@@ -16,7 +16,7 @@ The lanes are the last axis of every array. Functions of one instant are compute
 XLA would compute them again for each vehicle that uses them (1.08 times, plain, 12 vehicles).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -33,8 +33,9 @@ from jaxnet.engine.flow import (
     passed_on,
     propagate,
 )
-from jaxnet.engine.loop import Batch, LaneFlags, Motion, Tick, Ticks
+from jaxnet.engine.loop import Batch, LaneFlags, Motion, PerVehicle, Tick, Ticks
 from jaxnet.engine.status import Code
+from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
@@ -54,7 +55,7 @@ class PropagationState(NamedTuple):
     noise: Jets | None  # errors of the sensed jets until the next tick
 
 
-class Propagation(Motion):
+class Propagation(Motion[PropagationState]):
     """Exact motion from tick to tick, the base of `Solved` and `Held`."""
 
     def basis(self, state: PropagationState) -> tuple[Instants, Basis]:
@@ -69,11 +70,11 @@ class Propagation(Motion):
         """Return the navigator's jets now."""
         return barrier(self.lane.navigator.jets(state.time))
 
-    def instant(self, ticks: Any) -> Instants:
+    def instant(self, ticks: Ticks | int) -> Instants:
         """Return the time of the tick with this number."""
         return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.attack_scale.shape)
 
-    def seen(self, state: PropagationState) -> tuple[Any, Any, Any]:
+    def seen(self, state: PropagationState) -> tuple[PerVehicle, PerVehicle, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         jets = self.outputs(state)
         return *plane.pace(jets), self.lane.vehicle.state_of(jets)
@@ -100,7 +101,7 @@ class Propagation(Motion):
         moved = signal.jets(self.forced(state), forcing)
         now = now._replace(jets=plane.plus(propagate(flow, state.jets), moved))
 
-        def stood(few: Any) -> LaneFlags:
+        def stood(few: LaneIndices) -> LaneFlags:
             return self.stood(now, few)
 
         status, straight = between.stopped(now.straight, status, lambda: self.outputs(now), stood)
@@ -152,7 +153,7 @@ class Solved(Propagation):
         lane, network, plan = self.lane, self.network, self.plan
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
-        def solve(carry: Any) -> Any:
+        def solve(carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
             vectors, cut_off = carry
             return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
 

@@ -4,7 +4,8 @@ A lane that takes many steps delays no other lane. The places stay busy until th
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,24 +18,38 @@ SPARE = 16  # a refill waits until one place in so many is idle
 QueueNumbers = Int[Array, " places"]
 
 
+QueuedLanes = TypeVar("QueuedLanes")  # pytrees, lanes last
+PlaceState = TypeVar("PlaceState")
+PassRecord = TypeVar("PassRecord")
+LaneResult = TypeVar("LaneResult")
+LaneTree = TypeVar("LaneTree")
+
+
 class Places(NamedTuple):
     """Lanes side by side, each under way or ended; the last axis of every array runs over places."""
 
     number: QueueNumbers  # of the lane in the queue; past the queue's end in an empty place
-    inputs: Any
-    state: Any
+    inputs: Any  # a pytree
+    state: Any  # a pytree
 
 
-class Work(NamedTuple):
+@dataclass(frozen=True)
+class Work(Generic[QueuedLanes, PlaceState, PassRecord, LaneResult]):
     """Functions that start, advance and end lanes side by side."""
 
-    start: Callable[[Any], Any]  # from inputs to the state at the start
-    advance: Callable[[Places, Any], tuple[Any, Any]]  # one pass: new state and record
-    under_way: Callable[[Any], Bool[Array, " places"]]  # from the state to the lanes that have not ended
-    end: Callable[[Any, Any], Any]  # from inputs and state to the result of a lane that has ended
+    start: Callable[[QueuedLanes], PlaceState]
+    advance: Callable[[Places, PassRecord], tuple[PlaceState, PassRecord]]  # one pass
+    under_way: Callable[[PlaceState], Bool[Array, " places"]]  # the lanes that have not ended
+    end: Callable[[QueuedLanes, PlaceState], LaneResult]  # of lanes that have ended
 
 
-def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record: Any) -> tuple[Any, Any]:
+def work_off(
+    queue: QueuedLanes,
+    count: Int[Array, ""] | int,
+    places: int,
+    work: Work[QueuedLanes, PlaceState, PassRecord, LaneResult],
+    record: PassRecord,
+) -> tuple[LaneResult, PassRecord]:
     """Advance the first `count` lanes of a queue to their end. Return their results and the record.
 
     Each pass updates the record. Every leaf of the queue and of the results has a last axis over the queue's
@@ -52,12 +67,16 @@ def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record:
         state = select(idle, work.start(inputs), now.state)
         return Places(number, inputs, state), taken + idle.sum()
 
-    def until_some_end(carry: Any) -> Any:
+    def until_some_end(
+        carry: tuple[Places, Int[Array, ""], LaneResult, PassRecord],
+    ) -> tuple[Places, Int[Array, ""], LaneResult, PassRecord]:
         now, taken, left, record = carry
         now, taken = refill(now, taken)
         few = jnp.where(taken < count, places - max(1, places // SPARE), 0)
 
-        def advance(carry: tuple[Places, Any]) -> tuple[Places, Any]:
+        def advance(
+            carry: tuple[Places, PassRecord],
+        ) -> tuple[Places, PassRecord]:
             now, record = carry
             state, record = work.advance(now, record)
             return now._replace(state=state), record
@@ -67,7 +86,7 @@ def work_off(queue: Any, count: Int[Array, ""], places: int, work: Work, record:
         ends = work.end(now.inputs, now.state)
         return now, taken, jax.tree.map(lambda leaf, end: put(leaf, done, end), left, ends), record
 
-    def nothing(shapes: Any, lanes: int) -> Any:
+    def nothing(shapes: LaneTree, lanes: int) -> LaneTree:
         return jax.tree.map(lambda leaf: jnp.zeros((*leaf.shape[:-1], lanes), leaf.dtype), shapes)
 
     some = nothing(queue, places)

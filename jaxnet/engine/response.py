@@ -32,9 +32,9 @@ def solve_response(
     vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
     vectors, sensors with errors and lost messages change more rows at every tick.
     """
-    retains = plan.decides and decided.decision.dtype == bool and not plan.strategic
-    if retains and decided.noise is None and decided.reception is None:
-        decision = decided.decision.reshape(-1, *lane.weights.shape)
+    decision, rows_change = decided.decision, decided.noise is not None or decided.reception is not None
+    if decision is not None and decision.dtype == bool and not (plan.strategic or rows_change):
+        decision = decision.reshape(-1, *lane.weights.shape)
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
 

@@ -13,7 +13,8 @@ of vehicles that hear only each other: the law has no solution for such a group.
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +24,7 @@ from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.losses import Messages
+from jaxnet.kinds.shapes import Decision, Memory
 from jaxnet.model import control, plane, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
@@ -33,6 +35,9 @@ Instants = Float[Array, " lanes"]
 Sent = tuple[Float[Array, "2 sources lanes"], ...]
 Received = tuple[Float[Array, "2 slots m lanes"], ...]
 LaneFlags = Bool[Array, " lanes"]
+PerAxis = Float[Array, "2 m lanes"]
+EachSignal = Float[Array, "2 signals lanes"]
+SignalJets = tuple[EachSignal, ...]
 VehicleFlags = Bool[Array, "m lanes"]
 
 
@@ -40,18 +45,20 @@ class Reception(NamedTuple):
     """Messages that arrived at a tick, and the vehicles that keep their drive because too few did."""
 
     arrived: Bool[Array, "slots m lanes"]
-    memory: Any  # of the loss
+    memory: Memory  # of the loss
     keeps: VehicleFlags
-    kept: Float[Array, "2 m lanes"]  # the drive z that they keep [m/s³]; 0 for other vehicles
+    kept: PerAxis  # the drive z that they keep [m/s³]; 0 for other vehicles
 
 
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
-    decision: Any  # of the defence, ([2,] slots, m, lanes); None where the defence decides nothing
-    memory: Any  # of the defence
+    decision: (
+        Decision | None
+    )  # of the defence, ([2,] slots, m, lanes); None where the defence decides nothing
+    memory: Memory  # of the defence
     vectors: Vectors | None  # of strategic attackers
-    attacker_memory: Any  # of strategic attackers
+    attacker_memory: Memory  # of strategic attackers
     noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
     reception: Reception | None = None  # None where every message arrives
 
@@ -69,14 +76,14 @@ class Seen(NamedTuple):
     """View of a strategic attacker at a tick: everything."""
 
     errors: Jets
-    decision: Any  # of the tick before
+    decision: Decision  # of the tick before
     weights: Float[Array, "slots m lanes"]
     sources: Int[Array, "slots m"]
     attacked: Bool[Array, "slots m"]
     basis: Basis
     time: Instants
     amplitude: Instants  # ā, the factor of unit vectors [m]
-    in_force: Any  # function from vectors, as `aim` returns them, to weights (axes, slots, m, lanes)
+    in_force: Callable[[Vectors], AxisWeights]  # from vectors, as `aim` returns them
 
 
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
@@ -100,7 +107,7 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
 
-def first_decision(decided: Any, lane: Lane) -> Any:
+def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
     """Return the decision that retains every source, in the form of the defence's decisions.
 
     Raises KindError where a decision of the defence has another shape or type than allowed.
@@ -133,7 +140,7 @@ def decide(
     errors: Jets,
     basis: Basis,
     time: Instants,
-    drive: Float[Array, "2 m lanes"] | None = None,
+    drive: PerAxis | None = None,
 ) -> DecisionState:
     """Pass one tick: return the decisions for errors E, where the attacks' functions are `basis`.
 
@@ -181,14 +188,19 @@ def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> M
 
 
 def keep_drive(
-    lane: Lane, network: Network, plan: Plan, state: DecisionState, before: Reception | None, drive: Any
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    state: DecisionState,
+    before: Reception | None,
+    drive: PerAxis | None,
 ) -> DecisionState:
     """Return the state with the vehicles that keep their drive: those that no believed message reaches.
 
     A vehicle that kept its drive at the tick before still keeps the same one.
     """
     reception = state.reception
-    if reception is None or before is None:
+    if reception is None or before is None or drive is None:
         return state
     heard = (weights_without_loss(lane, state, plan) > 0) & reception.arrived[None]
     nobody = ~heard.any(axis=1)
@@ -205,7 +217,7 @@ def tell(errors: Jets) -> Sent:
     return tuple(jnp.concatenate([jnp.zeros_like(jet[:, :1]), jet], axis=1) for jet in errors)
 
 
-def attack(network: Network, sent: Sent, signals: Any) -> Received:
+def attack(network: Network, sent: Sent, signals: SignalJets) -> Received:
     """Return the jets on each link, with the attacks' jets on attacked links."""
     return tuple(network.hearing.received(*both) for both in zip(sent, signals, strict=False))
 
@@ -232,7 +244,7 @@ def judge(
         surroundings(heard, network, time, before.memory, signals),
     )
     decision = of_heard(decision, lane)
-    if before.reception is not None:
+    if before.reception is not None and before.decision is not None:
         decision = jnp.where(before.reception.arrived, decision, before.decision)
     return before._replace(decision=decision, memory=memory)
 
@@ -257,7 +269,7 @@ def sight(
 ) -> Seen:
     """Return the view of a strategic attacker at a tick: everything but the losses of the tick."""
 
-    def in_force(vectors: Any) -> AxisWeights:
+    def in_force(vectors: Vectors) -> AxisWeights:
         chosen = state._replace(vectors=bounded(vectors, lane), reception=None)
         judged = judge(lane, network, plan, chosen, errors, basis, time)
         return weights_in_force(lane, judged, plan)
@@ -270,7 +282,7 @@ def sight(
 
 
 def surroundings(
-    lane: Lane, network: Network, time: Instants, memory: Any, signals: Any = None
+    lane: Lane, network: Network, time: Instants, memory: Memory, signals: SignalJets | None = None
 ) -> Neighbourhood:
     """Return the inputs of a defence besides the received jets; `signals` are the attacks' jets."""
     heard, trusted = network.hearing, network.trusted
@@ -285,13 +297,13 @@ def surroundings(
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 
-def of_heard(decision: Any, lane: Lane) -> Any:
+def of_heard(decision: Decision, lane: Lane) -> Decision:
     """Return a decision in which slots of sources that the lane does not hear never count."""
     heard = jnp.broadcast_to(lane.weights > 0, decision.shape)
     return decision | ~heard if decision.dtype == bool else jnp.where(heard, decision, 0.0)
 
 
-def bounded(vectors: Any, lane: Lane) -> Vectors:
+def bounded(vectors: Vectors, lane: Lane) -> Vectors:
     """Return vectors scaled to ā; a norm over 1 is scaled down to 1.
 
     The Frobenius norm is no less than the spectral norm. The vectors are divided by their greatest component
@@ -348,15 +360,21 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
 
 def drive_along(
     lane: Lane, states: Float[Array, "n m lanes"], rates: Float[Array, "n m lanes"], noise: Jets | None
-) -> Float[Array, "2 m lanes"]:
+) -> PerAxis:
     """Return the drive `z = y‴ + P(ŷ)` of vehicles whose states change at these rates."""
     own, (_, _, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
     return jerk + control.feedback(lane.gain, sensed(own, noise))
 
 
 def exchange(
-    lane: Lane, network: Network, drive: Drive, own: Jets, path: Any, attack: Any, last: Any
-) -> Float[Array, "2 m lanes"]:
+    lane: Lane,
+    network: Network,
+    drive: Drive,
+    own: Jets,
+    path: Float[Array, "2 lanes"],
+    attack: EachSignal,
+    last: PerAxis,
+) -> PerAxis:
     """Return the jerk that vehicles hold until the next tick, under a law that holds a jerk.
 
     `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), and `last` is the jerk held until
@@ -367,7 +385,7 @@ def exchange(
     if drive.reception is not None:
         demand = jnp.where(drive.reception.keeps[None], last, demand)
 
-    def heard(jerk: Any) -> Any:
+    def heard(jerk: PerAxis) -> PerAxis:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)
         return network.hearing.mean(weights, sources, jnp.zeros_like(attack))
 

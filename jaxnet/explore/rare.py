@@ -44,7 +44,7 @@ def count_rare(
     return folder.path / RARE_FILE
 
 
-def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, Any]]:
+def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, object]]:
     """Return the stored rows with the same number of points and the same τ."""
     if not (folder.path / RARE_FILE).exists():
         return []

@@ -55,7 +55,7 @@ def write_indices(
     tau = None if study.config.recovery is None else study.config.recovery.tau
     rows = known_index_rows(folder, samples, tau)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
-    done, total = sum(needed[cell] for cell in known), sum(needed.values())
+    done, total = sum(lanes for cell, lanes in needed.items() if cell in known), sum(needed.values())
 
     def load_done(lanes: int) -> None:
         nonlocal done
@@ -74,7 +74,7 @@ def write_indices(
     return folder.path / SENSITIVITY_FILE
 
 
-def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, Any]]:
+def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, object]]:
     """Return the stored rows with the same number of samples and the same τ."""
     if not (folder.path / SENSITIVITY_FILE).exists():
         return []
@@ -105,7 +105,7 @@ def pick_freeze_outcomes(
 
 def index_rows(
     cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], tau: float | None
-) -> list[dict[str, Any]]:
+) -> list[dict[str, object]]:
     """Return a cell's rows by metric and quantity; a sample with a failed lane is left out."""
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)

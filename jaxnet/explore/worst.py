@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, to_plain
@@ -87,7 +87,9 @@ class CellSearch:
         """Return the objective of each lane; not-a-number where the lane failed."""
         return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
 
-    def objective(self, metrics: Mapping[str, Any]) -> Float[np.ndarray, " lanes"]:
+    def objective(
+        self, metrics: Mapping[str, Float[Array | np.ndarray, " lanes"]]
+    ) -> Float[np.ndarray, " lanes"]:
         """Return the objective of lanes with these metrics."""
         if self.settings.maximise != "unrecovered":
             return np.asarray(metrics[self.settings.maximise])

@@ -5,8 +5,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
 
 from jaxnet.kinds import registry
-from jaxnet.kinds.families import base_of
 from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.outside.families import base_of
 
 
 class KindOf:

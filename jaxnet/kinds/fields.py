@@ -5,6 +5,7 @@ import statistics
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from annotated_types import Len
 from pydantic import (
     AfterValidator,
@@ -106,6 +107,12 @@ else:
     ]
 
 
+if TYPE_CHECKING:
+    Magnitude = Any  # ā: a number or a distribution in a config; numbers of lanes while they are simulated
+else:
+    Magnitude = Number | np.ndarray
+
+
 class Apiece(Record):
     """One draw for each attacked vehicle."""
 
@@ -198,7 +205,7 @@ def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
-def value_range(number: Any) -> tuple[float, float]:
+def value_range(number: PerVehicle) -> tuple[float, float]:
     """Return the least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
@@ -215,7 +222,7 @@ def value_range(number: Any) -> tuple[float, float]:
     return number, number
 
 
-def median(number: Any) -> float:
+def median(number: Number) -> float:
     """Return the median of a distribution, or the number itself."""
     match number:
         case Uniform(uniform=[low, high]):
@@ -242,7 +249,7 @@ class Within:
     def __init__(self, **limits: float):
         self.limits = limits
 
-    def check(self, number: Any) -> Any:
+    def check(self, number: PerVehicle) -> PerVehicle:
         """Return the number; raise ValueError if it breaks a limit."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]

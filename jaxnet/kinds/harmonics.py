@@ -1,7 +1,7 @@
 """Attacks that are sums of harmonics of one frequency, with a certified bound on the sum."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +15,9 @@ from jaxnet.model.signal import ORDERS, Harmonic
 
 FINENESS = 32  # points of the grid in a period of the highest harmonic
 SIGNALS = 1_024  # signals in one batch of Fourier transforms
+
+
+AnyHarmonics = TypeVar("AnyHarmonics", bound="Harmonics")
 
 
 class Harmonics(Attack):
@@ -32,7 +35,7 @@ class Harmonics(Attack):
         """Return vectors of cosine and sine of each harmonic, of any size: (2, m, 2 · harmonics, lanes)."""
         raise KindError(f"{self.kind}: a sum of harmonics gives pairs(self)")
 
-    def with_several(self, draw: LaneDraw, name: str, **numbers: int) -> Any:
+    def with_several(self: AnyHarmonics, draw: LaneDraw, name: str, **numbers: int) -> AnyHarmonics:
         """Return the drawn attack with `numbers[key]` numbers for each harmonic in a key: (numbers, m,
         lanes).
         """

@@ -1,16 +1,16 @@
 """The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar, Unpack
 
 import numpy as np
-from pydantic import Field, model_serializer
+from pydantic import ConfigDict, Field, model_serializer
 from upath import UPath
 
-from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
-from jaxnet.kinds.modules import KindError as KindError
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.modules import KindError as KindError
 
 
 class Fault(NamedTuple):
@@ -36,14 +36,14 @@ class Kind(Record):
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
-    def __init_subclass__(cls, **options: Any) -> None:
+    def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
         """Set `kind` to the name of the class unless the class defines it."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
 
     @model_serializer(mode="wrap")
-    def _plain(self, handler: Callable[["Kind"], dict[str, Any]]) -> dict[str, Any]:
+    def _plain(self, handler: Callable[["Kind"], dict[str, object]]) -> dict[str, object]:
         return {"kind": self.reference(), **handler(self)}
 
     @classmethod
@@ -61,7 +61,7 @@ class Kind(Record):
         return restore_kind, (provenance.origin_of(cls), cls.__qualname__, self.__dict__)
 
     @classmethod
-    def completed(cls, given: dict[Any, Any], folder: UPath) -> dict[Any, Any]:
+    def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
         """Return a config's mapping of this kind, completed by the file at its key `path` in a folder.
 
         By default the mapping is returned as it is. Raises KindError if the file cannot be read.
@@ -78,7 +78,7 @@ class Kind(Record):
 
     def drawn(self: AnyKind, draw: LaneDraw, name: str) -> AnyKind:
         """Return a copy whose numbers are arrays with lanes last; `name` is the dotted key of this kind."""
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         for key, field in type(self).model_fields.items():
             value, dotted = getattr(self, key), f"{name}.{key}"
             if isinstance(value, Kind):
@@ -102,7 +102,7 @@ class Kind(Record):
         return made
 
 
-def restore_kind(origin: modules.Origin, name: str, values: dict[str, Any]) -> Kind:
+def restore_kind(origin: modules.Origin, name: str, values: dict[str, object]) -> Kind:
     """Return a kind that another process has sent; raise KindError if its module differs in this process."""
     return modules.attribute(modules.load_origin(origin), name).filled(values)
 

@@ -4,12 +4,14 @@ Lanes share one compiled program if the classes and structures of their kinds ar
 """
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
 
 from jaxnet.kinds.kind import Kind
+
+AnyDrawn = TypeVar("AnyDrawn")
 
 
 class Settings:
@@ -35,7 +37,7 @@ class Shape(NamedTuple):
 REGISTERED_CLASSES: set[type] = set()
 
 
-def as_pytree(drawn: Any) -> Any:
+def as_pytree(drawn: AnyDrawn) -> AnyDrawn:
     """Return a drawn kind as a registered pytree without its untraced keys, also inside tuples; else the
     argument.
     """

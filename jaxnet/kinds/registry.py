@@ -17,11 +17,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxnet.kinds import modules, provenance
-from jaxnet.kinds.families import FAMILIES, base_of, family_of, is_member
 from jaxnet.kinds.kind import REFERENCES, Kind, KindError
-from jaxnet.kinds.outside import entry_points, import_reference
-from jaxnet.kinds.provenance import KindOrMetric, home_of, name_in
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.families import FAMILIES, base_of, family_of, is_member
+from jaxnet.outside.provenance import KindOrMetric, home_of, name_in
+from jaxnet.outside.references import entry_points, import_reference
 
 RENAMED = {("engine", "flat"): "exact", ("engine", "chassis"): "nonlinear"}
 
@@ -56,7 +56,7 @@ class Scope:
         finally:
             CURRENT_SCOPE.reset(token)
 
-    def outside(self, family: str, name: str) -> Any:
+    def outside(self, family: str, name: str) -> KindOrMetric | None:
         """Return the kind of an entry point or of `module:attribute`, None if the name is neither."""
         point = next((each for each in entry_points(family) if each.name == name), None)
         if point is not None:
@@ -132,7 +132,7 @@ def record_found(family: str, name: str, found: KindOrMetric) -> None:
         REFERENCES[found] = name
 
 
-def metric_name(metric: Any) -> str:
+def metric_name(metric: KindOrMetric) -> str:
     """Return the name of a metric in a config."""
     return str(METRIC_REFERENCES.get(metric, metric.name))
 
@@ -165,7 +165,7 @@ def adopt(given: KindOrMetric) -> str:
 
 
 @functools.cache
-def builtin_kind(family: str, name: str) -> Any:
+def builtin_kind(family: str, name: str) -> KindOrMetric | None:
     """Return the kind in the file of this name in the family's folder, None if there is no such file."""
     module = f"{FAMILIES[family].package}.{name}"
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
@@ -173,7 +173,7 @@ def builtin_kind(family: str, name: str) -> Any:
     return kind_in_module(importlib.import_module(module), family, name)
 
 
-def kind_in_module(module: ModuleType, family: str, name: str) -> Any:
+def kind_in_module(module: ModuleType, family: str, name: str) -> KindOrMetric | None:
     """Return the kind of a family that a module of jaxnet defines, None if it defines none."""
     base = base_of(family)
     for found in vars(module).values():

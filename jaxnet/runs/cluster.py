@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from upath import UPath
 
-from jaxnet.kinds import blame
 from jaxnet.kinds.registry import Scope
 from jaxnet.lazy import LazyModule
+from jaxnet.outside import blame
 from jaxnet.runs import cache
 from jaxnet.store.folder import PACKAGES, FolderError, versions
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import distributed.utils
 
     from jaxnet.engine import batch
-    from jaxnet.kinds.provenance import Provenance
+    from jaxnet.outside.provenance import Provenance
     from jaxnet.runs import shards
     from jaxnet.runs.shards import Assignment, Done
     from jaxnet.store.layout import Shard

@@ -24,8 +24,8 @@ from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
-from jaxnet.kinds.provenance import Provenance
 from jaxnet.lanes.jobs import job, source_of
+from jaxnet.outside.provenance import Provenance
 from jaxnet.runs.tally import Done, sums_of
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.folder import Folder

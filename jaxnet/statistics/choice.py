@@ -31,7 +31,7 @@ def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     return found
 
 
-def as_list(values: object) -> list[Any]:
+def as_list(values: object) -> list[object]:
     """Return one value or several values as a list."""
     return list(values) if isinstance(values, list | tuple) else [values]
 

@@ -12,7 +12,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
-from jaxnet.kinds.fields import is_drawn
+from jaxnet.kinds.fields import Number, is_drawn
 from jaxnet.statistics.groups import Group, Label, attacked_groups
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -216,7 +216,7 @@ def failed_kinds(results: Results) -> dict[int, Counter[str]]:
     return {number: Counter(map(str, failed["status"])) for number, failed in found}
 
 
-def configured_magnitude(cell: Cell) -> Any:
+def configured_magnitude(cell: Cell) -> Number:
     """Return ā as in the config; 0 without an attack."""
     return cell.scenario.attack.amplitude()
 

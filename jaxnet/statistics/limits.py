@@ -7,7 +7,7 @@ O5). The other sound bounds are never below the peak gain and need no check.
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -36,7 +36,20 @@ UNCHECKED = (
     "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
     " retains, or the law is not solved at every instant"
 )
-VIOLATION_COLUMNS = ("cell", "sample", "bound", "tail_max", "limit", "command")
+
+
+class Violation(NamedTuple):
+    """A row of the violations' table: a lane that exceeds a bound."""
+
+    cell: int
+    sample: int
+    bound: str
+    tail_max: float  # [m]
+    limit: float  # [m]
+    command: str  # that replays the lane
+
+
+VIOLATION_COLUMNS = Violation._fields
 
 Limits = Float[np.ndarray, "times m lanes"]
 Response = Callable[[np.ndarray], np.ndarray | float]  # jets (3, 2, signals, lanes) to (3, 2, m, lanes)
@@ -96,7 +109,7 @@ def violations_table(results: Results) -> pd.DataFrame:
         rows = rows[suspect_lanes(cell.scenario, source, rows)]
         at_once = max(1, MOST_LIMITS // (len(tail_of(cell.scenario)) * cell.scenario.vehicles))
         for first in range(0, len(rows), at_once):
-            found += excesses(results, cell, source, rows[first : first + at_once])
+            found += excesses(results, cell, source, rows.iloc[first : first + at_once])
     return pd.DataFrame(found, columns=list(VIOLATION_COLUMNS))
 
 
@@ -110,14 +123,14 @@ def suspect_lanes(scenario: Scenario, source: Source, rows: pd.DataFrame) -> Boo
     return np.any([errors > limit for limit in least], axis=0)
 
 
-def excesses(results: Results, cell: Cell, source: Source, rows: Any) -> Iterator[tuple[Any, ...]]:
+def excesses(results: Results, cell: Cell, source: Source, rows: pd.DataFrame) -> Iterator[Violation]:
     """Yield the rows of the violations' table for some lanes of one cell."""
     scenario, samples, errors = cell.scenario, rows["sample"].tolist(), rows["tail_max"].to_numpy()
     for bound, limits in limits_of(scenario, source, samples, tail_of(scenario)).items():
         limit = limits.max(axis=(0, 1))
         for n in np.flatnonzero(errors > limit):
             command = results.replay_command(cell.number, samples[n])
-            yield cell.number, samples[n], bound, errors[n], limit[n], command
+            yield Violation(cell.number, samples[n], bound, errors[n], limit[n], command)
 
 
 def tail_of(scenario: Scenario) -> Float[np.ndarray, " times"]:

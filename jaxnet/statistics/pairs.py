@@ -54,7 +54,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         mark_unrecovered(lanes, pair, taus(first, second)) for lanes, pair in zip(tables, pairs, strict=True)
     ]
     changed = [
-        lanes[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna() for lanes in judged
+        lanes.loc[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna()
+        for lanes in judged
     ]
     rows = [comparison_row(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
     return Comparison(
@@ -65,7 +66,7 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         lane_table(
             pairs, changed, ["sample", "tail_mean_A", "tail_mean_B", "unrecovered_A", "unrecovered_B"]
         ),
-        lane_table(pairs, [lanes[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
+        lane_table(pairs, [lanes.loc[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
     )
 
 
@@ -161,7 +162,9 @@ def taus(first: Results, second: Results) -> list[float]:
     return [np.nan if each is None else each.tau for each in criteria]
 
 
-def comparison_row(pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]) -> dict[str, Any]:
+def comparison_row(
+    pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]
+) -> Mapping[str, object]:
     """Return the comparison of a pair of cells as a row."""
     ok: Any = lanes[lanes["ok"]]
     row = cell_numbers(pair) | pair[0].labels | {"pairs": len(ok), "failed": len(lanes) - len(ok)}
@@ -206,7 +209,7 @@ def cell_numbers(pair: CellPair) -> dict[str, int]:
     return {"cell": a} if a == b else {"cell": a, "cell_B": b}
 
 
-def lane_table(pairs: Sequence[CellPair], lanes: Sequence[Any], columns: list[str]) -> pd.DataFrame:
+def lane_table(pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
     """Return a table of these lanes of each pair, with the cells' numbers and swept values."""
     found = []
     for pair, rows in zip(pairs, lanes, strict=True):
@@ -231,12 +234,14 @@ def differing_settings(first: Results, second: Results) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["key", "A", "B"])
 
 
-def by_dotted_key(data: Mapping[str, Any], before: str = "") -> dict[str, str]:
+def by_dotted_key(data: Mapping[str, object], before: str = "") -> dict[str, str]:
     """Return the values as text, by dotted key."""
     found: dict[str, str] = {}
     for key, value in data.items():
-        nested = isinstance(value, Mapping) and value
-        found |= by_dotted_key(value, f"{before}{key}.") if nested else {f"{before}{key}": str(value)}
+        if isinstance(value, Mapping) and value:
+            found |= by_dotted_key(value, f"{before}{key}.")
+        else:
+            found[f"{before}{key}"] = str(value)
     return found
 
 

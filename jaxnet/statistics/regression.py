@@ -61,7 +61,7 @@ class Best(NamedTuple):
     pull: PerMagnitude  # a multiple of the subgradients G_j' with Σ_j G_j'·growth_j = 0
 
 
-class Loss(NamedTuple):
+class FitLoss(NamedTuple):
     """The loss Σ_j G_j(u_j) to be minimised."""
 
     weights: PerMagnitude
@@ -69,7 +69,7 @@ class Loss(NamedTuple):
     best: Callable[[PerMagnitude, PerMagnitude], Best]  # of offset and growth
 
 
-def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
+def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> FitLoss:
     """Return the loss of least squares from weights and means.
 
     The constant Σ_s n_s (r_js − m_j)² is left out.
@@ -80,7 +80,7 @@ def squared_loss(weights: PerMagnitude, means: PerMagnitude) -> Loss:
         residual = offset + scale * growth - means
         return Best(scale, jnp.sum(weights * residual**2) / 2, weights * residual)
 
-    return Loss(weights, means, best)
+    return FitLoss(weights, means, best)
 
 
 class Cumulative(NamedTuple):
@@ -128,7 +128,9 @@ def cumulate(data: Data, bins: Float[Array, "j bins"]) -> Cumulative:
     return Cumulative(data, mean, weight, ratio)
 
 
-def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int) -> Loss:
+def pinball_loss(
+    data: Data, bins: Float[Array, "j bins"], quantile: Number, halvings: Index | int
+) -> FitLoss:
     """Return the loss of quantile regression.
 
     The best scale is a weighted quantile of (r_js − offset_j)/growth_j. The loss is `Σ_s n_s ρ_q(r_js − u) =
@@ -175,7 +177,7 @@ def pinball_loss(data: Data, bins: Float[Array, "j bins"], quantile: Number, hal
         loss = jnp.where(quantile < 1, u * falling - cumulative.ratio_of(under), u * weights)
         return Best(scale, jnp.sum(loss), rising + share * falling)
 
-    return Loss(weights, least, best)
+    return FitLoss(weights, least, best)
 
 
 def flatten_bins(bins: Float[Array, "j bins lanes"]) -> Float[Array, "j n"]:
@@ -212,7 +214,7 @@ class ShapeSearch(NamedTuple):
 
 
 def fit_curves(
-    x: PerMagnitude, loss: Loss, effort: Effort, models: tuple[str, ...]
+    x: PerMagnitude, loss: FitLoss, effort: Effort, models: tuple[str, ...]
 ) -> dict[str, Float[Array, " parameters"]]:
     """Return the parameters of the best curve of some models."""
     straight = loss.best(jnp.zeros_like(x), jnp.ones_like(x)).scale
@@ -226,7 +228,7 @@ def fit_curves(
 
 
 def search_shape(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, effort: Effort
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss, effort: Effort
 ) -> ShapeSearch:
     """Return the best shape and its bracket.
 
@@ -262,7 +264,7 @@ def search_shape(
 
 
 def candidate_shapes(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss
 ) -> Float[Array, " shapes"]:
     """Return STRIDES + 1 quantiles of the shapes of curves through two minimisers; 0 if there are none.
 
@@ -281,7 +283,7 @@ def candidate_shapes(
 
 
 def evaluate_shape(
-    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: Loss, shape: Number
+    curves: list[CurveFamily], kind: Index, x: PerMagnitude, loss: FitLoss, shape: Number
 ) -> tuple[Best, Number]:
     """Return the best scale for a shape, and a multiple of the derivative of its loss in the shape."""
 

@@ -24,7 +24,7 @@ from upath import UPath
 from jaxnet.config.cells import to_plain
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import Yaml12Dumper
-from jaxnet.kinds.provenance import Provenance, provenance
+from jaxnet.outside.provenance import Provenance, provenance
 from jaxnet.store import lock
 from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__

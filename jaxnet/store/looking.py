@@ -17,13 +17,13 @@ from typing import Any, ClassVar, NoReturn, TypeVar, get_origin
 
 from pydantic import BaseModel, ConfigDict, create_model
 
-from jaxnet.kinds import modules
-from jaxnet.kinds import provenance as source
-from jaxnet.kinds.families import FAMILIES, base_of
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
-from jaxnet.kinds.outside import entry_points, import_reference
 from jaxnet.kinds.registry import LOADED, METRIC_REFERENCES, Scope
+from jaxnet.outside import modules
+from jaxnet.outside import provenance as source
+from jaxnet.outside.families import FAMILIES, base_of
+from jaxnet.outside.references import entry_points, import_reference
 
 METRIC = ("name", "unit", "over", "time", "vehicles", "words")  # what is known of a metric besides its code
 Found = type[Kind] | Metric  # a kind from outside
@@ -133,7 +133,7 @@ class Looking(Scope):
 
 
 def describe_outside(
-    known: Mapping[tuple[str, str], Found], named: Iterable[Found]
+    known: Mapping[tuple[str, str], source.KindOrMetric], named: Iterable[source.KindOrMetric]
 ) -> dict[str, Description]:
     """Return the manifest's description of kinds from outside, for readers without their code."""
     wanted = list(named)

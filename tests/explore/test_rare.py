@@ -8,6 +8,8 @@ import jaxnet
 from jaxnet.explore import subsets
 from tests import systems
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 
 @pytest.mark.parametrize(("level", "coordinates"), [(2.0, 2), (4.5, 40)])
 def test_a_plane_far_out(level, coordinates):

@@ -15,6 +15,7 @@ from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet.api import studies, writing
 from jaxnet.config.keys import Scenario
+from jaxnet.engine.batch import Machine
 from jaxnet.explore import late, search, worst
 from jaxnet.explore.box import Box, places_of
 from jaxnet.explore.search import Finalist, Trials, search_box
@@ -26,6 +27,9 @@ from jaxnet.view.page.sections import search_section
 from jaxnet.view.text.worst import search_text as text_of
 from tests import systems
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
+MANY = Machine(devices=1, chunk=64)  # a generation at once
 KEYS = {"engine": "exact", "defence": "none", "horizon": 20.0, "tail": 1.0, "output_step": 0.5}
 
 
@@ -50,7 +54,7 @@ def test_the_worst_is_found_where_it_is_known(case):
     """To 1 %: all directions the same, of constant attacks, of spoofs, and of attacks that replace."""
     topology, attack, over, exact = KNOWN[case]
     keys = {"topology": topology, "attack": attack, "defence": "none", "horizon": 20.0, "tail": 1.0}
-    trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, systems.FEW)
+    trials = Trials(box_of(experiment.study_of(over, 1, 4000, 2, **keys)), 2, largest, MANY)
     lanes = [generation.lanes for generation in search_box(trials, 4000, 1)]
     assert lanes == sorted(lanes)
     assert lanes[-1] == trials.lanes <= 4000
@@ -60,7 +64,7 @@ def test_the_worst_is_found_where_it_is_known(case):
 def test_sets_of_vehicles_are_all_tried():
     """Of six vehicles on a ring, the best pair is the one that the exact solution of all pairs has."""
     given = study({"attack.vehicles": {"choose": 2}}, budget=200, vehicles=6, attack=experiment.IN_PHASE)
-    trials = Trials(box_of(given), 2, largest, systems.FEW)
+    trials = Trials(box_of(given), 2, largest, MANY)
     (only,) = search_box(trials, 200, 0)
     assert only.phase == "sets"
     assert only.lanes == 2 * math.comb(6, 2)
@@ -93,7 +97,7 @@ def test_choices_of_which_a_lane_fails_count_less():
     def failing(outcome):
         return np.where(next(count) % 2, largest(outcome), math.nan)
 
-    trials = Trials(box_of(given), 2, failing, systems.FEW)
+    trials = Trials(box_of(given), 2, failing, MANY)
     *_, last = search_box(trials, 2000, 0)
     assert last.failed > 500
     assert last.best > 25

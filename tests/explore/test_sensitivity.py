@@ -14,6 +14,8 @@ from jaxnet.kinds.metrics import Metric
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 from jaxnet.statistics.indices import sobol_indices
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 TURN = Uniform(uniform=[-PI, PI])
 QUICK = {
     "vehicles": 1,

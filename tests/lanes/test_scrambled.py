@@ -16,6 +16,8 @@ from jaxnet.statistics.summary import metric_statistics
 from jaxnet.view.text import tables
 from tests import systems
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 DIMENSIONS = 5
 COLUMNS = {Place("x", vehicle): vehicle for vehicle in range(DIMENSIONS)}
 ENTRIES = [(vehicle, 0) for vehicle in range(DIMENSIONS)]

@@ -25,6 +25,8 @@ from jaxnet.runs.cluster import ClusterError
 from jaxnet.store import arrays, layout
 from jaxnet.store.folder import FolderError, TakenError
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 STUDY = {
     "name": "parted",
     "samples": 256,

@@ -1,9 +1,12 @@
 """A run that is killed at any moment loses nothing: the same command completes it as if it had not been."""
 
 import numpy as np
+import pytest
 
 import jaxnet
 from experiments import kill
+
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
 
 STUDY = kill.STUDY | {
     "samples": 256,

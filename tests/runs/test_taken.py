@@ -19,6 +19,8 @@ from jaxnet.cli import main
 from jaxnet.store import lock
 from jaxnet.store.results import Results
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 STUDY = {
     "name": "long",
     "samples": 500,

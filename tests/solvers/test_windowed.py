@@ -30,12 +30,13 @@ def known(lane, network, decision):
     found = np.zeros((2, VEHICLES, lane.vectors.shape[2], weights.shape[-1]))
     for axis, number in np.ndindex(2, weights.shape[-1]):
         laplacian, right = np.eye(VEHICLES), np.zeros((VEHICLES, found.shape[2]))
-        for slot, vehicle in np.ndindex(*heard.sources.shape):
-            weight = weights[axis, slot, vehicle, number]
-            if heard.carried_sources[slot, vehicle] > 0:
-                laplacian[vehicle, heard.carried_sources[slot, vehicle] - 1] -= weight
-            if heard.attacked[slot, vehicle]:
-                right[vehicle] += weight * vectors[axis, heard.signals[slot, vehicle], :, number]
+        weight = weights[axis, ..., number]
+        slots, listeners = np.nonzero(heard.carried_sources > 0)
+        carried = heard.carried_sources[slots, listeners] - 1
+        np.subtract.at(laplacian, (listeners, carried), weight[slots, listeners])
+        slots, listeners = np.nonzero(heard.attacked)
+        told = vectors[axis, heard.signals[slots, listeners], :, number]
+        np.add.at(right, listeners, weight[slots, listeners, None] * told)
         found[axis, ..., number] = np.linalg.solve(laplacian, right)
     return found
 

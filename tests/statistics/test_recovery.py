@@ -15,6 +15,8 @@ from jaxnet.statistics import recovery
 from jaxnet.store.folder import Folder, FolderError
 from tests import systems
 
+pytestmark = pytest.mark.usefixtures("many_side_by_side")
+
 
 def keys(**more):
     """A study in which a share of the lanes stays above its threshold, cheap to simulate."""

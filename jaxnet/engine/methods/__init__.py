@@ -1,10 +1,23 @@
 """Engines, the ways to advance lanes from tick to tick, one per file. A config chooses one by `engine`."""
 
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from collections.abc import Hashable, Iterator
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from jaxnet.kinds.families import add_family
+import numpy as np
+from jaxtyping import Float, Int
+
 from jaxnet.kinds.kind import Fault, Kind
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.outside.families import add_family
+
+if TYPE_CHECKING:
+    from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
+    from jaxnet.model.lane import Network
+else:
+    Clock = Inputs = Network = Outcome = Plan = Any
+
+LaneGainRows = Float[np.ndarray, "lanes 3"]
+LaneCount = Int[Any, ""] | int
 
 
 class Engine(Kind):
@@ -18,23 +31,23 @@ class Engine(Kind):
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
 
-    def options(self) -> tuple[Any, ...]:
+    def options(self) -> tuple[Hashable, ...]:
         """Return the options that shape the compiled program: hashable."""
         return ()
 
-    def numbers(self, draw: Any, gain: Any, interval: float) -> Any:
+    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> object:
         """Return the engine's own inputs, a pytree of arrays with lanes first.
 
-        `gain` has shape (lanes, 3); `interval` [s] is the time from tick to tick.
+        `interval` [s] is the time from tick to tick.
         """
-        return ()
+        return None
 
     @staticmethod
-    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
+    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
         """Return the outcome of the first `count` lanes of a queue of `Inputs`, traced by JAX; lanes last."""
         raise NotImplementedError
 
-    def faults(self, scenario: Any) -> Iterator[Fault]:
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the scenario holds a jerk or decides at every instant, and the engine cannot."""
         if scenario.law.holds and not self.holds:
             message = (

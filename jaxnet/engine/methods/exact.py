@@ -1,10 +1,11 @@
 """The exact engine as a config names it (see `engine.propagation`)."""
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from jaxtyping import Array, Float
 
-from jaxnet.engine.methods import Engine
+from jaxnet.engine.methods import Clock, Engine, Inputs, LaneCount, LaneGainRows, Network, Outcome, Plan
+from jaxnet.kinds.protocols import LaneDraw
 
 
 class Flow(NamedTuple):
@@ -23,7 +24,7 @@ class Exact(Engine):
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
 
-    def numbers(self, draw: Any, gain: Any, interval: float) -> Flow:
+    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
         """Return the flow over one tick for each lane's gains."""
         from scipy.linalg import expm
 
@@ -35,7 +36,7 @@ class Exact(Engine):
         return Flow(draw.same(flow[0]), draw.same(reach[0])) if alike else Flow(flow, reach)  # pyright: ignore[reportArgumentType]
 
     @staticmethod
-    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
+    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
         """Advance all lanes in lockstep by `engine.propagation`."""
         from jaxnet.engine import loop, propagation
 

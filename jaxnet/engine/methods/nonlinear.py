@@ -1,11 +1,18 @@
 """The nonlinear engine as a config names it (see `engine.integration`)."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Hashable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from jaxnet.engine.methods import Engine
+from jaxnet.engine.methods import Clock, Engine, Inputs, LaneCount, LaneGainRows, Network, Outcome, Plan
 from jaxnet.kinds.fields import Number, Positive, Within
+from jaxnet.kinds.protocols import LaneDraw
+
+if TYPE_CHECKING:
+    from jaxnet.engine.plan import Tolerances
+else:
+    Tolerances = Any
 
 
 class Nonlinear(Engine):
@@ -26,19 +33,19 @@ class Nonlinear(Engine):
         default=100_000, ge=1, le=10**15, description="of a lane's whole fleet, refused ones included"
     )
 
-    def options(self) -> tuple[Any, ...]:
+    def options(self) -> tuple[Hashable, ...]:
         """Return the solver, for which the program is compiled."""
         return (self.solver,)
 
-    def numbers(self, draw: Any, gain: Any, interval: float) -> Any:
+    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
         """Return the tolerances and the most steps of each lane."""
-        from jaxnet.engine.plan import Tolerances
+        from jaxnet.engine import plan
 
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
-        return Tolerances(rtol, atol, draw.same(self.max_steps))
+        return plan.Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Any:
+    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
         """Advance the first `count` lanes of the queue by `engine.integration`."""
         from jaxnet.engine import integration, loop
 

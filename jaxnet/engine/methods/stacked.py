@@ -12,6 +12,7 @@ its law nor its stepping with the other engines.
 import difflib
 import functools
 import inspect
+from collections.abc import Hashable
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import diffrax
@@ -21,12 +22,14 @@ from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from jaxnet.engine import loop, tick
-from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
-from jaxnet.engine.methods import Engine
-from jaxnet.engine.plan import Outcome, Plan, Tolerances
+from jaxnet.engine.loop import LaneFlags, Motion, PerVehicle, Tick, Ticks
+from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
+from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.stepper import States
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.kinds.fields import Number, Positive, Within
+from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import definition, plane, signal
 from jaxnet.model.hearing import AxisWeights, Hearing
@@ -37,6 +40,7 @@ from jaxnet.model.signal import Basis
 LEAST_STEP = 4 * 2.0**-52  # over the time, at least 1 s: a smaller step does not move the time
 
 StateOfOne = Float[Array, "n m"]  # of one lane
+Instant = Float[Array, ""]
 
 
 def solvers() -> list[str]:
@@ -76,17 +80,17 @@ class Stacked(Engine):
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(default=100_000, ge=1, le=10**9, description="of a lane, refused ones included")
 
-    def options(self) -> tuple[Any, ...]:
+    def options(self) -> tuple[Hashable, ...]:
         """Return the solver, and the most steps that it may take in one tick."""
         return self.solver, self.max_steps
 
-    def numbers(self, draw: Any, gain: Any, interval: float) -> Tolerances:
+    def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Tolerances:
         """Return the tolerances, and the most steps that a lane may take in all."""
         rtol, atol = draw.one(self.rtol, "engine.rtol"), draw.one(self.atol, "engine.atol")
         return Tolerances(rtol, atol, draw.same(self.max_steps))
 
     @staticmethod
-    def simulate(queue: Any, count: Any, network: Any, clock: Any, plan: Any) -> Outcome:
+    def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
         """Advance all lanes of the queue in lockstep (`ByDiffrax`); lanes from `count` on are padding."""
         return loop.in_lockstep(ByDiffrax, queue, network, clock, plan)
 
@@ -109,7 +113,7 @@ class FieldInputs(NamedTuple):
     kept: Float[Array, "2 m"] | None  # drives that vehicles keep, 0 for others
 
 
-class ByDiffrax(Motion):
+class ByDiffrax(Motion[StackedState]):
     """Motion of lanes under the stacked law: diffrax solves each lane from tick to tick."""
 
     def begin(self) -> StackedState:
@@ -126,7 +130,7 @@ class ByDiffrax(Motion):
         """Return the time [s] and the attacks' functions now."""
         return state.time, self.lane.signal.basis(state.time)
 
-    def seen(self, state: StackedState) -> tuple[Any, Any, Any]:
+    def seen(self, state: StackedState) -> tuple[PerVehicle, PerVehicle, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
         return *self.lane.vehicle.pace(state.state), state.state
 
@@ -172,10 +176,10 @@ class ByDiffrax(Motion):
 def reaches_everybody(hearing: Hearing, weights: Float[Array, "axes slots m"]) -> Bool[Array, ""]:
     """Return whether the navigator's jets reach every vehicle over these weights, on every axis."""
 
-    def on_axis(each: Any) -> Any:
+    def on_axis(each: Float[Array, "slots m"]) -> Bool[Array, " m"]:
         hears = hearing.matrix(each) > 0
 
-        def spread(_: Any, reached: Any) -> Any:
+        def spread(_: Int[Array, ""] | int, reached: Bool[Array, " m"]) -> Bool[Array, " m"]:
             return reached | (hears[:, 1:] & reached[None]).any(axis=1)
 
         return jax.lax.fori_loop(0, len(hears), spread, hears[:, 0])
@@ -222,12 +226,12 @@ class Controller(diffrax.PIDController):
 def solution(
     followed: FieldInputs,
     tolerances: Tolerances,
-    begin: Any,
-    end: Any,
+    begin: Instant,
+    end: Instant,
     state: StateOfOne,
     network: Network,
     plan: Plan,
-) -> tuple[StateOfOne, Any, Any]:
+) -> tuple[StateOfOne, Int[Array, ""], Code]:
     """Return one lane's state at the end of a tick, the steps it took, and its status."""
     solver, max_steps = plan.options
     shortest = LEAST_STEP * jnp.maximum(end, 1.0)
@@ -235,7 +239,7 @@ def solution(
     def field(time: Any, state: StateOfOne, followed: FieldInputs) -> StateOfOne:
         return lane_field(time, state, followed, network, plan)
 
-    def stands(time: Any, state: StateOfOne, followed: FieldInputs, **_: Any) -> Any:
+    def stands(time: Instant, state: StateOfOne, followed: FieldInputs, **_: object) -> Bool[Array, ""]:
         return (state[SPEED] * jnp.sign(followed.lane.initial[SPEED]) < LEAST_SPEED).any()
 
     found = diffrax.diffeqsolve(
@@ -261,7 +265,7 @@ def solution(
 
 @functools.partial(jax.jit, static_argnames="plan")
 def lane_field(
-    time: Any, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
+    time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
     lane, weights, vectors, noise, kept = followed
@@ -283,7 +287,7 @@ def lane_field(
     return vehicle.motion(there, inputs[..., None])[..., 0]
 
 
-def decided_in_field(lane: Lane, state: Any, time: Any, network: Network, plan: Plan) -> AxisWeights:
+def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> AxisWeights:
     """Return the weights in force for the jets received now, decided without memory; lanes last."""
     errors = plane.relative(lane.vehicle.output_jets(state), lane.navigator.jets(time))
     before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)

@@ -5,7 +5,7 @@ their derivatives by `sizes`; the vectors are scaled by ā over the greatest bou
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Len
@@ -18,6 +18,7 @@ from jaxnet.kinds.fields import (
     MARK,
     Each,
     Listed,
+    Magnitude,
     NotNegative,
     Number,
     Record,
@@ -79,7 +80,7 @@ class AnyAttack(Kind):
         """Return the attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
-    def amplitude(self) -> Any:
+    def amplitude(self) -> Magnitude:
         """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
         return 0.0
 
@@ -246,7 +247,7 @@ class Attack(AnyAttack):
     )
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+    def __pydantic_init_subclass__(cls, **options: object) -> None:
         """Mark the numbers of each vehicle as untraced unless the attack is strategic: they are part of its
         vectors.
 
@@ -287,7 +288,7 @@ class Attack(AnyAttack):
         """Return whether vehicles are drawn and their links replaced."""
         return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
 
-    def amplitude(self) -> Any:
+    def amplitude(self) -> Magnitude:
         """Return the key `magnitude`."""
         return self.magnitude
 

@@ -1,9 +1,10 @@
 """Any weighted digraph, given by its edges."""
 
+import math
 import numbers
 import operator
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, ClassVar, Protocol, SupportsIndex, runtime_checkable
 
 import numpy as np
 from annotated_types import Len
@@ -22,6 +23,35 @@ Edge = Annotated[
     tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
     Field(strict=False),
 ]
+
+
+@runtime_checkable
+class EdgeView(Protocol):
+    """What is read of a networkx graph."""
+
+    @property
+    def graph(self) -> Mapping[str, object]:
+        """Attributes of the graph."""
+        ...
+
+    @property
+    def nodes(self) -> Iterable[SupportsIndex]:
+        """Nodes of the graph, numbers."""
+        ...
+
+    @property
+    def degree(self) -> Mapping[SupportsIndex, int]:
+        """Number of edges by node."""
+        ...
+
+    @property
+    def edges(self) -> Callable[..., Iterable[tuple[SupportsIndex, SupportsIndex, Mapping[str, object]]]]:
+        """Ends and attributes of each edge, with `data=True`."""
+        ...
+
+    def is_directed(self) -> bool:
+        """Return whether an edge has a direction."""
+        ...
 
 
 class Edges(Graph):
@@ -56,11 +86,11 @@ class Edges(Graph):
         yield from found or size_faults(self.edges, scenario.vehicles) or super().faults(scenario)
 
     @classmethod
-    def adopted(cls, value: Any) -> "Edges | None":
+    def adopted(cls, value: object) -> "Edges | None":
         """Return the edges of a networkx graph, with its name as the label; raise KindError as `edges_of`
         does.
         """
-        if not (hasattr(value, "edges") and hasattr(value, "is_directed")):
+        if not isinstance(value, EdgeView):
             return None
         edges = edges_of(value)
         if not edges:
@@ -69,7 +99,7 @@ class Edges(Graph):
 
 
 def edges_of(
-    network: Any, unread: tuple[str, ...] = (), weight: object = 1.0
+    network: EdgeView, unread: tuple[str, ...] = (), weight: object = 1.0
 ) -> list[tuple[int, int, float]]:
     """Return the edges (i, j, w) of a networkx graph: i hears j, and 0 is the navigator.
 
@@ -93,14 +123,14 @@ def edges_of(
     return [edge for edge in [*given, *back] if edge[0] > 0]
 
 
-def weight_of(given: Any, ends: tuple[int, int]) -> float:
+def weight_of(given: object, ends: tuple[int, int]) -> float:
     """Return the weight of an edge; raise KindError."""
-    number = isinstance(given, numbers.Real) and not isinstance(given, bool)
-    if not number or not given <= GREATEST_EDGE_WEIGHT or not float(given) > 0:
+    number = given if isinstance(given, numbers.Real) and not isinstance(given, bool) else math.nan
+    if not number <= GREATEST_EDGE_WEIGHT or not float(number) > 0:
         raise KindError(
             f"edge {ends}: a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g} (got {given!r})"
         )
-    return float(given)
+    return float(number)
 
 
 def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list[Fault]:

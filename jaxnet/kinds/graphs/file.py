@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from textwrap import shorten
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 from xml.parsers import expat
 
 from pydantic import AfterValidator, Field
@@ -62,7 +62,7 @@ class File(Graph):
     )
 
     @classmethod
-    def completed(cls, given: dict[Any, Any], folder: UPath) -> dict[Any, Any]:
+    def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
         """Return the mapping with the file's edges, unless it has them already."""
         path, content = given.get("path"), given.get("content")
         if not isinstance(path, str) or (isinstance(content, dict) and path in content):

@@ -25,7 +25,7 @@ class Bernoulli(Loss):
     )
 
     def draws(self) -> bool:
-        """Return True."""
+        """Return True, because every loss is drawn."""
         return True
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:

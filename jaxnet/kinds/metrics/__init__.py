@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from jaxnet.kinds import modules, provenance
 from jaxnet.kinds.protocols import FleetView
+from jaxnet.outside import modules, provenance
 
 Reduction = Literal["mean", "max", "min"]
 

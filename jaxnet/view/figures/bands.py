@@ -1,7 +1,6 @@
 """The mean tracking error ẽ(t) over lanes: median, 5 to 95 % and maximum."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +24,7 @@ def bands_figure(
     groups = there[: multiples.panels_fitting([group.labels for group in there], width)]
     labels = [group.labels for group in groups]
     drawn, panels = multiples.panel_grid(labels, "t [s]", r"$\tilde{e}$ [m]", width)
-    looks: dict[str, Any] = {}
+    looks: dict[str, style.LineStyle] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in spread_cells(group.cells):
             look = looks.setdefault(
@@ -36,7 +35,7 @@ def bands_figure(
     if bands:
         panels[0].set(yscale="log", ylim=bands_span(bands))
         multiples.log_ticks(panels[0].yaxis)
-    handles: list[Any] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    handles: list[Line2D | Patch] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
     handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
     drawn.legend(
@@ -61,7 +60,7 @@ def spread_cells(cells: Sequence[Cell]) -> list[Cell]:
     return [cells[number] for number in chosen]
 
 
-def draw_error_band(panel: Axes, band: Band, look: Any) -> None:
+def draw_error_band(panel: Axes, band: Band, look: style.LineStyle) -> None:
     """Draw one cell's band, clipped from below at FLOOR, the level of rounding."""
     low, median, high, greatest = (np.maximum(LOG_FLOOR, values) for values in band[1:])
     panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)

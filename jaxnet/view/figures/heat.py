@@ -1,5 +1,6 @@
 """Heat maps over two swept keys: a panel for each choice of the other keys, one scale of colours."""
 
+import math
 import textwrap
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import decades
+from jaxnet.statistics.groups import Label
 from jaxnet.statistics.tiles import NEGLIGIBLE_ERROR, Tiling, blank_reasons, tile_notes, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
@@ -31,6 +33,14 @@ TITLE_ROOM, COLOUR_BAR_ROOM = 0.3, 0.35  # [in] for a panel's title, and for the
 HATCHED_STYLE: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0}
 
 
+class Tile(NamedTuple):
+    """What stands in a tile; not-a-number where the cell has no value, or where there is no cell."""
+
+    value: float
+    failed: float  # lanes
+    interval: str
+
+
 class TileStyle(NamedTuple):
     """Data and scale that all panels of a heat map share."""
 
@@ -41,7 +51,7 @@ class TileStyle(NamedTuple):
     intervals: bool
 
 
-def text_colour(colour: Any) -> str:
+def text_colour(colour: str) -> str:
     """Return black or white, whichever contrasts more; the contrast is at least 4.58 (WCAG 2.2)."""
     levels = np.array(to_rgb(colour))
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
@@ -50,7 +60,7 @@ def text_colour(colour: Any) -> str:
 
 def palette() -> list[tuple[str, str]]:
     """Return 64 colours of the scale from its low end, each with its text colour."""
-    return [(to_hex(colour), text_colour(colour)) for colour in COLOUR_MAP(np.linspace(0, 1, 64))]
+    return [(colour, text_colour(colour)) for colour in map(to_hex, COLOUR_MAP(np.linspace(0, 1, 64)))]
 
 
 def colour_scale(metric: str, values: pd.Series) -> Normalize:
@@ -104,7 +114,7 @@ def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = sty
     return drawn
 
 
-def wrap_value(key: str, value: Any, letters: int) -> str:
+def wrap_value(key: str, value: Label, letters: int) -> str:
     """Return a swept value as an axis label, wrapped to so many letters a line."""
     return textwrap.fill(multiples.escape_dollars(value_alone(key, value)), letters)
 
@@ -121,19 +131,20 @@ def draw_tiles(panel: Axes, numbers: Int[np.ndarray, "rows columns"], look: Tile
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     if look.numbers:
-        for place, (_, row) in enumerate(rows.iterrows()):
-            write_tile(panel, (0.5 + place % along, 0.5 + place // along), row, look)
+        columns = rows[look.metric], rows["failed"], rows["interval"].fillna("")
+        for place, tile in enumerate(map(Tile, *columns)):
+            write_tile(panel, (0.5 + place % along, 0.5 + place // along), tile, look)
 
 
-def write_tile(panel: Axes, place: tuple[float, float], row: Any, look: TileStyle) -> None:
+def write_tile(panel: Axes, place: tuple[float, float], tile: Tile, look: TileStyle) -> None:
     """Write a tile's number, a star if some of its lanes failed, and its interval."""
-    value, star = row[look.metric], "*" if row["failed"] > 0 else ""
-    if np.isnan(value):
+    value, star = tile.value, "*" if tile.failed > 0 else ""
+    if math.isnan(value):
         panel.text(*place, star, fontsize=6, ha="center", va="center")
         return
-    drawn: Any = {"ha": "center", "color": text_colour(COLOUR_MAP(look.norm(value)))}
+    drawn: Any = {"ha": "center", "color": text_colour(to_hex(COLOUR_MAP(look.norm(value))))}
     if look.intervals:
-        panel.text(*place, row["interval"], fontsize=5, va="top", **drawn)
+        panel.text(*place, tile.interval, fontsize=5, va="top", **drawn)
     words = f"{tile_text(look.metric, value)}{star}"
     panel.text(*place, words, fontsize=6, va="bottom" if look.intervals else "center", **drawn)
 

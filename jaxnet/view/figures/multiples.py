@@ -1,8 +1,7 @@
 """Small multiples: a panel per group of cells on common axes; the first swept key chooses the row."""
 
 import textwrap
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +10,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from jaxnet.config.naming import labels_title
 from jaxnet.statistics.curves import MOST_PANELS
+from jaxnet.statistics.groups import Label
 from jaxnet.view.figures import style
 from jaxnet.view.figures.style import Figure
+
+Labels = Mapping[str, Label]  # swept values of a panel or row, by key
 
 PANEL_HEIGHT = 1.45  # [in]
 PANELS_PER_ROW = 4  # panels in a row across two columns
@@ -22,7 +24,7 @@ LETTERS_PER_INCH = 17  # of a title, an inch
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
 
-def panel_columns(labels: Sequence[dict[str, Any]], most: int = PANELS_PER_ROW) -> int:
+def panel_columns(labels: Sequence[Labels], most: int = PANELS_PER_ROW) -> int:
     """Return the number of panels in a row; panels that share the first swept value stay together."""
     firsts = [next(iter(each.values()), None) for each in labels]
     run = firsts.count(firsts[0])
@@ -63,20 +65,20 @@ def write_note(drawn: Figure, words: str) -> None:
     drawn.suptitle(wrapped, x=0.01, ha="left", fontsize=7)
 
 
-def shared_labels(labels: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def shared_labels(labels: Sequence[Labels]) -> Labels:
     """Return the labels that all panels share; a single panel shares none."""
     if len(labels) < 2:
         return {}
     return {key: value for key, value in labels[0].items() if all(value == each[key] for each in labels)}
 
 
-def distinct_titles(labels: Sequence[dict[str, Any]]) -> list[str]:
+def distinct_titles(labels: Sequence[Labels]) -> list[str]:
     """Return a title for each panel from the labels that differ between panels."""
     common = shared_labels(labels)
     return [labels_title({key: value for key, value in each.items() if key not in common}) for each in labels]
 
 
-def write_shared_labels(drawn: Figure, labels: Sequence[dict[str, Any]]) -> None:
+def write_shared_labels(drawn: Figure, labels: Sequence[Labels]) -> None:
     """Write the labels that all panels or rows share, if there are several."""
     if common := shared_labels(labels):
         write_note(drawn, f"all with {escape_dollars(labels_title(common))}")
@@ -88,7 +90,7 @@ def panels_across(width: float) -> int:
 
 
 def panels_fitting(
-    labels: Sequence[dict[str, Any]], width: float, height: float = PANEL_HEIGHT, most: int | None = None
+    labels: Sequence[Labels], width: float, height: float = PANEL_HEIGHT, most: int | None = None
 ) -> int:
     """Return how many panels fit a page, in whole rows of at most `most` panels."""
     rows = int((style.GREATEST_HEIGHT - AXIS_ROOM) / height)
@@ -101,7 +103,7 @@ def legend_columns(width: float, most: int) -> int:
 
 
 def panel_grid(
-    labels: Sequence[dict[str, Any]],
+    labels: Sequence[Labels],
     x: str,
     y: str,
     width: float,
@@ -133,7 +135,7 @@ def panel_grid(
     return drawn, grid[: len(labels)]
 
 
-def row_heights(labels: Sequence[dict[str, Any]], width: float) -> tuple[list[str], np.ndarray]:
+def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
     """Return row names, wrapped to about a third of the width, and the height of each row [in]."""
     names = [
         textwrap.fill(escape_dollars(name), int(LETTERS_PER_INCH * width / 2.8))
@@ -142,13 +144,13 @@ def row_heights(labels: Sequence[dict[str, Any]], width: float) -> tuple[list[st
     return names, np.array([max(ROW_HEIGHT, LINE_HEIGHT * (1 + name.count("\n"))) for name in names])
 
 
-def rows_fitting(labels: Sequence[dict[str, Any]], width: float, most: int) -> int:
+def rows_fitting(labels: Sequence[Labels], width: float, most: int) -> int:
     """Return how many of the first `most` rows fit a page."""
     heights = np.maximum.accumulate(row_heights(labels[:most], width)[1])  # all are as high as the highest
     return int(np.count_nonzero(heights * np.arange(1, len(heights) + 1) <= style.GREATEST_HEIGHT - 1.0))
 
 
-def named_rows(labels: Sequence[dict[str, Any]], width: float) -> tuple[Figure, Axes]:
+def named_rows(labels: Sequence[Labels], width: float) -> tuple[Figure, Axes]:
     """Return a figure with one panel that has a named row per label, from the top down."""
     names, heights = row_heights(labels, width)
     drawn = Figure(figsize=(width, heights.max() * len(labels) + 1.0))

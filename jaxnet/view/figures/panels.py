@@ -8,13 +8,14 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.gridspec import GridSpec
+from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.lines import Line2D
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
+from jaxnet.statistics.groups import Label
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -107,13 +108,13 @@ def farthest_coordinate(lanes: Iterable[xr.Dataset]) -> float:
 
 def rows_of_cells(cells: Sequence[Cell]) -> list[list[Cell]]:
     """Group cells into rows; cells of a row differ only in their topology."""
-    rows: dict[Any, list[Cell]] = {}
+    rows: dict[tuple[Label, ...], list[Cell]] = {}
     for cell in cells:
         rows.setdefault(row_key(cell), []).append(cell)
     return list(rows.values())
 
 
-def row_key(cell: Cell) -> tuple[Any, ...]:
+def row_key(cell: Cell) -> tuple[Label, ...]:
     """Return the swept values of a cell other than its topology."""
     return tuple(value for key, value in cell.labels.items() if key != "topology")
 
@@ -141,7 +142,7 @@ def row_caption(cell: Cell) -> str:
 
 def draw_trajectories(
     drawn: Figure,
-    spots: Sequence[Any],
+    spots: Sequence[SubplotSpec],
     letters: int,
     cells: Sequence[Cell],
     lanes: Mapping[int, xr.Dataset | None],
@@ -237,7 +238,7 @@ def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
 
 
 def draw_errors(
-    drawn: Figure, place: Any, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
+    drawn: Figure, place: SubplotSpec, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
 ) -> None:
     """Draw ẽ above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
@@ -263,7 +264,9 @@ def draw_errors(
             panel.locator_params(axis="x", nbins=4)
 
 
-def draw_quantiles(panel: Axes, time: np.ndarray, values: np.ndarray, look: Any, label: str) -> None:
+def draw_quantiles(
+    panel: Axes, time: np.ndarray, values: np.ndarray, look: style.LineStyle, label: str
+) -> None:
     """Draw the median over samples (rows) and the band from 5 to 95 %; omit failed lanes."""
     values = values[~np.isnan(values).any(axis=1)]
     if not len(values):

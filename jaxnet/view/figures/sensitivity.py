@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from jaxnet.config.cells import Cell
@@ -27,7 +28,9 @@ AXIS_MARGIN = 0.08
 INDEX_OFFSETS = {"first": -0.16, "total": 0.16}  # of a row's middle
 
 
-def sensitivity_figure(table: Any, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH) -> Figure:
+def sensitivity_figure(
+    table: pd.DataFrame, cells: Sequence[Cell], width: float = style.FIGURE_WIDTH
+) -> Figure:
     """Draw a panel per cell and a row per quantity, for as many cells as the page holds."""
     there = [cell for cell in cells if cell.number in set(table["cell"])]
     names = list(dict.fromkeys(table["quantity"]))
@@ -37,7 +40,7 @@ def sensitivity_figure(table: Any, cells: Sequence[Cell], width: float = style.F
     words = f"part of the variance of {table['metric'].iloc[0]}"
     drawn, panels = multiples.panel_grid(labels[: len(shown)], words, "", width, height, most, margin=1.2)
     for panel, cell in zip(panels, shown, strict=True):
-        draw_indices(panel, table[table["cell"] == cell.number], names)
+        draw_indices(panel, table.loc[table["cell"] == cell.number], names)
     panels[0].set_yticks(range(len(names)), names)
     panels[0].set_ylim(len(names) - 0.5, -0.5)
     estimates = table[[*INDEX_STYLES]].to_numpy(float)
@@ -48,12 +51,12 @@ def sensitivity_figure(table: Any, cells: Sequence[Cell], width: float = style.F
     return drawn
 
 
-def draw_indices(panel: Axes, rows: Any, names: Sequence[str]) -> None:
+def draw_indices(panel: Axes, rows: pd.DataFrame, names: Sequence[str]) -> None:
     """Draw the indices of one cell with their intervals."""
     places = np.array([names.index(name) for name in rows["quantity"]])
     for order, look in INDEX_STYLES.items():
         value, low, high = (rows[f"{order}{end}"].to_numpy(float) for end in ("", "_low", "_high"))
         ends = np.stack([value - low, high - value])
         panel.errorbar(value, places + INDEX_OFFSETS[order], xerr=ends, elinewidth=0.9, capsize=1.5, **look)
-    if rows["first"].isna().all():
+    if rows["first"].isna().to_numpy().all():
         panel.text(0.5, 0.5, "nothing varies", transform=panel.transAxes, ha="center", color="0.4")

@@ -1,10 +1,12 @@
 """Style of all figures: type for a two-column journal, colours that survive grey and colour blindness."""
 
 import io
-from typing import Any
+from os import PathLike
+from typing import IO, Any, TypedDict
 
 import matplotlib as mpl
 from matplotlib import figure
+from matplotlib.typing import LineStyleType
 
 from jaxnet.view.figures import COLUMN_WIDTHS
 
@@ -21,7 +23,16 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (
     "#56B4E9",
     "#000000",
 )
-SERIES_STYLES = [
+
+
+class LineStyle(TypedDict):
+    """Colour and dashes of a line."""
+
+    color: str
+    linestyle: LineStyleType
+
+
+SERIES_STYLES: list[LineStyle] = [
     {"color": BLUE, "linestyle": "-"},
     {"color": RED, "linestyle": (0, (5, 1.5))},
     {"color": GREEN, "linestyle": (0, (1, 1))},
@@ -53,10 +64,12 @@ PRINT_STYLE: Any = {
 class Figure(figure.Figure):
     """A figure with the print style in every output, displayed by a notebook."""
 
-    def savefig(self, *words: Any, **options: Any) -> None:
+    def savefig(
+        self, fname: str | PathLike[str] | IO[bytes], *, transparent: bool | None = None, **options: object
+    ) -> None:
         """Write the figure in the resolution and style for print."""
         with mpl.rc_context(PRINT_STYLE):
-            super().savefig(*words, **options)
+            super().savefig(fname, transparent=transparent, **options)
 
     def _repr_png_(self) -> bytes:
         """Return the PNG that a notebook displays."""

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from plotly.offline import get_plotlyjs
 from upath import UPath
@@ -74,7 +73,7 @@ def page_html(
     )
 
 
-def swept_choices(cells: tuple[Cell, ...]) -> dict[str, Any]:
+def swept_choices(cells: tuple[Cell, ...]) -> dict[str, object]:
     """Return the formatted values of each swept key, and each cell's indices into these values."""
     values = swept_values_of(cells)
     places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}

@@ -44,7 +44,7 @@ LINE_STYLES = {
 }
 
 
-def pack_numbers(values: Any, kind: str = "<f4") -> str:
+def pack_numbers(values: np.ndarray, kind: str = "<f4") -> str:
     """Encode numbers in base64, clipped to single precision, or as bytes of another type."""
     if kind == "<f4":
         values = np.clip(values, -LARGEST_SINGLE, LARGEST_SINGLE)
@@ -56,12 +56,12 @@ def finite_numbers(values: Iterable[float]) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def panel_data(cells: Iterable[int], labels: dict[str, Any]) -> dict[str, Any]:
+def panel_data(cells: Iterable[int], labels: Mapping[str, object]) -> dict[str, object]:
     """Return the fields of every panel: the numbers of its cells, and its title."""
     return {"cells": list(cells), "title": labels_title(labels)}
 
 
-def ultimate_data(found: Sequence[Curve]) -> dict[str, Any]:
+def ultimate_data(found: Sequence[Curve]) -> dict[str, object]:
     """Return δ̂(ā) of each curve for both metrics, and the slopes of bounds and fits."""
     lines = {BOUND_NAMES.get(name, name): look for name, look in LINE_STYLES.items()}
     panels = [
@@ -95,7 +95,7 @@ def slopes_of(curve: Curve, metric: str) -> dict[str, float]:
     return bounds | {name: fit[0] for name, fit in fits.items() if fit is not None}
 
 
-def unrecovered_data(found: Sequence[Curve]) -> dict[str, Any]:
+def unrecovered_data(found: Sequence[Curve]) -> dict[str, object]:
     """Return the share of lanes unrecovered against ā, a panel per curve."""
     return {
         "panels": [
@@ -107,7 +107,7 @@ def unrecovered_data(found: Sequence[Curve]) -> dict[str, Any]:
     }
 
 
-def unrecovered_rows_data(results: Results) -> dict[str, Any]:
+def unrecovered_rows_data(results: Results) -> dict[str, object]:
     """Return the share of lanes unrecovered of each cell, a row per cell."""
     cells, rows = results.study.cells, unrecovered_shares(results)
     columns = {name: finite_numbers(rows[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
@@ -121,7 +121,7 @@ def unrecovered_rows_data(results: Results) -> dict[str, Any]:
     }
 
 
-def tiles_data(results: Results, tiling: Tiling) -> dict[str, Any]:
+def tiles_data(results: Results, tiling: Tiling) -> dict[str, object]:
     """Return the heat map over two swept keys: values, texts, and places on the scale of colours."""
     found: Any = tile_table(results)
     *titled, across = tiling.panels[0] or [""]
@@ -150,7 +150,7 @@ def tiles_data(results: Results, tiling: Tiling) -> dict[str, Any]:
     }
 
 
-def coloured_metric(metric: str, values: pd.Series) -> dict[str, Any]:
+def coloured_metric(metric: str, values: pd.Series) -> dict[str, object]:
     """Return a metric of all cells as numbers, as texts, and as places on its scale."""
     norm = heat.colour_scale(metric, values)
     return {
@@ -163,7 +163,7 @@ def coloured_metric(metric: str, values: pd.Series) -> dict[str, Any]:
     }
 
 
-def searches_data(found: Iterable[Course], words: str) -> dict[str, Any]:
+def searches_data(found: Iterable[Course], words: str) -> dict[str, object]:
     """Return the best value against the number of lanes, for each search and for random lanes."""
     return {
         "words": words,
@@ -176,7 +176,7 @@ def searches_data(found: Iterable[Course], words: str) -> dict[str, Any]:
     }
 
 
-def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, Any]:
+def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, object]:
     """Return the bands of ẽ(t), a panel per cell."""
     return {
         "ends": bands_span(found),

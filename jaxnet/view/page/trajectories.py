@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -27,7 +26,7 @@ MOST_FRAMES, FEWEST_FRAMES = 601, 51
 CHARACTERS_PER_BYTE = 4 / 3  # per byte
 
 
-def lanes_data(results: Results) -> tuple[list[dict[str, Any]], int]:
+def lanes_data(results: Results) -> tuple[list[dict[str, object]], int]:
     """Return as many lanes as MOST_PAGE_BYTES permits, and the number of stored trajectories.
 
     Lanes of more than MOST_VEHICLES vehicles are left out.
@@ -55,7 +54,7 @@ def searched_lanes(results: Results) -> Iterator[tuple[Results, Watched]]:
             yield from ((alone, each) for each in watched(alone)[:1])
 
 
-def search_label(results: Results, of: Results, one: Watched) -> dict[str, Any]:
+def search_label(results: Results, of: Results, one: Watched) -> dict[str, object]:
     """Return cell and label of a lane that a search found; nothing for another lane."""
     if of is results:
         return {}
@@ -74,7 +73,7 @@ def frame_bytes(cell: Cell) -> float:
     )
 
 
-def lane_data(results: Results, one: Watched, most: int) -> dict[str, Any]:
+def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
     """Return a lane with at most `most` frames and the last one."""
     cell, data = results.study.cells[one.cell], one.arrays()
     outputs = np.arange(data.sizes["time"])

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
-from jaxnet.config.scenario import Situation, safe_in, situation_of
+from jaxnet.config.scenario import Situation, is_ideal, safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
@@ -31,6 +31,7 @@ MOST_SWEPT_VALUES = 12  # values or cells that are named one by one
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
+NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
 ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
 
 
@@ -142,7 +143,8 @@ class NetworkKeys:
         attacked = attack.attacked_links(graph)[links].tobytes()
         threat = attack.kind, attack.replaces(), attack.falsified(), attack.identities()
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
-        return shared, attacked, threat, scenario.horizon, held
+        world = tuple(world_lines(scenario).items())
+        return shared, attacked, threat, scenario.horizon, held, world
 
     def without_attack(self, scenario: Scenario) -> tuple[Digraph, tuple[Row, Row], Hashable]:
         """Return the graph, its links, and the part of the key that no attack changes."""
@@ -194,9 +196,26 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
         "Assumption 1": assumption_line(facts),
         **scenario.defence.describe(graph, attacked, trusted),
         **cut_off_line(scenario.defence.may_drop(graph, trusted)),
-        **(held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)),
+        **promise_lines(scenario, known, closely),
         **drawn_lines(cells),
     }
+
+
+def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
+    """Return lines on who is safe, or why nothing is known of it."""
+    if not is_ideal(scenario):
+        return {**world_lines(scenario), "safe": NOT_IDEAL}
+    return held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)
+
+
+def world_lines(scenario: Scenario) -> dict[str, str]:
+    """Return lines on the errors of sensors and on lost messages, which no bound covers."""
+    lines = {}
+    if not scenario.sensing.exact():
+        lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds"
+    if not scenario.channel.loss.perfect():
+        lines["channel"] = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
+    return lines
 
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:

@@ -2,9 +2,9 @@
 
 import functools
 import importlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from jaxnet.kinds.modules import KindError
+from jaxnet.outside.modules import KindError
 
 
 class Family(NamedTuple):
@@ -46,9 +46,9 @@ def is_member(found: object, family: str) -> bool:
     return isinstance(found, base) or (isinstance(found, type) and issubclass(found, base))
 
 
-def family_of(given: Any) -> str:
+def family_of(given: object) -> str:
     """Return the family of a class or metric; raise KindError if it has none."""
     for family in FAMILIES:
         if is_member(given, family):
             return family
-    raise KindError(f"{given.__name__} is of no family")
+    raise KindError(f"{getattr(given, '__name__', given)} is of no family")

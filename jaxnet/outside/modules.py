@@ -17,7 +17,7 @@ import os
 import re
 import sys
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
@@ -181,11 +181,11 @@ class NeighbourLoader(SourceFileLoader):
 def import_beside(
     held: ModuleFolder,
     name: str,
-    globals: Any = None,
-    locals: Any = None,
-    fromlist: Any = (),
+    globals: Mapping[str, object] | None = None,
+    locals: Mapping[str, object] | None = None,
+    fromlist: Sequence[str] | None = (),
     level: int = 0,
-) -> Any:
+) -> types.ModuleType:
     """Import a neighbour by its private name, any other module as Python's `__import__` does."""
     top = name.partition(".")[0]
     if level or not is_neighbour(held, top):

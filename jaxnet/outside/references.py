@@ -8,10 +8,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxnet.kinds import modules, provenance
-from jaxnet.kinds.blame import with_place
-from jaxnet.kinds.families import FAMILIES
-from jaxnet.kinds.modules import KindError
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.blame import with_place
+from jaxnet.outside.families import FAMILIES
+from jaxnet.outside.modules import KindError
 
 
 @functools.cache

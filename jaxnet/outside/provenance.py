@@ -4,18 +4,30 @@ import hashlib
 import inspect
 import sys
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from weakref import WeakKeyDictionary
 
-from jaxnet.kinds import modules
-from jaxnet.kinds.modules import KindError, ModuleFolder
+from jaxnet.outside import modules
+from jaxnet.outside.modules import KindError, ModuleFolder
 
 if TYPE_CHECKING:
-    from jaxnet.kinds.metrics import Metric
 
-    KindOrMetric = type | Metric
+    class MetricLike(Protocol):
+        """A metric, as this room knows it."""
+
+        @property
+        def name(self) -> str:
+            """Name of the metric's column."""
+            ...
+
+        @property
+        def of(self) -> Callable[..., Any]:
+            """Function from the fleet at an instant to values."""
+            ...
+
+    KindOrMetric = type | MetricLike
 else:
     KindOrMetric = Any
 

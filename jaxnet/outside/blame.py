@@ -3,8 +3,8 @@
 import contextlib
 from collections.abc import Iterator
 
-from jaxnet.kinds import modules, provenance
-from jaxnet.kinds.modules import KindError
+from jaxnet.outside import modules, provenance
+from jaxnet.outside.modules import KindError
 
 
 def with_place(error: BaseException) -> str:

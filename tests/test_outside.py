@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import jaxnet
-from jaxnet.kinds import provenance
 from jaxnet.kinds.kind import KindError
+from jaxnet.outside import provenance
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 KINDS = """
 from helper import FACTOR
 from jaxnet.kinds.attacks.bias import Bias

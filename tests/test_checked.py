@@ -1,0 +1,21 @@
+"""Annotations hold while tests run: shapes and types of arrays, and plain types."""
+
+import numpy as np
+import pytest
+
+from jaxnet.statistics import recovery
+from jaxnet.view.figures import multiples
+
+WRONG = {
+    "shapes that differ": lambda: recovery.clopper_pearson(np.array([1, 2]), np.array([3, 4, 5]), 0.95),
+    "numbers of another type": lambda: recovery.clopper_pearson(np.array([1.5]), np.array([3]), 0.95),
+    "no array": lambda: recovery.clopper_pearson([1], [3], 0.95),
+    "text": lambda: multiples.panels_across("7.16"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_an_annotation_rules_out_is_refused(wrong):
+    """By functions with arrays and without."""
+    with pytest.raises(Exception, match="violates type hint"):
+        WRONG[wrong]()
