@@ -29,8 +29,8 @@ MODULES = sorted((ROOT / "jaxnet").rglob("*.py"))
 
 # Each room may import itself and the rooms before it (docs/architecture.md).
 ROOMS = [
-    *("model", "outside", "kinds", "theory", "engine", "config", "lanes", "store", "statistics", "runs"),
-    *("explore", "view", "film", "api", "cli"),
+    *("model", "solvers", "outside", "kinds", "theory", "engine", "config", "lanes", "store", "statistics"),
+    *("runs", "explore", "view", "film", "api", "cli"),
 ]
 
 
@@ -272,6 +272,19 @@ def test_asking_for_a_kinds_type_is_found(body, finds):
         assert asked(f"{source}match one:\n    {pattern}", "jaxnet.view.figures.panels")
     at_home = "Graph" in body
     assert bool(asked(source + body, "jaxnet.kinds.attacks.bias")) == at_home
+
+
+@pytest.mark.parametrize("module", ["jaxnet.solvers.windowed", "jaxnet.engine.multirate"])
+def test_what_serves_large_fleets_alone_is_imported_in_one_place(module):
+    """It can be left out without anybody else noticing."""
+    found = [path.stem for path in MODULES if module in imported_modules(ast.parse(path.read_text()))]
+    assert len(found) == 1, found
+
+
+def imported_modules(tree: ast.AST) -> set[str]:
+    """Modules and names that a module imports, in full."""
+    names = set(imported(tree).values())
+    return names | {name.rpartition(".")[0] for name in names}
 
 
 def test_no_room_holds_more_than_a_fifth_of_the_lines():

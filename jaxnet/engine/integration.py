@@ -15,8 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import stepper, tick
-from jaxnet.engine.large import multirate
+from jaxnet.engine import multirate, stepper, tick
 from jaxnet.engine.loop import LaneFlags, Motion, PerVehicle, Tick, Ticks
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals, signals
@@ -25,14 +24,12 @@ from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants
 from jaxnet.kinds.vehicles import SPEED
-from jaxnet.model import control, elimination, plane, signal
+from jaxnet.model import control, plane, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
-
-SOLVED, SOLVED_OF_LARGE = 16, 2  # lanes whose Laplacians are factorised at once
-LARGE_TO_FACTORISE = 24  # vehicles; from this size on, padding lanes cost more than another pass
+from jaxnet.solvers.choice import factorised_at_once
 
 Jerk = Float[Array, "2 m lanes"]
 
@@ -41,7 +38,7 @@ class FollowedLaw(NamedTuple):
     """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
 
     weights: AxisWeights
-    factors: Any  # by `elimination`, of these weights' Laplacian; None where a jerk is held
+    factors: Any  # by the network's solver, of these weights' Laplacian; None where a jerk is held
     jerk: Jerk | None  # held until the next tick
     response: Vectors | None  # L⁻¹ d, from which an iteration starts
 
@@ -149,8 +146,8 @@ class Integration(Motion[IntegrationState]):
             return followed, put(slope, few, there), put(step, few, proposed), put(cut_off, few, ~connected)
 
         flagged = at.here if lane.law.holds or lane.sensor is not None else at.anew
-        at_once = SOLVED if lane.initial.shape[1] < LARGE_TO_FACTORISE else SOLVED_OF_LARGE
         carry = state.followed, state.slope, state.step, jnp.zeros_like(at.here)
+        at_once = factorised_at_once(lane.initial.shape[1])
         followed, slope, step, cut_off = for_each(flagged, at_once, some, carry)
         return state._replace(followed=followed, slope=slope, step=step), cut_off
 
@@ -200,9 +197,9 @@ def follow_weights(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and factors, and whether the navigator reaches every vehicle."""
     drive = tick.drive(lane, decided, plan)
-    factors, residual = elimination.factorised(network.order, network.hearing, drive.weights)
+    factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None)
-    if isinstance(network.order, elimination.NoOrder):
+    if network.solver.starts:
         followed = followed._replace(response=response(drive.vectors, followed, network))
     if drive.reception is None:
         return followed, residual < CONNECTED
@@ -214,7 +211,7 @@ def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vecto
 
     def of_one(vector: Jerk) -> Jerk:
         right = network.hearing.mean_added(followed.weights, vector)
-        return elimination.applied(network.order, network.hearing, followed.factors, right, None)
+        return network.solver.apply(network.hearing, followed.factors, right, None)
 
     return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
 
@@ -261,7 +258,7 @@ def vector_field(
     if decided.reception is not None:
         demand = demand + decided.reception.kept
     start = None if followed.response is None else expected(lane, followed.response, now, own)
-    jerk = elimination.applied(network.order, network.hearing, followed.factors, demand, start)
+    jerk = network.solver.apply(network.hearing, followed.factors, demand, start)
     return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, jerk))
 
 

@@ -13,7 +13,7 @@ A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives
 integrators, v is the jerk, and f = (h³/6, h²/2, h).
 
 The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because
-XLA would compute them again for each vehicle that uses them.
+XLA would compute them again for each vehicle that uses them (1.08 times, plain, 12 vehicles).
 """
 
 from typing import NamedTuple
@@ -33,7 +33,6 @@ from jaxnet.engine.flow import (
     passed_on,
     propagate,
 )
-from jaxnet.engine.large import windowed
 from jaxnet.engine.loop import Batch, LaneFlags, Motion, PerVehicle, Tick, Ticks
 from jaxnet.engine.status import Code
 from jaxnet.engine.stepper import States
@@ -155,10 +154,8 @@ class Solved(Propagation):
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
         def solve(carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
-            (vectors, cut_off), left = carry, at.anew
-            if windowed.can_update_locally(decided, network, plan):
-                vectors, left = windowed.solve_locally(vectors, at.anew, changed, decided, lane, network)
-            return response.solve_response(vectors, cut_off, left, decided, lane, network, plan)
+            vectors, cut_off = carry
+            return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
 
         vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
         return state._replace(vectors=vectors, noise=decided.noise), cut_off

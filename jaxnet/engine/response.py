@@ -9,25 +9,34 @@ from jaxtyping import Array, Float
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put
-from jaxnet.engine.tick import DecisionState, Drive, LaneFlags
-from jaxnet.model import elimination
+from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, VehicleFlags
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
-
-SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes whose Laplacians are solved at once
-LARGE_TO_SOLVE = 128  # vehicles; from this size on, padding lanes cost more than another pass
+from jaxnet.solvers.choice import solved_at_once
+from jaxnet.solvers.solver import System
 
 
 def solve_response(
     response: Vectors,
     cut_off: LaneFlags,
     flagged: LaneFlags,
+    changed: VehicleFlags,
     decided: DecisionState,
     lane: Lane,
     network: Network,
     plan: Plan,
 ) -> tuple[Vectors, LaneFlags]:
-    """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off."""
+    """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off.
+
+    `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
+    vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
+    vectors, sensors with errors and lost messages change more rows at every tick.
+    """
+    decision, rows_change = decided.decision, decided.noise is not None or decided.reception is not None
+    if decision is not None and decision.dtype == bool and not (plan.strategic or rows_change):
+        decision = decision.reshape(-1, *lane.weights.shape)
+        system = System(network.hearing, lane.weights, decision, lane.vectors)
+        response, flagged = network.solver.update(system, response, flagged, changed)
 
     def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
@@ -40,8 +49,7 @@ def solve_response(
             cut = tick.cut_off(part, network, chosen, plan)
         return put(response, few, new), put(cut_off, few, cut)
 
-    at_once = SOLVED if lane.initial.shape[1] < LARGE_TO_SOLVE else SOLVED_OF_LARGE
-    return for_each(flagged, at_once, some, (response, cut_off))
+    return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
 
 
 def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
@@ -55,7 +63,7 @@ def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     attack = jnp.stack([*each, *kept_columns(drive)])  # (B, 2, m, few)
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
-    solution, residual = elimination.solve(network.order, network.hearing, weights, right)
+    solution, residual = network.solver.solve(network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
     return response.transpose(1, 2, 0, 3), residual
 

@@ -357,8 +357,8 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     lanes, others = jnp.zeros(lane.attack_scale.shape, bool), jnp.zeros(lane.weights.shape[1:], bool)
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
-        others = xla.materialised(lambda: retained.changed(*supports))
-        lanes = others.sum(axis=0) > 0  # callers sum too, and XLA then sums once
+        others = retained.changed(*supports)
+        lanes = others.any(axis=0)
         if now.decision.dtype != bool:
             lanes = retained.changed(now.decision, before.decision).any(axis=0)
     if now.reception is not None and before.reception is not None:

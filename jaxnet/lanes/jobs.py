@@ -17,10 +17,11 @@ from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
-from jaxnet.model import elimination, hearing
+from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import ORDERS, Apart, Falsified
+from jaxnet.solvers.choice import choose_solver
 
 
 def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
@@ -130,8 +131,8 @@ def network_of(scenario: Scenario, sources: Any) -> Network:
         first = np.nonzero(attacked.T)[::-1]  # slots and listeners, sorted by listener
         shown[hearing.of_transmitters(sources)[first][::-1]] = signals[first][::-1]
     heard = Hearing(*map(as_array, hearing.of_slots(sources, carried_sources, attacked, signals)))
-    order = elimination.order_of(sources, scenario.engine.one_block)
-    return Network(heard, as_array(hearing.by_slot(linked, trusted, sources)), as_array(shown), shared, order)
+    trusted = as_array(hearing.by_slot(linked, trusted, sources))
+    return Network(heard, trusted, as_array(shown), shared, choose_solver(sources).solver)
 
 
 def signals_of(scenario: Scenario, sources: np.ndarray) -> np.ndarray:

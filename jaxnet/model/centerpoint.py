@@ -9,15 +9,16 @@ such directions h belongs to one point. Therefore the normals of all pairs deter
 directions of the axes cover the case of points on one line.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model import elimination
 from jaxnet.model.hearing import SlotWeights
 from jaxnet.model.plane import dot, length
+from jaxnet.model.shapes import LoopIndex
 
 NEAR = 1e-9  # [m], margin added to half-planes against rounding
 SAME = 1e-9  # [m] between offsets, and sine between normals, below which two sides are one
@@ -32,6 +33,10 @@ TINY = 1e-14  # absolute, added to the curvature where it is 0, and to the lengt
 
 Points = Float[Array, "2 slots m lanes"]
 Point = Float[Array, "2 m lanes"]
+Sides = Float[Array, "sides m lanes"]
+OfVehicles = Float[Array, "m lanes"]
+Multipliers = Float[Array, "3 m lanes"]
+Moment = tuple[Point, OfVehicles]
 
 
 class HalfPlanes(NamedTuple):
@@ -66,7 +71,7 @@ def weights(position: Points, of: SlotWeights) -> SlotWeights:
     return jax.lax.cond(many.any(), moved, lambda _: of, None)
 
 
-def half_planes(position: Points, heard: Any) -> HalfPlanes:
+def half_planes(position: Points, heard: Bool[Array, "slots m lanes"]) -> HalfPlanes:
     """Return the half-planes with the set of all centerpoints as intersection."""
     slots = len(heard)
     apart = jnp.where((heard[:, None] & heard[None])[None], position[:, None] - position[:, :, None], 0.0)
@@ -82,7 +87,7 @@ def half_planes(position: Points, heard: Any) -> HalfPlanes:
     return HalfPlanes(normal, ranked(along, least_value))
 
 
-def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Any:
+def ranked(values: Float[Array, "sides slots m lanes"], rank: Int[Array, "m lanes"]) -> Sides:
     """Return the value of the given rank over the slots; rank 1 is the greatest value."""
     above = (values[:, :, None] >= values[:, None]).sum(axis=1)
     return jnp.where(above >= rank[None, None], values, -jnp.inf).max(axis=1)
@@ -96,7 +101,7 @@ def middle(sides: HalfPlanes, beside: Point) -> Point:
     """
     numbers = jnp.arange(sides.offset.shape[0])
 
-    def add(carry: Any, side: Any) -> Any:
+    def add(carry: Moment, side: tuple[LoopIndex, Point, OfVehicles, OfVehicles]) -> tuple[Moment, None]:
         moment, total = carry
         number, normal, offset, gap = side
         foot, along = beside - gap[None] * normal, jnp.stack([-normal[1], normal[0]])
@@ -133,26 +138,26 @@ def least_value(position: Points, of: SlotWeights, point: Point) -> SlotWeights:
     size = jnp.where(of > 0, length(apart), 0.0).max(axis=0)
     features = jnp.concatenate([jnp.ones_like(of)[None], apart / jnp.where(size > 0, size, 1.0)[None, None]])
 
-    def shares(factors: Any) -> Any:
+    def shares(factors: Multipliers) -> SlotWeights:
         return jnp.maximum(0.0, (factors[:, None] * features).sum(axis=0))
 
-    def gradient(factors: Any) -> Any:
+    def gradient(factors: Multipliers) -> Multipliers:
         return ((of * shares(factors))[None] * features).sum(axis=1).at[0].add(-1.0)
 
-    def cost(factors: Any) -> Any:
+    def cost(factors: Multipliers) -> OfVehicles:
         return (of * shares(factors) ** 2).sum(axis=0) / 2 - factors[0]
 
-    def solved(counted: SlotWeights, right: Any) -> Any:
+    def solved(counted: SlotWeights, right: Multipliers) -> Multipliers:
         curvature = (counted[None, None] * features[:, None] * features[None]).sum(axis=2)
         diagonal = jnp.eye(3)[:, :, None, None]
         damped = curvature + diagonal * (TINY + RIDGE * curvature)
         return elimination.eliminated(jnp.concatenate([damped, right[:, None]], axis=1))[:, 0]
 
-    def off(state: Any) -> Any:
+    def off(state: tuple[LoopIndex, Multipliers]) -> Bool[Array, ""]:
         number, factors = state
         return (number < CENTERPOINT_ROUNDS) & (jnp.abs(gradient(factors)) * size[None] > CLOSE).any()
 
-    def better(state: Any) -> Any:
+    def better(state: tuple[LoopIndex, Multipliers]) -> tuple[LoopIndex, Multipliers]:
         number, factors = state
         step = solved(jnp.where(shares(factors) > 0, of, 0.0), gradient(factors))
         best = factors - step

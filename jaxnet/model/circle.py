@@ -7,7 +7,7 @@ polynomials of fdlibm are accurate to half a unit in the last place (Sun Microsy
 `k_cos.c`). The error is at most 1.8e-16 for angles up to 1e8 rad.
 """
 
-from typing import Any
+from jaxnet.model.shapes import Numbers
 
 QUARTER = (1.570796251296997, 7.549789415861596e-08, 5.390302858158119e-15)  # the sum is π/2
 COSINE = (
@@ -28,7 +28,7 @@ SINE = (
 )
 
 
-def circle(angle: Any) -> tuple[Any, Any]:
+def circle(angle: Numbers) -> tuple[Numbers, Numbers]:
     """Return `(cos, sin)` of an array of angles [rad], for NumPy and JAX."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
@@ -41,11 +41,12 @@ def circle(angle: Any) -> tuple[Any, Any]:
     odd = (quadrant == 1.0) | (quadrant == 3.0)
     across, up = xp.where(odd, sine, cosine), xp.where(odd, cosine, sine)
     left, down = (quadrant == 1.0) | (quadrant == 2.0), quadrant >= 2.0
-    # XLA computes cheap expressions again at each use, eight times for jets. A division prevents that.
+    # XLA computes cheap expressions again at each use. A division prevents that: 1.01 times, plain, 12
+    # vehicles. A choice of signs instead would change the last bits of the nonlinear engine.
     return across / xp.where(left, -1.0, 1.0), up / xp.where(down, -1.0, 1.0)
 
 
-def polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
+def polynomial(coefficients: tuple[float, ...], x: Numbers) -> Numbers:
     """Return `c_0 + c_1 x + c_2 x² …` by Horner's rule."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:

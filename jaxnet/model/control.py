@@ -10,17 +10,16 @@ P is linear. From each neighbour j, a vehicle therefore receives `P(y_j) + P(a_i
 navigator it receives y_0‴ in addition. The third derivatives of the neighbours are the unknowns.
 """
 
-from typing import Any
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.shapes import Numbers, OrderedJets
 
 Gain = Float[Array, "3 *lanes"]
 
 
-def feedback(gain: Gain, jets: Any) -> Any:
+def feedback(gain: Gain, jets: OrderedJets) -> Numbers:
     """Return `P(y) = k0 y + k1 ẏ + k2 ÿ` of the jets of a signal.
 
     The function ignores derivatives of order 3 and above.
@@ -30,13 +29,13 @@ def feedback(gain: Gain, jets: Any) -> Any:
     return k0 * jets[0] + k1 * jets[1] + k2 * jets[2]
 
 
-def driven(gain: Gain, jets: Any) -> Any:
+def driven(gain: Gain, jets: OrderedJets) -> Numbers:
     """Return `R(y) = y‴ + P(y)` of the four jets of a signal."""
     return feedback(gain, jets) + jets[3]
 
 
 def demand(
-    own: Any,
+    own: OrderedJets,
     path: Float[Array, "2 *lanes"],
     attack: Float[Array, "2 signals *lanes"],
     hearing: Hearing,

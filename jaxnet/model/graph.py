@@ -6,11 +6,11 @@ m². For small fleets, `dense` returns the matrix `[a0 | A]` of the paper: (m, m
 the first column.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy import sparse
 
 BLOCK = 2**17  # numbers of the dense rows that one sum takes
@@ -18,6 +18,8 @@ BLOCK = 2**17  # numbers of the dense rows that one sum takes
 Weights = Float[np.ndarray, "m sources"]  # dense matrix
 Links = Bool[np.ndarray, "m slots"]  # a subset of the links of a graph, slot by slot
 Row = Int[np.ndarray, " links"]
+Numbered = Sequence[int] | np.ndarray
+Matrices = np.ndarray | sparse.sparray | sparse.spmatrix  # (m, m + 1)
 
 
 class Digraph(NamedTuple):
@@ -62,7 +64,9 @@ class Digraph(NamedTuple):
         return dict(zip(ends, self.weights[rows, slots].tolist(), strict=True))
 
 
-def of_links(vehicles: int, listeners: Any, sources: Any, weights: Any = 1.0) -> Digraph:
+def of_links(
+    vehicles: int, listeners: Numbered, sources: Numbered, weights: Shaped[np.ndarray, " links"] | float = 1.0
+) -> Digraph:
     """Return the graph of listeners, from 0, sources and weights.
 
     Each link may appear only once. The function does not normalise the weights.
@@ -88,12 +92,12 @@ def slotted(vehicles: int, listeners: Row, sources: Row) -> tuple[Row, Row, Int[
     return listeners, slots, table
 
 
-def of_matrix(given: Any) -> Digraph:
+def of_matrix(given: Matrices) -> Digraph:
     """Return the graph of a matrix (m, m + 1) of weights or links, a NumPy array or a SciPy sparse array."""
-    return of_links(given.shape[0], *entries(given))
+    return of_links(given.shape[0], *entries(given))  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def entries(given: Any) -> tuple[Row, Row, Any]:
+def entries(given: Matrices) -> tuple[Row, Row, Shaped[np.ndarray, " links"]]:
     """Return rows, columns and values of the entries other than 0, of a NumPy or SciPy sparse array."""
     if isinstance(given, np.ndarray):
         rows, columns = np.nonzero(given)
@@ -213,7 +217,7 @@ def trusted_links(graph: Digraph, trusted: Mapping[int, Iterable[int]]) -> Links
     return links & graph.heard
 
 
-def least(heard: Links, values: Float[np.ndarray, "m slots"], count: Any) -> Links:
+def least(heard: Links, values: Float[np.ndarray, "m slots"], count: int | np.ndarray) -> Links:
     """Return, for each listener, the `count` links with the least values.
 
     The lowest slot wins among equal values.

@@ -16,6 +16,7 @@ from scipy import sparse
 
 from jaxnet.lazy import LazyModule
 from jaxnet.model.graph import Digraph, of_matrix, slotted
+from jaxnet.model.shapes import Flags, LoopIndex, Numbers
 
 if TYPE_CHECKING:
     import jax
@@ -28,10 +29,16 @@ else:
     xla = LazyModule("jaxnet.model.xla")
 
 
-MANY = 512  # signals; from here on few links are attacked, and a loop over attacked links is faster
-
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis if both axes have equal weights
+SentMessages = Float[Any, "2 n *lanes"]  # of the navigator and the vehicles, n = m + 1
+LinkMessages = Float[Any, "2 slots m *lanes"]
+SignalValues = Float[Any, "2 signals *lanes"]
+VehicleMeans = Float[Any, "2 m *lanes"]
+DenseWeights = Float[Any, "m n *lanes"]
+HeardLinks = Bool[Any, "axes slots m *lanes"]
+ReachedVehicles = Bool[Any, "axes m *lanes"]
+SlotNumbering = Int[Any, "slots m"]
 
 
 class Hearing(NamedTuple):
@@ -48,87 +55,65 @@ class Hearing(NamedTuple):
     signals: Int[Any, "slots m"]  # number of the signal that an attacked link carries
     listeners: Int[Any, "slots m"]  # in each slot, the listeners of attacked links first
 
-    def sent(self, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 slots m *lanes"]:
+    def sent(self, sources: SentMessages) -> LinkMessages:
         """Return the message of the source in each slot.
 
         `sources` holds the messages of the navigator and of the vehicles, n = m + 1.
         """
         return sources.at[:, self.sources].get(mode="promise_in_bounds")
 
-    def added(self, signal: Float[Any, "2 signals *lanes"]) -> Float[Any, "2 slots m *lanes"]:
+    def added(self, signal: SignalValues) -> LinkMessages:
         """Return the attack signal on each link, 0 on links without attack."""
         attacked = self.attacked.reshape(1, *self.attacked.shape, *[1] * (signal.ndim - 2))
         return jnp.where(attacked, signal.at[:, self.signals].get(mode="promise_in_bounds"), 0.0)
 
-    def received(
-        self, sources: Float[Any, "2 n *lanes"], signal: Float[Any, "2 signals *lanes"]
-    ) -> Float[Any, "2 slots m *lanes"]:
+    def received(self, sources: SentMessages, signal: SignalValues) -> LinkMessages:
         """Return the received message in each slot: the carried message plus the attack signal."""
         heard = sources.at[:, self.carried_sources].get(mode="promise_in_bounds")
+        return heard + self.added(signal)
 
-        def falsified(heard: Any, slot: Any, listener: Any, lie: Any) -> Any:
-            return xla.add_slice(heard, (0, slot, listener), lie[:, None, None])
-
-        if signal.shape[1] < MANY:
-            return heard + self.added(signal)
-        return xla.on_cpus(
-            lambda: self.on_attacked_links(falsified, heard, signal), lambda: heard + self.added(signal)
-        )
-
-    def mean_added(
-        self, weights: AxisWeights, signal: Float[Any, "2 signals *lanes"]
-    ) -> Float[Any, "2 m *lanes"]:
+    def mean_added(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
         """Return `Σ_j w_ij a_ij`, the weighted mean of the attack signals."""
-
-        def falsified(mean: Any, slot: Any, listener: Any, lie: Any) -> Any:
-            return xla.add_slice(mean, (0, listener), (weights[:, slot, listener] * lie)[:, None])
-
-        nothing = jnp.zeros((2, *weights.shape[2:]))
-        return xla.on_cpus(
-            lambda: self.on_attacked_links(falsified, nothing, signal),
+        return xla.on_cpus(  # 1.03 times, trimming, 12 vehicles and 1,000
+            lambda: self.mean_on_attacked_links(weights, signal),
             lambda: self.slot_by_slot(weights, lambda one: one.added(signal)),
         )
 
-    def on_attacked_links(
-        self, falsified: Callable[[Any, Any, Any, Any], Any], heard: Any, signal: Any
-    ) -> Any:
-        """Apply `falsified(heard, slot, listener, lie)` to `heard` for each attacked link, and return the
-        result.
-
-        The attack signal `lie` of a link has the shape (2, *lanes).
-        """
+    def mean_on_attacked_links(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
+        """Return `Σ_j w_ij a_ij` by a loop over attacked links."""
         signals, listeners = jnp.asarray(self.signals), jnp.asarray(self.listeners)
         numbers = self.attacked.sum(axis=1)  # attacked links in each slot
 
-        def in_slot(slot: Any, heard: Any) -> Any:
-            def on_link(number: Any, heard: Any) -> Any:
+        def in_slot(slot: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
+            def on_link(number: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
                 listener = listeners[slot, number]
-                return falsified(heard, slot, listener, signal[:, signals[slot, listener]])
+                lie = weights[:, slot, listener] * signal[:, signals[slot, listener]]
+                return xla.add_slice(mean, (0, listener), lie[:, None])
 
-            return jax.lax.fori_loop(0, numbers[slot], on_link, heard)
+            return jax.lax.fori_loop(0, numbers[slot], on_link, mean)
 
-        return jax.lax.fori_loop(0, len(signals), in_slot, heard)
+        return jax.lax.fori_loop(0, len(signals), in_slot, jnp.zeros((2, *weights.shape[2:])))
 
     def mean(
         self,
         weights: AxisWeights,
-        sources: Float[Any, "2 n *lanes"],
-        signal: Float[Any, "2 signals *lanes"],
-    ) -> Float[Any, "2 m *lanes"]:
+        sources: SentMessages,
+        signal: SignalValues,
+    ) -> VehicleMeans:
         """Return `Σ_j w_ij (y_j + a_ij)`, the weighted mean of the received messages."""
         return self.slot_by_slot(weights, lambda one: one.received(sources, signal))
 
-    def mean_sent(self, weights: AxisWeights, sources: Float[Any, "2 n *lanes"]) -> Float[Any, "2 m *lanes"]:
+    def mean_sent(self, weights: AxisWeights, sources: SentMessages) -> VehicleMeans:
         """Return `Σ_j w_ij y_j`, the weighted mean of the sent messages."""
         return self.slot_by_slot(weights, lambda one: one.sent(sources))
 
-    def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Any]) -> Any:
+    def slot_by_slot(self, weights: AxisWeights, heard: Callable[["Hearing"], Numbers]) -> VehicleMeans:
         """Return the weighted sum over slots of the values that `heard` gives for one slot: (2, m, *lanes).
 
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
         """
 
-        def add(slot: Any, total: Any) -> Any:
+        def add(slot: LoopIndex, total: VehicleMeans) -> VehicleMeans:
             one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
             weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
             return total + weight * heard(one)[:, 0]
@@ -136,19 +121,17 @@ class Hearing(NamedTuple):
         nothing = jnp.zeros((2, *weights.shape[2:]))
         return jax.lax.fori_loop(0, len(self.sources), add, nothing)
 
-    def all_reached(self, weights: AxisWeights) -> Bool[Any, "*lanes"]:
+    def all_reached(self, weights: AxisWeights) -> Flags:
         """Return whether the navigator reaches every vehicle over positive weights, on every axis.
 
         A vehicle whose weights are all 0 keeps its drive, and counts as reached.
         """
         return self.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=(0, 1))
 
-    def reached(
-        self, heard: Bool[Any, "axes slots m *lanes"], reached: Bool[Any, "axes m *lanes"]
-    ) -> Bool[Any, "axes m *lanes"]:
+    def reached(self, heard: HeardLinks, reached: ReachedVehicles) -> ReachedVehicles:
         """Return the vehicles that the navigator or a vehicle in `reached` reaches over the links `heard`."""
 
-        def spread(carry: Any) -> Any:
+        def spread(carry: tuple[ReachedVehicles, Flags]) -> tuple[ReachedVehicles, Flags]:
             reached, _ = carry
             word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
             said = word.at[:, self.carried_sources].get(mode="promise_in_bounds")
@@ -157,15 +140,15 @@ class Hearing(NamedTuple):
 
         return jax.lax.while_loop(lambda carry: carry[1], spread, (reached, jnp.asarray(True)))[0]
 
-    def matrix(self, weights: SlotWeights) -> Float[Any, "m n *lanes"]:
+    def matrix(self, weights: SlotWeights) -> DenseWeights:
         """Return `[a0 | A]` by the sources of the carried messages, from weights by slot."""
         return self.spread_out(weights, self.carried_sources)
 
-    def retained(self, weights: AxisWeights) -> Float[Any, "m n *lanes"]:
+    def retained(self, weights: AxisWeights) -> DenseWeights:
         """Return the weights in force by vehicle and source, averaged over the axes."""
         return self.spread_out(weights.mean(axis=0), self.sources)
 
-    def spread_out(self, weights: SlotWeights, sources: Int[Any, "slots m"]) -> Float[Any, "m n *lanes"]:
+    def spread_out(self, weights: SlotWeights, sources: SlotNumbering) -> DenseWeights:
         """Return weights by vehicle and source, from weights by slot."""
         slots, m = sources.shape
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))

@@ -32,7 +32,7 @@ class Lane(NamedTuple):
 
 
 class Network(NamedTuple):
-    """The structure that lanes share: hearing, trust, shared data of the defence, and elimination order."""
+    """The structure that lanes share: hearing, trust, shared data of the defence, and solver."""
 
     hearing: Hearing
     trusted: Bool[Array, "slots m"]
@@ -40,4 +40,4 @@ class Network(NamedTuple):
         Array, "m"
     ]  # the signal that outputs show for each vehicle, if its listeners receive different signals
     shared: Any  # data of the defence
-    order: Any  # Order or NoOrder of `elimination`
+    solver: Any  # of `solvers`

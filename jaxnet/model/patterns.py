@@ -10,10 +10,12 @@ import numpy as np
 from jaxtyping import Bool
 from scipy import sparse
 
+from jaxnet.model.graph import Numbered
+
 Neighbours = Any  # (m, m) booleans: listener i hears source j; a dense array or a sparse SciPy array
 
 
-def of_pairs(vehicles: int, listeners: Any, sources: Any) -> Neighbours:
+def of_pairs(vehicles: int, listeners: Numbered, sources: Numbered) -> Neighbours:
     """Return the pattern of links from lists of listeners and sources, from 0."""
     return sparse.coo_array((np.ones(len(listeners), bool), (listeners, sources)), shape=(vehicles, vehicles))
 

@@ -4,21 +4,23 @@ from typing import Any
 
 from jaxtyping import Float
 
+from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
+
 Plane = Float[Any, "2 m *lanes"]
 Jets = tuple[Plane, Plane, Plane]  # a signal, its first derivative and its second derivative
 
 
-def dot(a: Any, b: Any) -> Any:
+def dot(a: PlaneArray, b: PlaneArray) -> Numbers:
     """Return the inner product of two vectors in the plane."""
     return a[0] * b[0] + a[1] * b[1]
 
 
-def cross(a: Any, b: Any) -> Any:
+def cross(a: PlaneArray, b: PlaneArray) -> Numbers:
     """Return `a_x b_y - a_y b_x`, positive if b points to the left of a."""
     return a[0] * b[1] - a[1] * b[0]
 
 
-def length(vectors: Any) -> Any:
+def length(vectors: Numbers) -> Numbers:
     """Return the Euclidean length of vectors with any number of components."""
     squares = vectors[0] ** 2
     for component in vectors[1:]:
@@ -26,18 +28,18 @@ def length(vectors: Any) -> Any:
     return squares.__array_namespace__().sqrt(squares)
 
 
-def plus(jets: Any, others: Any) -> Jets:
+def plus(jets: OrderedJets, others: OrderedJets) -> Jets:
     """Return the sum of two signals, with two derivatives."""
     return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
 
 
-def relative(jets: Any, origin: Any) -> Jets:
+def relative(jets: OrderedJets, origin: OrderedJets) -> Jets:
     """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes)."""
     a, b, c = (jet - there[:, None] for jet, there in zip(jets[:3], origin[:3], strict=True))
     return a, b, c
 
 
-def pace(jets: Any) -> tuple[Any, Any]:
+def pace(jets: OrderedJets) -> tuple[Numbers, Numbers]:
     """Return speed [m/s] and turn rate [rad/s] of forward motion along the jets of a path.
 
     The turn rate is undefined at rest.

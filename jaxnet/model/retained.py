@@ -4,13 +4,14 @@ A decision is an array over slots (see `hearing`): (slots, m, lanes), or (2, slo
 differ. It contains booleans, true for retained slots, or nonnegative weights.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Int
 
 from jaxnet.model.graph import Digraph, Links, normalised
 from jaxnet.model.hearing import AxisWeights, SlotWeights
+from jaxnet.model.shapes import Flags, RetainedSlots
 
 
 class DropPolicy(NamedTuple):
@@ -42,7 +43,7 @@ def everybody(graph: Digraph) -> DropPolicy:
     return DropPolicy(graph, graph.none, np.zeros(graph.vehicles, int))
 
 
-def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> DropPolicy:
+def any_untrusted(graph: Digraph, trusted: Links, number: int | Int[np.ndarray, " m"]) -> DropPolicy:
     """Return the policy of a defence that drops `number` untrusted sources of each vehicle.
 
     A vehicle with fewer untrusted sources drops all of them.
@@ -51,7 +52,7 @@ def any_untrusted(graph: Digraph, trusted: Links, number: Any) -> DropPolicy:
     return DropPolicy(graph, links, np.minimum(number, links.sum(axis=1)))
 
 
-def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
+def in_force(weights: SlotWeights, decision: RetainedSlots) -> AxisWeights:
     """Return the weights that follow from a decision, normalised to sum 1.
 
     `weights` are the weights of all slots. If a weight in the decision is negative, the weights of its
@@ -66,12 +67,12 @@ def in_force(weights: SlotWeights, decision: Any) -> AxisWeights:
     return kept / kept.sum(axis=1, keepdims=True)
 
 
-def changed(decision: Any, before: Any) -> Bool[Any, "m *lanes"]:
+def changed(decision: RetainedSlots, before: RetainedSlots) -> Flags:
     """Return the vehicles with a decision that differs from the previous decision."""
     apart = decision != before
     return apart.any(axis=tuple(range(apart.ndim - 2)))
 
 
-def support(decision: Any) -> Any:
+def support(decision: RetainedSlots) -> Flags:
     """Return the slots that the decision retains with any weight."""
     return decision if decision.dtype == bool else decision > 0

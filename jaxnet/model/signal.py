@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Float
 
 from jaxnet.model.circle import circle
+from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 
 ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
@@ -25,7 +26,7 @@ class Harmonic(NamedTuple):
 
     frequency: Any  # (lanes,)
 
-    def basis(self, time: Any) -> Any:
+    def basis(self, time: Numbers) -> Basis:
         """Return both functions with three derivatives: (4, 2, lanes)."""
         return turning(*circle(self.frequency * time), self.frequency)
 
@@ -39,7 +40,7 @@ class Falsified(NamedTuple):
     signal: Any  # has a method `basis`
     orders: Any  # (4, lanes), 1 for an order with the signal, else 0
 
-    def basis(self, time: Any) -> Any:
+    def basis(self, time: Numbers) -> Basis:
         """Return the functions of the signal, with zeros in the orders without the signal."""
         return self.orders[:, None] * self.signal.basis(time)
 
@@ -55,7 +56,7 @@ class WithNavigator(NamedTuple):
     navigator: Any  # has a method `jets`
     gain: Float[Any, "3 *lanes"]
 
-    def basis(self, time: Any) -> Any:
+    def basis(self, time: Numbers) -> Basis:
         """Return all functions with three derivatives: (4, B + 3, lanes)."""
         xp, functions, path = time.__array_namespace__(), self.signal.basis(time), self.navigator.jets(time)
         constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
@@ -71,7 +72,7 @@ class Apart(NamedTuple):
 
     signal: Any  # leaves (..., n, lanes)
 
-    def basis(self, time: Any) -> Any:
+    def basis(self, time: Numbers) -> Basis:
         """Return the functions of all vehicles: (4, B · n, lanes).
 
         The inner signal runs with n · lanes as its lanes.
@@ -87,7 +88,7 @@ class Apart(NamedTuple):
         return alone.basis(times).reshape(4, -1, *time.shape)
 
 
-def turning(cosine: Any, sine: Any, rate: Any) -> Any:
+def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
     """Return cos and sin of an angle with constant rate [rad/s], with three derivatives: (4, 2, …).
 
     `cosine` and `sine` are the values at the present angle.
@@ -98,7 +99,7 @@ def turning(cosine: Any, sine: Any, rate: Any) -> Any:
     return xp.stack([now, rate * ahead, -(rate**2) * now, -(rate**3) * ahead])
 
 
-def combined(vectors: Any, functions: Any) -> Any:
+def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:
     """Return `Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
     total = vectors[:, :, 0] * functions[0][None, None]
     for b in range(1, vectors.shape[2]):
@@ -106,6 +107,6 @@ def combined(vectors: Any, functions: Any) -> Any:
     return total
 
 
-def jets(vectors: Any, basis: Any) -> tuple[Any, ...]:
+def jets(vectors: Vectors, basis: OrderedJets) -> tuple[PlaneArray, ...]:
     """Return a signal and its derivatives [m, m/s, …], one (2, m, lanes) for each order of the basis."""
     return tuple(combined(vectors, order) for order in basis)

@@ -1,16 +1,16 @@
 """Scores of received messages, and removal of the greatest scores, slot by slot (paper, section 5.1)."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.model import ties, xla
+from jaxnet.model import ties
 from jaxnet.model.plane import length
+from jaxnet.model.shapes import LoopIndex
 
 Mask = Bool[Array, "slots m lanes"]
 Scores = Float[Array, "slots m lanes"]
+BestSlots = tuple[Int[Array, "..."], Float[Array, "m lanes"]]  # number of a slot, and its score
 
 
 def trusted_shares(trusted: Mask, references: Int[Array, "most m"]) -> Float[Array, "most m lanes"]:
@@ -69,16 +69,17 @@ def farthest(score: Scores, candidates: Mask, theta: Int[Array, " m"]) -> Mask:
     slots = jnp.arange(len(score), dtype=jnp.int32)
     score = jnp.where(candidates, score, -jnp.inf)
 
-    def farther(best: tuple[Any, Any], slot: tuple[Any, Any]) -> tuple[tuple[Any, Any], None]:
+    def farther(best: BestSlots, slot: BestSlots) -> tuple[BestSlots, None]:
         number, score = slot
         beats = ties.over(score, best[1])
         return (jnp.where(beats, number, best[0]), jnp.where(beats, score, best[1])), None
 
-    def take(carry: tuple[Any, Mask]) -> tuple[Any, Mask]:
+    def take(carry: tuple[LoopIndex, Mask]) -> tuple[LoopIndex, Mask]:
         turn, taken = carry
         nobody = jnp.full(score.shape[1:], -1, jnp.int32), jnp.full(score.shape[1:], -jnp.inf)
         left = jnp.where(taken, -jnp.inf, score)
-        number = xla.materialised(lambda: jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0])
+        # Unrolled: 1.08 times, trimming, 12 vehicles and 1,000.
+        number = jax.lax.scan(farther, nobody, (slots, left), unroll=8)[0][0]
         return turn + 1, taken | (slots[:, None, None] == number[None]) & (turn < theta)[None, :, None]
 
     turns = jnp.max(theta)

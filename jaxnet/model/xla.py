@@ -14,6 +14,8 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 
+from jaxnet.model.shapes import LoopIndex
+
 Tree = TypeVar("Tree", bound=Any)
 
 
@@ -41,7 +43,7 @@ def materialised(work: Callable[[], Tree]) -> Tree:
     return on_cpus(in_a_loop, work)
 
 
-def add_slice(array: jax.Array, place: tuple[Any, ...], by: jax.Array) -> jax.Array:
+def add_slice(array: jax.Array, place: tuple[int | LoopIndex, ...], by: jax.Array) -> jax.Array:
     """Add `by` to a slice of an array without a scatter, and return the array.
 
     `place` holds the start of the slice on the first axes; the slice starts at 0 on the other axes.

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from jaxnet.engine import batch
-from jaxnet.model import elimination
+from jaxnet.solvers import choice
+from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.iterative import Iterative
 from tests import systems
 
 LANES = {
@@ -29,11 +31,11 @@ def test_iteration_leads_where_one_dense_block_does(engine, monkeypatch):
     graph = {"kind": "random_regular", "degree": 4, "navigator": [1, 2, 3]}
     given = systems.study(topology=graph, output_step=keys["tick"], tail=keys["tick"], **keys)
     one = systems.lanes(given, 2, SAVED)
-    assert isinstance(one.network.order, elimination.NoOrder)
+    assert isinstance(one.network.solver, Iterative)
     iterated = batch.simulate(one, FEW)
-    monkeypatch.setattr(elimination, "LARGEST_BLOCK", 400)
+    monkeypatch.setattr(choice, "LARGEST_BLOCK", 400)
     dense = systems.lanes(given, 2, SAVED)
-    assert dense.network.order.vehicles.shape == (1, keys["vehicles"])
+    assert isinstance(dense.network.solver, Dense)
     known = batch.simulate(dense, FEW)
     assert (known.status == 0).all()
     assert known.switches.any() == (engine == "exact")

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from jaxnet.kinds.vehicles import SPEED
 from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
-from jaxnet.model import control, definition, elimination, graph, hearing
+from jaxnet.model import control, definition, graph, hearing
+from jaxnet.solvers.dense import Dense
 from tests.matrices import by_slot, slots_of
 
 ROBOT = TwoWheeled()
@@ -95,9 +96,8 @@ def structured(state, weights, navigator, signal, heard, gain):
     """`u` as the engine finds it."""
     own, attack = ROBOT.output_jets(state), control.driven(gain, signal)
     demand = control.demand(own, control.driven(gain, navigator), attack, heard, weights[None], gain)
-    order = elimination.Order(np.arange(len(demand[0]))[None], np.arange(len(demand[0])))
-    factors, _ = elimination.factorised(order, heard, weights[None, ..., None])
-    return ROBOT.inputs_for(state, elimination.applied(order, heard, factors, demand[..., None], ())[..., 0])
+    factors, _ = Dense().factorise(heard, weights[None, ..., None])
+    return ROBOT.inputs_for(state, Dense().apply(heard, factors, demand[..., None], None)[..., 0])
 
 
 @jax.jit

@@ -28,7 +28,6 @@ class Engine(Kind):
     queue: ClassVar[int] = 1  # chunks in a load
     shard: ClassVar[int] = 512  # lanes whose rows make one file: about a second of work
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
-    one_block: ClassVar[int] = 12  # up to so many vehicles, a dense solve of the Laplacian is quicker
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
 

@@ -25,8 +25,8 @@ from jaxnet.engine.stepper import Method, States, Times, Trial
 from jaxnet.engine.subset import for_each, picked, put, run_if
 from jaxnet.model.control import Gain, feedback
 from jaxnet.model.lane import Lane
+from jaxnet.solvers import choice
 
-SMALLEST = 32  # vehicles; in smaller fleets shorter steps take as long as they save
 SHARE = 4  # one vehicle in so many may need shorter steps
 TOGETHER = 16  # vehicles of any lanes that step at once
 ATTEMPTS = 64  # most attempts of a vehicle within one step of its fleet
@@ -62,7 +62,7 @@ def suits(lane: Lane, plan: Plan) -> bool:
     whose kind has parameters vehicle by vehicle may not either.
     """
     of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
-    return lane.initial.shape[1] >= SMALLEST and of_lanes and not plan.in_field
+    return choice.few_step_alone(lane.initial.shape[1]) and of_lanes and not plan.in_field
 
 
 def refined(

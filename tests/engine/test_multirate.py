@@ -9,9 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from jaxnet.engine import batch, stepper
-from jaxnet.engine.large import multirate
-from jaxnet.engine.large.multirate import SlowVehicles
+from jaxnet.engine import batch, multirate, stepper
+from jaxnet.engine.multirate import SlowVehicles
 from jaxnet.engine.plan import Tolerances
 from jaxnet.kinds.fields import FULL_TURN, Angle
 from jaxnet.kinds.pytree import as_pytree
@@ -21,6 +20,7 @@ from jaxnet.kinds.vehicles.two_wheeled import FORCE, TwoWheeled
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.model.control import feedback
+from jaxnet.solvers import choice
 from tests import systems
 from tests.engine.test_exactness import navigator_at
 
@@ -170,7 +170,7 @@ def test_a_few_who_nearly_stop_hold_up_nobody(anew, monkeypatch):
     monkeypatch.setattr(multirate, "ATTEMPTS", 0)
     batch.program.cache_clear()
     refused = systems.simulate(one)
-    monkeypatch.setattr(multirate, "SMALLEST", VEHICLES + 1)
+    monkeypatch.setattr(choice, "LEAST_MULTIRATE", VEHICLES + 1)
     batch.program.cache_clear()
     never = systems.simulate(one)
     assert found.steps[CALM] == never.steps[CALM]
@@ -199,7 +199,7 @@ def test_fleets_go_as_the_exact_engine_says(fleet, anew, monkeypatch):
     np.testing.assert_allclose(ours.series["kept"], known.series["kept"], rtol=0, atol=1e-12)
     ours_at, known_at = (each.series["state"][..., :2] for each in (ours, known))
     np.testing.assert_allclose(ours_at, known_at, rtol=0, atol=1e-5)
-    monkeypatch.setattr(multirate, "SMALLEST", 101)
+    monkeypatch.setattr(choice, "LEAST_MULTIRATE", 101)
     batch.program.cache_clear()
     assert (ours.steps < outcome().steps).all()
 

@@ -1,38 +1,29 @@
-"""Iterative solution of `L x = b` with a certified error, for graphs without a narrow order.
+"""Restarted BiCGSTAB (van der Vorst) for `L x = b`, slot by slot without a matrix.
 
-The iteration is BiCGSTAB (van der Vorst), because L is not symmetric and its spectrum is not known
-beforehand. It works slot by slot without a matrix. It restarts while the residual is too large.
-
-L is an M-matrix, and its inverse has no negative entry. Hence `‖L⁻¹‖ = max L⁻¹ 1`, in the maximum norm. Any v
-with `L v > 0` gives the bound
-
-    ‖L⁻¹‖ ≤ max v / min L v,      ‖x - L⁻¹ b‖ ≤ ‖L⁻¹‖ ‖b - L x‖.
-
-Each column of each axis and lane stops as soon as its own error is small enough. No result therefore depends
-on the other lanes of the batch.
+L is not symmetric, and its spectrum is not known beforehand. Each column of each axis and lane stops as soon
+as its own residual is small enough. No result therefore depends on the other lanes of the batch.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.shapes import LoopIndex
 
-ACCURACY = 1e-12  # wanted error of a solution, relative to its greatest component
-LOOSEST = 1e-6  # relative error from which a solution counts as not found
-CERTIFICATE = 0.25  # tolerated distance of `L v` from 1
 STARTS = 8
 ROUNDS = 4  # maximum number of steps of a start, in multiples of m
 
 Unknowns = Float[Array, "m columns axes lanes"]
 Sizes = Float[Array, "columns axes lanes"]
+Going = Bool[Array, "..."]
+Restart = tuple[LoopIndex, Unknowns, Unknowns, Sizes, Going]  # number, x, residual, its norm, going
+InnerProducts = Float[Array, "1 columns axes lanes"]
+Step = tuple[LoopIndex, Unknowns, Unknowns, Unknowns, InnerProducts, Going]  # see `stabilised`
 Map = Callable[[Unknowns], Unknowns]
 Allowance = Callable[[Sizes], Sizes]  # tolerated residual norm, by the norm of x
-InverseBound = Float[Array, "axes lanes"]
 
 
 def of_vehicles(hearing: Hearing, weights: AxisWeights) -> AxisWeights:
@@ -48,54 +39,12 @@ def apply_laplacian(hearing: Hearing, weights: AxisWeights) -> Map:
     )
 
     def times(x: Unknowns) -> Unknowns:
-        def less(slot: Any, total: Any) -> Any:
+        def less(slot: LoopIndex, total: Unknowns) -> Unknowns:
             return total - heard[slot][:, None] * x.at[carried_sources[slot]].get(mode="promise_in_bounds")
 
         return jax.lax.fori_loop(0, len(carried_sources), less, x)
 
     return times
-
-
-def inverse_bound(hearing: Hearing, weights: AxisWeights) -> InverseBound:
-    """Return a bound on `‖L⁻¹‖` from the weights of all sources.
-
-    The bound is infinite if the navigator does not reach every vehicle. It is NaN if the iteration found no
-    bound.
-    """
-    reached = hearing.all_reached(weights)
-    times = apply_laplacian(hearing, of_vehicles(hearing, weights))
-    m, axes, lanes = weights.shape[2], len(weights), weights.shape[-1]
-    right = jnp.ones((m, 1, axes, lanes))
-    v = iterated(times, right, right, lambda _: jnp.where(reached, CERTIFICATE, jnp.inf)[None, None])[0]
-    greatest = residual_norm(v)[0]
-    least = times(v).min(axis=0)[0] - rounding(hearing) * greatest
-    bound = jnp.where(least > 0, greatest / least, jnp.nan)
-    return jnp.where(reached[None], bound, jnp.inf)
-
-
-def certified(
-    hearing: Hearing, weights: AxisWeights, bound: InverseBound, right: Unknowns, start: Unknowns
-) -> tuple[Unknowns, Sizes]:
-    """Solve `L x = b`, and return x and a bound on its relative error.
-
-    `weights` are the weights of vehicles only, `bound` is a bound on `‖L⁻¹‖`, and `start` is the initial
-    guess. The solution is NaN in three cases: b is not finite, `bound` is not finite, or the error is at
-    least LOOSEST. The error bound of a NaN solution is 0.
-    """
-    times, size, limited = apply_laplacian(hearing, weights), residual_norm(right), jnp.isfinite(bound)[None]
-    share = jnp.maximum(ACCURACY / bound, rounding(hearing))[None]
-    unit = jnp.where(size > 0, size, 1.0)[None]
-    x, left = iterated(
-        times, right / unit, start / unit, lambda reached: jnp.where(limited, share * reached, jnp.inf)
-    )
-    error = jnp.where(left == 0.0, 0.0, bound[None] * left / residual_norm(x))
-    found = limited & (error < LOOSEST)
-    return jnp.where(found[None], x * unit, jnp.nan), jnp.where(found, error, 0.0)
-
-
-def rounding(hearing: Hearing) -> float:
-    """Return the greatest rounding error of the computed `b - L x`, relative to x."""
-    return (4 + len(hearing.carried_sources) / 2) * float(np.finfo(float).eps)
 
 
 def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tuple[Unknowns, Sizes]:
@@ -107,7 +56,7 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
     can be orthogonal to its images.
     """
 
-    def start(carry: Any) -> Any:
+    def start(carry: Restart) -> Restart:
         number, x, left, size, going = carry
         shadow = jnp.cos(((number + 1) * jnp.arange(len(right)) ** 2).astype(float))
         shadow = jnp.broadcast_to(shadow[:, None, None, None], left.shape)
@@ -126,14 +75,14 @@ def iterated(times: Map, right: Unknowns, x: Unknowns, allowed: Allowance) -> tu
 
 
 def stabilised(
-    times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Bool[Array, "..."], allowed: Allowance
+    times: Map, x: Unknowns, left: Unknowns, shadow: Unknowns, going: Going, allowed: Allowance
 ) -> Unknowns:
     """Run BiCGSTAB from x in the columns marked `going`, until `allowed` admits the estimated residual.
 
     `left` is the residual of x, and `shadow` is the shadow vector.
     """
 
-    def step(carry: Any) -> Any:
+    def step(carry: Step) -> Step:
         number, x, left, direction, along, going = carry
         image = times(direction)
         alpha = jnp.where(going, along / inner_product(shadow, image), 0.0)
@@ -153,7 +102,7 @@ def stabilised(
     return jax.lax.while_loop(lambda carry: (carry[0] < ROUNDS * len(x)) & carry[5].any(), step, carry)[1]
 
 
-def inner_product(x: Unknowns, y: Unknowns) -> Float[Array, "1 columns axes lanes"]:
+def inner_product(x: Unknowns, y: Unknowns) -> InnerProducts:
     """Return the inner product of each column of x with the same column of y."""
     return (x * y).sum(axis=0, keepdims=True)
 

@@ -1,5 +1,7 @@
 """Solving for the graph in force, in blocks, in one and by iteration, against NumPy's own solution."""
 
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,29 +11,35 @@ from hypothesis import strategies as st
 
 from jaxnet.engine.plan import CONNECTED
 from jaxnet.kinds import registry
-from jaxnet.model import elimination, graph, hearing, iteration
+from jaxnet.model import elimination, graph, hearing
+from jaxnet.solvers import bound, choice
+from jaxnet.solvers.blocks import Blocks
+from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.iterative import Iterative
 from tests import matrices
 
 GRAPHS = {
     "ring": ("cyclic", {}, 17, (9, 2)),
     "path": ("path", {}, 19, (10, 2)),
     "lattice": ("lattice", {"neighbours": 4}, 41, (9, 5)),
-    "grid": ("grid", {"rows": 4, "columns": 4}, 16, (1, 16)),
-    "complete": ("complete", {}, 9, (1, 9)),
+    "grid": ("grid", {"rows": 4, "columns": 4}, 16, None),
+    "complete": ("complete", {}, 9, None),
 }
 WIDE = {
     "random_regular": {"degree": 4, "navigator": [1, 200, 384]},
     "erdos_renyi": {"probability": 8 / 384},
 }
 seeds = st.integers(0, 2**32 - 1)
-solve, factorised, applied = map(jax.jit, (elimination.solve, elimination.factorised, elimination.applied))
+solve = jax.jit(lambda solver, *given: solver.solve(*given))
+factorise = jax.jit(lambda solver, *given: solver.factorise(*given))
+apply = jax.jit(lambda solver, *given: solver.apply(*given, None))
 
 
 def listening(links):
-    """Who hears whom, and the order of elimination."""
+    """Who hears whom, and the solver."""
     sources = matrices.slots_of(links)
     heard = hearing.of_slots(sources, sources, sources < 0, hearing.of_transmitters(sources))
-    return jax.tree.map(jnp.asarray, heard), elimination.order_of(sources, one_block=8)
+    return jax.tree.map(jnp.asarray, heard), choice.choose_solver(sources).solver
 
 
 def by_slot(heard, weights):
@@ -61,37 +69,36 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     kind, keys, m, blocks = GRAPHS[name]
     links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     links[:, 0] = True
-    heard, order = listening(links)
-    assert isinstance(order, elimination.Order)
-    assert order.vehicles.shape == blocks
+    heard, solver = listening(links)
+    assert solver == Dense() if blocks is None else solver.vehicles.shape == blocks
     weights = retained(links, seed)
     right = np.random.default_rng(seed).normal(size=(m, 3, 2, weights.shape[-1]))
-    solution, residual = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
+    solution, residual = solve(solver, heard, by_slot(heard, weights), jnp.asarray(right))
     np.testing.assert_allclose(solution, known(weights, right), rtol=0, atol=1e-11)
     assert (residual < 1e-12).all()
-    factors, residual = factorised(order, heard, by_slot(heard, weights))
+    factors, residual = factorise(solver, heard, by_slot(heard, weights))
     assert (residual < 1e-12).all()
-    twice = applied(order, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)), None)
+    twice = apply(solver, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)))
     np.testing.assert_allclose(twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11)
 
 
 def test_many_vehicles_are_solved_for_as_few_are():
     """On a ring of 384 to 1e-9, some retained."""
     links = matrices.links_of(registry.find("topology", "cyclic")(), 384)
-    heard, order = listening(links)
-    assert isinstance(order, elimination.Order)
-    assert order.vehicles.shape == (192, 2)
+    heard, solver = listening(links)
+    assert isinstance(solver, Blocks)
+    assert solver.vehicles.shape == (192, 2)
     weights, right = retained(links, 0), np.random.default_rng(0).normal(size=(384, 1, 2, 3))
-    solution, _ = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
+    solution, _ = solve(solver, heard, by_slot(heard, weights), jnp.asarray(right))
     np.testing.assert_allclose(solution, known(weights, right), rtol=0, atol=1e-9)
 
 
 def wide(name):
     """A graph of 384 vehicles that no order makes narrow, who hears whom, and what to solve by."""
     links = matrices.links_of(registry.find("topology", name)(**WIDE[name]), 384)
-    heard, order = listening(links)
-    assert isinstance(order, elimination.NoOrder)
-    return links, heard, order
+    heard, solver = listening(links)
+    assert isinstance(solver, Iterative)
+    return links, heard, solver
 
 
 def some_retained(links, seed, lanes=3):
@@ -110,21 +117,21 @@ def test_a_wide_graph_is_solved_for_by_iteration(name):
 
     The inverse is no greater than its bound, which is as tight as the vector lets it be that it is from.
     """
-    links, heard, order = wide(name)
+    links, heard, solver = wide(name)
     weights, right = some_retained(links, 1), np.random.default_rng(1).normal(size=(384, 2, 2, 3))
     right[:, 0] *= (np.arange(384) % 100 == 7)[:, None, None]  # as of few that are attacked
     right[..., 2] *= np.array([1e-170, 1e170])[None, :, None]
     exact, in_slots = known(weights, right), by_slot(heard, weights)
     scale = np.abs(exact).max(axis=0)
-    solution, residual = solve(order, heard, in_slots, jnp.asarray(right))
+    solution, residual = solve(solver, heard, in_slots, jnp.asarray(right))
     np.testing.assert_allclose(np.asarray(solution) / scale, exact / scale, rtol=0, atol=1e-9)
     assert (residual < 1e-10).all()
-    factors, residual = factorised(order, heard, in_slots)
+    factors, residual = factorise(solver, heard, in_slots)
     assert (residual < CONNECTED).all()
     inverse = known(weights, np.ones((384, 1, 2, 3))).max(axis=(0, 1))
-    most = (1 + iteration.CERTIFICATE) / (1 - iteration.CERTIFICATE)  # where `L v` is so near 1
+    most = (1 + bound.CERTIFICATE) / (1 - bound.CERTIFICATE)  # where `L v` is so near 1
     assert ((inverse <= factors.bound) & (factors.bound <= most * inverse)).all()
-    twice = applied(order, heard, factors, jnp.asarray(right[:, 1].swapaxes(0, 1)), None)
+    twice = apply(solver, heard, factors, jnp.asarray(right[:, 1].swapaxes(0, 1)))
     twice = np.asarray(twice).swapaxes(0, 1)
     np.testing.assert_allclose(twice / scale[1], exact[:, 1] / scale[1], rtol=0, atol=1e-9)
 
@@ -132,17 +139,20 @@ def test_a_wide_graph_is_solved_for_by_iteration(name):
 def test_iteration_gets_to_the_leaves_of_a_tree():
     """Of one root, who alone hears the navigator; nothing comes back to who has passed it on."""
     weights = graph.dense(graph.weighted(300, [(i, i // 2, 1.0) for i in range(1, 301)]))
-    heard, order = listening(weights > 0)
-    assert isinstance(order, elimination.NoOrder)
+    heard, solver = listening(weights > 0)
+    assert isinstance(solver, Iterative)
     weights, right = weights[..., None, None], np.eye(300)[:, :2, None, None]
-    solution, residual = solve(order, heard, by_slot(heard, weights), jnp.asarray(right))
+    solution, residual = solve(solver, heard, by_slot(heard, weights), jnp.asarray(right))
     np.testing.assert_allclose(solution, known(weights, right), rtol=0, atol=1e-11)
     assert residual < CONNECTED
 
 
 def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
-    """On either axis, or where nobody is retained; the lanes beside it are the same to the last bit."""
-    links, heard, order = wide("random_regular")
+    """On either axis; the lanes beside it are the same to the last bit.
+
+    A vehicle whose weights are all 0 keeps its drive, and is not cut off.
+    """
+    links, heard, solver = wide("random_regular")
     whole = some_retained(links, 3, lanes=5)
     cut, right = whole.copy(), np.random.default_rng(3).normal(size=(384, 2, 2, 5))
     cut[[0, 199, 383], 0, 1, 1] = 0.0  # nobody hears the navigator
@@ -150,16 +160,16 @@ def test_a_lane_cut_off_is_found_by_iteration_and_changes_nothing_beside_it():
     cut[10, 21, 0, 2] = cut[20, 11, 0, 2] = 1.0
     cut[20, :, 0, 2] = np.arange(385) == 11
     cut[:, :, :, 4] = np.nan
-    clean, _ = solve(order, heard, by_slot(heard, whole), jnp.asarray(right))
-    solution, residual = solve(order, heard, by_slot(heard, cut), jnp.asarray(right))
-    factors, also = factorised(order, heard, by_slot(heard, cut))
-    assert np.isinf(residual).tolist() == np.isinf(also).tolist() == [False, True, True, False, True]
+    clean, _ = solve(solver, heard, by_slot(heard, whole), jnp.asarray(right))
+    solution, residual = solve(solver, heard, by_slot(heard, cut), jnp.asarray(right))
+    factors, also = factorise(solver, heard, by_slot(heard, cut))
+    assert np.isinf(residual).tolist() == np.isinf(also).tolist() == [False, True, False, False, True]
     np.testing.assert_array_equal(solution[..., [0, 3]], clean[..., [0, 3]])
     alone, theirs = (
         jnp.asarray(right[:, 0].swapaxes(0, 1)),
-        factorised(order, heard, by_slot(heard, whole))[0],
+        factorise(solver, heard, by_slot(heard, whole))[0],
     )
-    beside, clean = applied(order, heard, factors, alone, None), applied(order, heard, theirs, alone, None)
+    beside, clean = apply(solver, heard, factors, alone), apply(solver, heard, theirs, alone)
     np.testing.assert_array_equal(beside[..., [0, 3]], clean[..., [0, 3]])
     assert np.isnan(beside[..., 4]).all()
 
@@ -181,7 +191,7 @@ def test_what_iteration_does_not_find_is_not_a_number():
     heard, _ = listening(flat > 0)
     weights, right = np.stack([flat, steep], axis=-1)[:, :, None], np.ones((m, 2, 1, lanes))
     right[3, 0, 0, 0] = np.inf
-    solution, residual = solve(elimination.NoOrder(), heard, by_slot(heard, weights), jnp.asarray(right))
+    solution, residual = solve(Iterative(), heard, by_slot(heard, weights), jnp.asarray(right))
     assert np.isnan(solution[:, :, 0]).all(axis=0).tolist() == [[True, True], [False, True]]
     np.testing.assert_allclose(
         solution[:, 1:, :, :1], known(weights[..., :1], right[:, 1:, :, :1]), rtol=1e-11
@@ -201,11 +211,11 @@ heard_by_each = st.tuples(
 def test_the_residual_tells_whether_the_navigator_reaches_everybody(each_hears):
     edges = [(i, j, 1.0) for i, sources in enumerate(each_hears, start=1) for j in sources]
     network = graph.weighted(5, edges)
-    heard, order = listening(~np.eye(5, 6, 1, dtype=bool))
+    heard, solver = listening(~np.eye(5, 6, 1, dtype=bool))
     in_slots = by_slot(heard, graph.dense(network)[..., None, None])
     reached = graph.unreachable(network) == []
-    assert bool(factorised(order, heard, in_slots)[1][0] < CONNECTED) == reached
-    assert bool(solve(order, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
+    assert bool(factorise(solver, heard, in_slots)[1][0] < CONNECTED) == reached
+    assert bool(solve(solver, heard, in_slots, jnp.zeros((5, 1, 1, 1)))[1][0] < CONNECTED) == reached
 
 
 @pytest.mark.parametrize("name", ["ring", "lattice", "complete"])
@@ -218,7 +228,7 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     """
     kind, keys, m, _ = GRAPHS[name]
     links = matrices.links_of(registry.find("topology", kind)(**keys), m)
-    heard, order = listening(links)
+    heard, solver = listening(links)
     rng = np.random.default_rng(seed)
     whole = links * rng.uniform(0.1, 1.0, links.shape)
     first, number = rng.integers(m), rng.integers(2, m - 1)
@@ -229,12 +239,12 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     whole, cut = (each / each.sum(axis=1, keepdims=True) for each in (whole, cut))
     right = jnp.asarray(rng.normal(size=(m, 3, 1, 2)))
     both, one = (by_slot(heard, np.stack([whole, other], axis=-1)[:, :, None]) for other in (whole, cut))
-    clean, connected = solve(order, heard, both, right)
-    solution, residual = solve(order, heard, one, right)
+    clean, connected = solve(solver, heard, both, right)
+    solution, residual = solve(solver, heard, one, right)
     assert (connected < CONNECTED).all()
     assert residual[0] < CONNECTED
     assert not residual[1] < 1.0
-    assert not factorised(order, heard, one)[1][1] < 1.0
+    assert not factorise(solver, heard, one)[1][1] < 1.0
     np.testing.assert_array_equal(solution[..., 0], clean[..., 0])
 
 
@@ -248,3 +258,10 @@ def test_eliminates_as_numpy_solves(n):
     found = elimination.eliminated(jnp.asarray(np.concatenate([matrix, right], axis=1)))
     expected = np.linalg.solve(*(np.moveaxis(each, (2, 3), (0, 1)) for each in (matrix, right)))
     np.testing.assert_allclose(found, np.moveaxis(expected, (0, 1), (2, 3)), rtol=1e-10, atol=1e-10)
+
+
+def test_the_page_of_solvers_is_what_the_choice_prints():
+    """`python -m jaxnet.solvers.choice > docs/solvers.md`."""
+    page = (Path(__file__).parents[2] / "docs" / "solvers.md").read_text()
+    assert page == choice.page()
+    assert all(f"`{name}`" in page for name in ("Dense", "Blocks", "Windowed", "Iterative"))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from jaxnet.engine import batch
-from jaxnet.engine.large import windowed
-from jaxnet.engine.methods.exact import Exact
-from jaxnet.engine.tick import DecisionState
 from jaxnet.model import hearing
+from jaxnet.solvers import choice, windowed
+from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.solver import System
+from jaxnet.solvers.windowed import Windowed
 from tests import systems
 
 VEHICLES = 601
@@ -67,19 +68,18 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     """
     keys, window, replaced, beyond = TOPOLOGIES[topology]
     monkeypatch.setattr(windowed, "WINDOW", window)
-    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * window)
     lane, network, before = begun(keys, replaced, 5)
-    vehicles, after = np.asarray(network.order.vehicles), before[:axes].copy()
+    vehicles, after = np.asarray(network.solver.vehicles), before[:axes].copy()
     middle, edge = vehicles[40, 0], vehicles[40 + window // 2, 0]
     for number, those in enumerate([[middle], [middle, edge, 1], [middle], range(VEHICLES), [middle]]):
         after[-1, 2, those, number] = False
     after[0, 0, middle, 2] = False
     changed = (after != before[:axes]).any(axis=(0, 1))
-    decided = DecisionState(jnp.asarray(after if axes == 2 else after[0]), None, None, None)
+    system = System(network.hearing, lane.weights, jnp.asarray(after), lane.vectors)
     start, flagged = known(lane, network, before), jnp.arange(5) < 4
-    found, left = jax.jit(windowed.solve_locally)(
-        jnp.asarray(start), flagged, jnp.asarray(changed), decided, lane, network
-    )
+    update = jax.jit(lambda solver, *given: solver.update(*given))
+    found, left = update(network.solver, system, jnp.asarray(start), flagged, jnp.asarray(changed))
     np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
     np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])
     exact, within = known(lane, network, after), slice(len(beyond), 2)
@@ -91,15 +91,15 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
 
 def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     """To 1e-9 m, through decisions; a lane is the same to the last bit beside others and alone."""
-    monkeypatch.setattr(windowed, "LEAST_WINDOWS", 2)
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)
     monkeypatch.setattr(windowed, "WINDOWS_TOGETHER", windowed.SIDE_BY_SIDE)
     keys = {"horizon": 3.0, "tail": 1.0, "vehicles": 300, "attack": "rotating"}
     given = systems.study(engine="exact", **keys)
     small = systems.lanes(given, 3, ("state",))
-    monkeypatch.setattr(Exact, "one_block", 300)
+    monkeypatch.setattr(choice, "ONE_BLOCK", 300)
     dense = systems.lanes(given, 3, ("state",))
-    assert windowed.window_count(small.network.order) == 4
-    assert windowed.window_count(dense.network.order) == 0
+    assert isinstance(small.network.solver, Windowed)
+    assert isinstance(dense.network.solver, Dense)
     ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
     assert (ours.status == 0).all()
     assert (ours.switches > 30).all()
@@ -107,3 +107,17 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
     alone = batch.simulate(small._replace(inputs=batch.part(small.inputs, 2, 3)), systems.FEW)
     np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
+
+
+def test_vehicles_that_sense_with_errors_are_solved_for_everywhere(monkeypatch):
+    """The drive of every vehicle then changes at every tick; lanes go as with one dense matrix."""
+    monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)
+    keys = {"horizon": 0.5, "tail": 0.5, "vehicles": 150, "attack": "rotating"}
+    given = systems.study(engine="exact", sensing={"kind": "gaussian", "position": 0.1}, **keys)
+    small = systems.lanes(given, 2, ("state",))
+    monkeypatch.setattr(choice, "ONE_BLOCK", 150)
+    dense = systems.lanes(given, 2, ("state",))
+    assert isinstance(small.network.solver, Windowed)
+    ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
+    assert (ours.status == 0).all()
+    np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)
