@@ -37,8 +37,9 @@ class Observation(NamedTuple):
         return length(jnp.where((self.weights == 0).all(axis=1), 0.0, apart))
 
 
-# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).
 Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
+
+# Arrays that can be saved at every output time, with a last axis over lanes (docs/results-folder.md).
 SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),

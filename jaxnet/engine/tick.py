@@ -53,9 +53,7 @@ class Reception(NamedTuple):
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
-    decision: (
-        Decision | None
-    )  # of the defence, ([2,] slots, m, lanes); None where the defence decides nothing
+    decision: Decision | None  # of the defence, ([2,] slots, m, lanes); None if the defence decides nothing
     memory: Memory  # of the defence
     vectors: Vectors | None  # of strategic attackers
     attacker_memory: Memory  # of strategic attackers

@@ -8,7 +8,9 @@ import pytest
 from jaxnet.engine import batch
 from jaxnet.model import hearing
 from jaxnet.solvers import choice, windowed
+from jaxnet.solvers.blocks import Blocks
 from jaxnet.solvers.dense import Dense
+from jaxnet.solvers.iterative import Iterative
 from jaxnet.solvers.solver import System
 from jaxnet.solvers.windowed import Windowed
 from tests import systems
@@ -109,15 +111,30 @@ def test_a_fleet_solved_for_near_by_goes_as_one_block_does(monkeypatch):
     np.testing.assert_array_equal(alone.series["state"], ours.series["state"][2:])
 
 
-def test_vehicles_that_sense_with_errors_are_solved_for_everywhere(monkeypatch):
-    """The drive of every vehicle then changes at every tick; lanes go as with one dense matrix."""
+NOISE, LOSS = {"position": 0.1}, {"loss": {"kind": "bernoulli", "probability": 0.5}}
+
+
+@pytest.mark.parametrize(
+    ("solver", "keys"),
+    [
+        (Windowed, {"topology": "cyclic", "vehicles": 150, "sensing": NOISE}),
+        (Windowed, {"topology": "cyclic", "vehicles": 150, "channel": LOSS}),
+        (Blocks, {"topology": "cyclic", "vehicles": 40, "sensing": NOISE, "channel": LOSS}),
+        (Iterative, {"topology": "random_regular", "vehicles": 110, "sensing": NOISE, "channel": LOSS}),
+    ],
+    ids=["windowed, noise", "windowed, loss", "blocks", "iterative"],
+)
+def test_lanes_with_errors_or_losses_go_as_with_one_dense_matrix(solver, keys, monkeypatch):
+    """The system then changes in all rows at every tick, and some vehicles hear nobody."""
     monkeypatch.setattr(choice, "LEAST_WINDOWED", 2 * windowed.WINDOW)
-    keys = {"horizon": 0.5, "tail": 0.5, "vehicles": 150, "attack": "rotating"}
-    given = systems.study(engine="exact", sensing={"kind": "gaussian", "position": 0.1}, **keys)
-    small = systems.lanes(given, 2, ("state",))
+    study = systems.study(engine="exact", horizon=0.5, tail=0.5, attack="rotating", **keys)
+    ours = systems.lanes(study, 2, ("state",))
+    assert type(ours.network.solver) is solver
     monkeypatch.setattr(choice, "ONE_BLOCK", 150)
-    dense = systems.lanes(given, 2, ("state",))
-    assert isinstance(small.network.solver, Windowed)
-    ours, theirs = (batch.simulate(one, systems.FEW) for one in (small, dense))
+    dense = systems.lanes(study, 2, ("state",))
+    assert type(dense.network.solver) is Dense
+    ours, theirs = (batch.simulate(one, systems.FEW) for one in (ours, dense))
     assert (ours.status == 0).all()
+    assert ours.unheard.tolist() == theirs.unheard.tolist()
+    assert (ours.unheard > 0).all() == ("channel" in keys)
     np.testing.assert_allclose(ours.series["state"], theirs.series["state"], rtol=0, atol=1e-9)

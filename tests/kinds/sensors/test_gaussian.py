@@ -22,14 +22,14 @@ def drive_variance(sizes):
     "sizes", [{"position": 0.1}, {"velocity": 0.1}, {"acceleration": 0.1}, SIZES], ids=str
 )
 def test_the_variance_of_the_error_is_that_of_the_theory(sizes):
-    """Inside its 99.9 % interval. Vehicles tell what they sense, so that their errors are independent."""
+    """Inside its 99 % interval. Vehicles tell what they sense, so that their errors are independent."""
     study = systems.study(sensing=sizes, horizon=30.0, output_step=30.0, **QUIET)
     outcome = systems.simulate(systems.lanes(study, 200))
     positions = outcome.series["state"][:, -1, :, :2]
     errors = positions - positions.mean(axis=(0, 1))
     number = errors.size - 2
     expected = RESPONSE * drive_variance(sizes)
-    low, high = stats.chi2.ppf([0.0005, 0.9995], number) * expected
+    low, high = stats.chi2.ppf([0.005, 0.995], number) * expected
     assert low <= (errors**2).sum() <= high
     correlations = np.corrcoef(errors.reshape(200, -1).T)
     assert np.abs(correlations[np.triu_indices(24, 1)]).max() < 0.35
