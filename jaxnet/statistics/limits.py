@@ -34,7 +34,7 @@ LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
 MOST_LIMITS = 2**24  # in memory at a time, over vehicles, times and lanes
 UNCHECKED = (
     "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
-    " retains, or the law is not solved at every instant"
+    " retains, the law is not solved at every instant, vehicles sense with errors, or messages are lost"
 )
 
 

@@ -24,9 +24,13 @@ class Bernoulli(Loss):
         description="that a message is lost, on each link and at each tick"
     )
 
+    def perfect(self) -> bool:
+        """Return whether the probability is 0."""
+        return self.probability == 0
+
     def draws(self) -> bool:
-        """Return True, because every loss is drawn."""
-        return True
+        """Return whether a message may be lost, because every loss is drawn."""
+        return not self.perfect()
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
         """Return the slots whose random number is below the probability."""

@@ -8,6 +8,8 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.config.study import Study
+from jaxnet.config.wording import value_text
+from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import count
 from jaxnet.statistics.curves import magnitude_words
 from jaxnet.view.figures.adjacency import too_large
@@ -31,12 +33,16 @@ def study_sentences(study: Study) -> str:
 
     held = any(cell.scenario.law.holds for cell in cells)
     law = f" Law: {among(lambda cell: str(cell.labels.get('law', cell.scenario.law.kind)))}." if held else ""
+    sensing = among(lambda cell: kind_words(cell.scenario.sensing, cell.scenario.sensing.exact()))
+    losses = among(lambda cell: kind_words(cell.scenario.channel.loss, cell.scenario.channel.loss.perfect()))
+    world = {"Errors of sensors": sensing, "Lost messages": losses}
+    told = "".join(f" {what}: {words}." for what, words in world.items() if words != "none")
     vehicles = among(lambda cell: count(cell.scenario.vehicles, f"{cell.scenario.vehicle.kind} vehicle"))
     return (
         f"{vehicles} follow a {among(lambda cell: cell.scenario.navigator.kind)} navigator"
         f" for {among(lambda cell: f'{cell.scenario.horizon:g} s')}, from random starts."
         f" Network: {among(topology_name)}. Attack: {among(attack_words)}; {among(magnitude_words)}."
-        f" Defence: {among(defence_words)}.{law}"
+        f" Defence: {among(defence_words)}.{law}{told}"
         f" The {among(lambda cell: cell.scenario.engine.reference())} engine follows them, with ticks"
         f" {among(lambda cell: f'{cell.scenario.tick:g} s')} apart. The last"
         f" {among(lambda cell: f'{cell.scenario.tail:g} s')} are the tail, from which errors are told."
@@ -60,6 +66,13 @@ def defence_words(cell: Cell) -> str:
     given = {"ϑ": getattr(defence, "theta", None), "F": getattr(defence, "F", None)}
     told = [f"{symbol} = {value}" for symbol, value in given.items() if value is not None]
     return ", ".join([str(cell.labels.get("defence", defence.label or defence.kind)), *told])
+
+
+def kind_words(kind: Kind, absent: bool) -> str:
+    """Return the name and the given keys of a sensor or a loss, or `none`."""
+    given = kind.model_dump(exclude_defaults=True).items()
+    told = [f"{key} = {value_text(value)}" for key, value in given if key not in ("kind", "label")]
+    return "none" if absent else ", ".join([kind.label or kind.reference(), *told])
 
 
 def networks_html(cells: Sequence[Cell]) -> str:
