@@ -1,8 +1,8 @@
 """Lanes of the exact engine in which a vehicle stands still between two ticks.
 
-If a vehicle's velocity passes 0, the vehicle goes straight on, with probability 1: it turns round on a line.
-So the search drops lanes in which every vehicle has left its line. At every tick the search covers, in the
-other lanes, the interval since the tick before.
+With probability 1, the velocity of a vehicle becomes 0 only if the vehicle has moved on a straight line since
+the start. Lanes in which no vehicle moves on a line any more are not searched. In all other lanes, each tick
+searches the interval since the previous tick.
 """
 
 from collections.abc import Callable

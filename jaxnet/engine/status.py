@@ -1,4 +1,4 @@
-"""Status of a lane at its end. A failed lane stops where it failed and affects no other lane."""
+"""Status of a lane at its end. A failed lane has no metrics, and its series end where it failed."""
 
 from enum import IntEnum
 
@@ -9,13 +9,13 @@ LEAST_SPEED = 1e-9  # [m/s] below it the law is singular
 
 
 class Status(IntEnum):
-    """Reason for which a lane ended: the first reason that applies, in this order."""
+    """Reason for which a lane failed: the reason that occurred first, in this order at the same moment."""
 
     ok = 0
     singular = 1  # |v| < 1e-9 m/s, or v changes its sign
-    nonfinite = 2  # a state not finite or not found, or a vector field for which no step is small enough
+    nonfinite = 2  # a number is not finite, also where an iterative solver finds no solution
     max_steps = 3  # the step limit, or a step too small to move the time
-    disconnected = 4  # the weights in force cut a vehicle off from the navigator
+    disconnected = 4  # decisions leave a vehicle without a path from the navigator
 
 
 Code = Int[Array, "*lanes"]

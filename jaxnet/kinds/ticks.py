@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from jaxnet.kinds.fields import Uniform
-from jaxnet.kinds.kind import Kind
+from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyNumbers, LaneTimes
 from jaxnet.lazy import LazyModule
@@ -55,6 +55,8 @@ class DrawsAtTicks(Kind):
         -------
             The numbers, with an axis over lanes after those of `shape`.
 
-        Only a kind whose `draws` is true may call this method.
+        Raises KindError unless `draws` returns True.
         """
+        if "key" not in vars(self):
+            raise KindError(f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True")
         return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)

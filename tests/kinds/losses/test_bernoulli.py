@@ -1,5 +1,6 @@
 """Lost messages: counts against the binomial distribution, and lanes with a known motion."""
 
+import jax
 import numpy as np
 import pytest
 from scipy import stats
@@ -8,6 +9,8 @@ from scipy.linalg import expm
 from jaxnet.config.document import ConfigError
 from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.engine.status import Status
+from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.losses import Loss
 from tests import systems
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
@@ -135,3 +138,19 @@ def test_probability_and_kind_of_loss_are_swept():
     by_kind = systems.study(sweep={"channel.loss": kinds})
     labels = [cell.labels["channel.loss"] for cell in by_kind.cells]
     assert labels == ["none", "bernoulli(probability=0.1)", "bernoulli(probability=0.2)"]
+
+
+def test_a_loss_that_draws_without_saying_so_is_told_what_is_missing():
+    """The key of the random numbers is drawn only for kinds whose `draws` returns True."""
+
+    class Silent(Loss):
+        kind = "silent"
+
+        def lost(self, messages, memory):
+            return self.random(
+                messages.time, "loss", jax.random.bernoulli, messages.present.shape[:-1]
+            ), memory
+
+    study = systems.study(channel={"loss": Silent()}, horizon=1.0, tail=0.5, **QUIET)
+    with pytest.raises(KindError, match=r"gives draws\(self\)"):
+        systems.simulate(systems.lanes(study, 1))
