@@ -133,7 +133,10 @@ def by_themselves(
     def advance(walk: Walk) -> Walk:
         goal = stepper.towards(few.end, walk.time, walk.step)
         trial = stepper.attempt(field, signals, rule, walk.time, goal, walk.state, walk.slope, few.tolerances)
-        kept, step = walk.going & (trial.error < 1.0), stepper.next_step(goal - walk.time, trial.error, rule)
+        kept, step = (
+            walk.going & (trial.error < 1.0),
+            stepper.next_step(goal - walk.time, trial.error, rule.order),
+        )
         return Walk(
             jnp.where(kept, goal, walk.time),
             jnp.where(kept[None, None], trial.state, walk.state),
@@ -146,7 +149,7 @@ def by_themselves(
     def under_way(walk: Walk) -> Bool[Array, ""]:
         return walk.going.any() & (walk.attempts < ATTEMPTS)
 
-    step, going = stepper.next_step(length, error, rule), there & able
+    step, going = stepper.next_step(length, error, rule.order), there & able
     begin = Walk(few.start, state[:, None], slopes[0, :, None], step, going, jnp.asarray(0))
     end = jax.lax.while_loop(under_way, advance, begin)
     return end.state[:, 0], end.slope[:, 0], going & ~end.going

@@ -126,10 +126,13 @@ def towards(goal: Times, time: Times, step: Times) -> Times:
     return jnp.where(pieces > 1, time + (goal - time) / pieces, goal)
 
 
-def next_step(step: Times, error: Times, rule: Method) -> Times:
-    """Return the next step: no shorter if this step was kept (error < 1), else shorter."""
+def next_step(step: Times, error: Times, order: int) -> Times:
+    """Return the next step: no shorter if this step was kept (error < 1), else shorter.
+
+    The error of a step of length h grows as h to the power `order`.
+    """
     kept = error < 1.0
-    wanted = SAFETY * error ** (-1.0 / rule.order)
+    wanted = SAFETY * error ** (-1.0 / order)
     return step * jnp.clip(wanted, jnp.where(kept, 1.0, LEAST), jnp.where(kept, MOST, SAFETY))
 
 

@@ -7,6 +7,12 @@ polynomials of fdlibm are accurate to half a unit in the last place (Sun Microsy
 `k_cos.c`). The error is at most 1.8e-16 for angles up to 1e8 rad.
 """
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
 from jaxnet.model.shapes import Numbers
 
 QUARTER = (1.570796251296997, 7.549789415861596e-08, 5.390302858158119e-15)  # the sum is π/2
@@ -27,9 +33,62 @@ SINE = (
     1.58969099521155010221e-10,
 )
 
+ARC = (
+    3.33333333333329318027e-01,
+    -1.99999999998764832476e-01,
+    1.42857142725034663711e-01,
+    -1.11111104054623557880e-01,
+    9.09088713343650656196e-02,
+    -7.69187620504482999495e-02,
+    6.66107313738753120669e-02,
+    -5.83357013379057348645e-02,
+    4.97687799461593236017e-02,
+    -3.65315727442169155270e-02,
+    1.62858201153657823623e-02,
+)
+
 
 def circle(angle: Numbers) -> tuple[Numbers, Numbers]:
     """Return `(cos, sin)` of an array of angles [rad], for NumPy and JAX."""
+    if isinstance(angle, np.ndarray):
+        return by_polynomials(angle)
+    return differentiable()(angle)
+
+
+@functools.cache
+def differentiable() -> Callable[[Numbers], tuple[Numbers, Numbers]]:
+    """Return the function for JAX, whose derivative is that of the cosine and the sine."""
+    import jax
+
+    function = jax.custom_jvp(by_polynomials)
+
+    @function.defjvp
+    def along(angle: tuple[Numbers], rate: tuple[Numbers]) -> tuple[Any, Any]:
+        cosine, sine = function(*angle)
+        return (cosine, sine), (-sine * rate[0], cosine * rate[0])
+
+    return function
+
+
+def angle(across: Numbers, up: Numbers) -> Numbers:
+    """Return the angle [rad] of vectors, `atan2(up, across)`, for NumPy and JAX.
+
+    With t the smaller over the greater component, `atan t = π/4 + atan((t - 1) / (t + 1))`.
+    """
+    xp = across.__array_namespace__()
+    wide, high = xp.abs(across), xp.abs(up)
+    small, great = xp.minimum(wide, high), xp.maximum(wide, high)
+    steep = small > 0.4142135623730951 * great
+    part = xp.where(steep, small - great, small) / xp.where(steep, small + great, great)
+    square = part * part
+    turned = xp.where(steep, 0.7853981633974483, 0.0) + (part - part * square * polynomial(ARC, square))
+    turned = xp.where(high > wide, 1.5707963267948966 - turned, turned)
+    turned = xp.where(across < 0, 3.141592653589793 - turned, turned)
+    return xp.where(up < 0, -turned, turned)
+
+
+def by_polynomials(angle: Numbers) -> tuple[Numbers, Numbers]:
+    """Return `(cos, sin)` by the polynomials."""
     xp = angle.__array_namespace__()
     turns = xp.round(angle * 0.6366197723675814)
     rest = angle - turns * QUARTER[0]

@@ -103,7 +103,7 @@ def test_the_next_step_is_the_controllers(solver):
     edges = [0.0, 1.0, np.nextafter(1.0, 0.0), 0.9**rule.order, np.inf]
     errors = jnp.asarray([*10.0 ** np.linspace(-12, 12, 97), *edges])
     steps = jnp.asarray(np.random.default_rng(0).uniform(1e-6, 0.5, len(errors)))
-    ours = stepper.next_step(steps, errors, rule)
+    ours = stepper.next_step(steps, errors, rule.order)
     kept, theirs = by_controller(solver, steps, errors)
     np.testing.assert_allclose(ours, theirs, rtol=1e-12)
     np.testing.assert_array_equal(kept, errors < 1.0)
@@ -119,7 +119,7 @@ def march(solver, state, first, tolerated, passes):
         kept = trial.error < 1.0
         return (
             jnp.where(kept, time + step, time),
-            stepper.next_step(step, trial.error, rule),
+            stepper.next_step(step, trial.error, rule.order),
             jnp.where(kept, trial.state, state),
             jnp.where(kept, trial.slope, slope),
         ), kept

@@ -1,4 +1,4 @@
-"""The nonlinear engine as a config names it (see `engine.integration`)."""
+"""The nonlinear engine as a config names it (see `engine.collocation` and `engine.integration`)."""
 
 from collections.abc import Hashable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -16,7 +16,11 @@ else:
 
 
 class Nonlinear(Engine):
-    """The nonlinear vehicles under the law, integrated adaptively."""
+    """The nonlinear vehicles under the law, integrated adaptively.
+
+    With `tick: 0` vehicles decide inside the vector field, which then jumps. `dopri5` then runs in place of
+    `gauss`.
+    """
 
     kind = "nonlinear"
     cached: ClassVar[int] = 1_200  # few, because the cache holds the slopes of all stages too
@@ -24,13 +28,17 @@ class Nonlinear(Engine):
     in_field: ClassVar[bool] = True
     holds: ClassVar[bool] = True
 
-    solver: Literal["dopri5", "tsit5", "dopri8"] = Field(
-        default="dopri5", description="an explicit Runge–Kutta pair"
+    solver: Literal["gauss", "dopri5", "tsit5", "dopri8"] = Field(
+        default="gauss",
+        description="collocation in the jets of the outputs (gauss), or a Runge–Kutta pair in the states",
     )
     rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(
-        default=100_000, ge=1, le=10**15, description="of a lane's whole fleet, refused ones included"
+        default=100_000,
+        ge=1,
+        le=10**15,
+        description="of the whole fleet, refused ones included",
     )
 
     def options(self) -> tuple[Hashable, ...]:
@@ -46,7 +54,11 @@ class Nonlinear(Engine):
 
     @staticmethod
     def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
-        """Advance the first `count` lanes of the queue by `engine.integration`."""
-        from jaxnet.engine import integration, loop
+        """Advance the first `count` lanes of the queue by `engine.collocation` or `engine.integration`."""
+        from jaxnet.engine import collocation, integration, loop
 
-        return loop.from_queue(integration.Integration, queue, count, network, clock, plan)
+        (solver,) = plan.options
+        if solver == "gauss" and plan.in_field:
+            plan = plan._replace(options=("dopri5",))
+        motion = collocation.Collocation if plan.options == ("gauss",) else integration.Integration
+        return loop.from_queue(motion, queue, count, network, clock, plan)

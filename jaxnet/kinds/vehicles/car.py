@@ -17,6 +17,7 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.kinds.vehicles import SPEED, Vehicle, directions
+from jaxnet.model.circle import angle
 from jaxnet.model.plane import cross, dot, pace
 
 STEERING, ACCELERATION = 4, 5
@@ -76,7 +77,7 @@ class Car(Vehicle):
         position, velocity, acceleration = jets
         xp = position.__array_namespace__()
         speed, _ = pace(jets)
-        heading = xp.arctan2(velocity[1], velocity[0])
+        heading = angle(velocity[0], velocity[1])
         steering = xp.arctan(self.wheelbase[None] * cross(velocity, acceleration) / speed**3)
         along = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, steering, along])

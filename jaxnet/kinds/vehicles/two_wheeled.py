@@ -10,6 +10,7 @@ from jaxnet.kinds.shapes import (
     VehicleVectors,
 )
 from jaxnet.kinds.vehicles import SPEED, Vehicle, directions
+from jaxnet.model.circle import angle
 from jaxnet.model.plane import dot, pace
 
 TURN_RATE, FORCE = 4, 5
@@ -58,7 +59,7 @@ class TwoWheeled(Vehicle):
         position, velocity, acceleration = jets
         xp = position.__array_namespace__()
         speed, turn_rate = pace(jets)
-        heading = xp.arctan2(velocity[1], velocity[0])
+        heading = angle(velocity[0], velocity[1])
         force = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, turn_rate, force])
 

@@ -1,0 +1,303 @@
+"""The nonlinear vehicles under the law, integrated by Gauss collocation in the jets of the outputs.
+
+The jets y, ẏ, ÿ of the output and the state of a vehicle determine each other while the vehicle moves (O4).
+In the jets the motion has no stiffness near standstill. At each node of a window (`engine.gauss`)
+
+    jets → state → received jets → jerk of the law → inputs → rates of the state → rates of the jets,
+
+with the vehicle's own equations and the law solved from the received jets. Nothing is cancelled.
+
+The first guess is the exact cancellation `q = z - P(y)` (SCIENCE O2b). Newton's method goes on from there,
+with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets. Where the
+cancellation holds, one evaluation at the nodes confirms the guess. A window is refused, and tried again with
+a shorter length, in three cases:
+
+- Newton's method has not converged;
+- the highest Legendre coefficient of the jerk is too large;
+- the vehicle's equations do not return the jets and their derivatives.
+
+A window serves ticks and outputs until a decision changes. Each lane has its own windows. The lanes are the
+last axis of every array.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.engine import between, gauss, standstill, stepper, tick
+from jaxnet.engine.following import FollowedLaw, Following, exchanged, expected, follow_weights, law_jerk
+from jaxnet.engine.gauss import Jerks, Window
+from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
+from jaxnet.engine.plan import Tolerances
+from jaxnet.engine.signals import Signals, signals
+from jaxnet.engine.status import Code, Status, fail
+from jaxnet.engine.stepper import States
+from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
+from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.model import control, plane
+from jaxnet.model.lane import Lane
+from jaxnet.model.plane import Jets
+from jaxnet.solvers.choice import factorised_at_once
+
+FIRST = 0.7  # [s] length of the first window that is tried
+NEXT_DEGREE = 0.1  # the error over the misfit of the highest degree; coefficients fall by more in a window
+PASSES = 10  # most evaluations at the nodes of a window
+CONVERGED = 0.1  # change of a pass over the tolerance, below which another pass changes nothing
+WIDTH = 8  # lanes whose windows are computed at once; 16 measured 0.9 times as fast, plain, 12 vehicles
+
+
+class CollocationState(NamedTuple):
+    """State of the lanes under way."""
+
+    jets: Jets
+    signals: Signals
+    window: Window
+    end: Instants  # [s] until then the motion is known
+    length: Instants  # [s] proposed for the next window
+    steps: Int[Array, " lanes"]  # windows so far, kept and refused
+    followed: FollowedLaw
+    straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
+
+
+class Task(NamedTuple):
+    """Lanes that need a window from now on."""
+
+    lane: Lane
+    tolerances: Tolerances
+    decided: DecisionState
+    followed: FollowedLaw
+    jets: Jets
+    time: Instants
+    limit: Instants  # [s] no window goes on for longer
+    length: Instants
+    steps: Int[Array, " lanes"]
+    status: Code
+
+
+class Attempt(NamedTuple):
+    """A window that was tried."""
+
+    window: Window
+    end: Instants  # of the window, or now if the window was refused
+    length: Instants
+    steps: Int[Array, " lanes"]
+    status: Code
+
+
+class Collocation(Following[CollocationState]):
+    """Motion of the nonlinear vehicles, window by window. `numbers` are the tolerances."""
+
+    guesses = True
+
+    def begin(self) -> CollocationState:
+        """Return the state at t = 0; nothing is followed yet."""
+        lane, zero = self.lane, jnp.zeros_like(self.lane.attack_scale)
+        jets, shapes = lane.vehicle.output_jets(lane.initial), jax.eval_shape(self.followed_first)
+        return CollocationState(
+            jets=jets,
+            signals=signals(lane, zero),
+            window=Window(zero, zero, jets, jnp.zeros((gauss.NODES, *jets[0].shape))),
+            end=zero,
+            length=zero + FIRST,
+            steps=jnp.zeros(zero.shape, int),
+            followed=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes),
+            straight=jnp.ones(zero.shape, bool),
+        )
+
+    def errors(self, state: CollocationState) -> Jets:
+        """Return E and its first two derivatives now."""
+        return plane.relative(state.jets, state.signals.navigator)
+
+    def seen(self, state: CollocationState) -> tuple[PerVehicle, PerVehicle, States]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+        return *plane.pace(state.jets), self.lane.vehicle.state_of(state.jets)
+
+    def drive_now(self, state: CollocationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return `y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
+        own = tick.sensed(state.jets, decided.noise)
+        return state.window.jerk_at(state.signals.time) + control.feedback(self.lane.gain, own)
+
+    @property
+    def at_every_tick(self) -> bool:
+        """Return whether the jerk of vehicles changes at every tick."""
+        return self.lane.law.holds or self.lane.sensor is not None
+
+    def hold(
+        self, state: CollocationState, decided: DecisionState, at: Tick
+    ) -> tuple[CollocationState, LaneFlags]:
+        """Factorise the Laplacian where a weight changed, and end the window there.
+
+        Where the law holds a jerk, vehicles exchange the jerk at every tick instead.
+        """
+        lane, network, plan = self.lane, self.network, self.plan
+
+        def some(few: LaneIndices, carry: tuple[FollowedLaw, LaneFlags]) -> tuple[FollowedLaw, LaneFlags]:
+            followed, cut_off = carry
+            part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
+            if lane.law.holds:
+                given = followed.jerk, state.signals, lane.vehicle.state_of(state.jets)
+                last, now, states = jax.tree.map(lambda leaf: picked(leaf, few), given)
+                new, connected = exchanged(part, network, chosen, last, now, states, plan)
+            else:
+                new, connected = follow_weights(part, network, chosen, plan, self.guesses)
+            followed = jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), followed, new)
+            return followed, put(cut_off, few, ~connected)
+
+        flagged = at.here if self.at_every_tick else at.anew
+        at_once = factorised_at_once(lane.initial.shape[1])
+        followed, cut_off = for_each(flagged, at_once, some, (state.followed, jnp.zeros_like(at.here)))
+        end = jnp.where(flagged, state.signals.time, state.end)
+        return state._replace(followed=followed, end=end), cut_off
+
+    def advance(
+        self, state: CollocationState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[CollocationState, Code, LaneFlags]:
+        """Move lanes to the next tick or to the end of their window; try windows for lanes without one.
+
+        Lanes without a window wait until WIDTH of them are there, or until no other lane can move.
+        """
+        lane, clock, time = self.lane, self.clock, state.signals.time
+        last = clock.outputs * clock.ticks
+        going = (status == Status.ok) & (ticks < last)
+        goal, horizon = clock.at(ticks + 1), clock.at(jnp.broadcast_to(last, ticks.shape))
+        moving = going & (state.end > time)
+        waiting, movable = going & ~moving, moving.any()
+        ready = jnp.where(movable, waiting.sum() // WIDTH * WIDTH, waiting.sum())
+        limit = goal if self.at_every_tick else horizon
+        task = Task(
+            lane,
+            self.numbers,
+            decided,
+            state.followed,
+            state.jets,
+            time,
+            limit,
+            state.length,
+            state.steps,
+            status,
+        )
+
+        def some(few: LaneIndices, known: Attempt) -> Attempt:
+            found = self.attempt(jax.tree.map(lambda leaf: picked(leaf, few), task))
+            return jax.tree.map(lambda all_lanes, theirs: put(all_lanes, few, theirs), known, found)
+
+        known = Attempt(state.window, state.end, state.length, state.steps, status)
+        known = for_each(waiting & (jnp.cumsum(waiting) <= ready), WIDTH, some, known)
+        window, end, length, steps, status = known
+        state = state._replace(window=window, end=end, length=length, steps=steps)
+
+        def move(carry: tuple[CollocationState, Code, LaneFlags]) -> tuple[CollocationState, Code, LaneFlags]:
+            state, status, _ = carry
+            target = jnp.where(moving, jnp.minimum(goal, state.end), time)
+            jets = select(moving, state.window.jets_at(target), state.jets)
+            state = state._replace(jets=jets, signals=signals(lane, target))
+
+            def stood(few: LaneIndices) -> LaneFlags:
+                window, to, by = jax.tree.map(
+                    lambda leaf: picked(leaf, few), (state.window, target, target - time)
+                )
+                return stood_in(window, to, by)
+
+            there = state.straight & moving
+            status, straight = between.stopped(there, status, lambda: state.jets, stood)
+            state = state._replace(straight=jnp.where(moving, straight, state.straight))
+            return state, status, moving & (target == goal)
+
+        return run_if(movable, move, (state, status, jnp.zeros_like(going)))
+
+    def attempt(self, task: Task) -> Attempt:
+        """Try a window of each lane."""
+        end = stepper.towards(task.limit, task.time, task.length)
+        spent = task.steps >= task.tolerances.max_steps
+        jerks, error, finite = self.solve(task, end - task.time)
+        kept = ~spent & (error < 1.0)
+        length = stepper.next_step(end - task.time, error, gauss.NODES)
+        stuck = ~kept & (length <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(end, 1.0))
+        status = fail(task.status, Status.nonfinite, ~spent & stuck & ~finite)
+        status = fail(status, Status.max_steps, spent | stuck)
+        window = Window(task.time, end - task.time, task.jets, jerks)
+        return Attempt(window, jnp.where(kept, end, task.time), length, task.steps + ~spent, status)
+
+    def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
+        """Return the jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
+
+        The error is infinite where the vehicle's equations do not return the jets and their derivatives.
+        """
+        lane, times = task.lane, jnp.asarray(gauss.RULE.nodes)[:, None] * length
+        now = jax.vmap(lambda time: signals(lane, time))(task.time + times)
+        coasted = gauss.coasted(task.jets, times)
+        gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
+        equations = gauss.linear(gain, length)
+        sizes = tuple(jnp.abs(jet) for jet in task.jets)
+
+        def guessed(now: Signals, jets: Jets) -> Float[Array, "2 m few"]:
+            if task.followed.response is None:
+                return task.followed.jerk
+            return expected(lane, task.followed.response, now, tick.sensed(jets, task.decided.noise))
+
+        def at_node(now: Signals, jets: Jets, jerk: Float[Array, "2 m few"]) -> tuple[Jets, Any]:
+            return self.rates(task, now, jets, jerk)
+
+        def one(carry: Any) -> Any:
+            jerks, passes, *_ = carry
+            jets = gauss.moved(coasted, length, jerks)
+            found, off = jax.vmap(at_node)(now, jets, jerks)
+            change = equations.solve(found - jerks)
+            largest = tuple(jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True))
+            moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change))
+            missed = tuple(each.max(axis=0) for each in off)
+            left, unlike = (over(each, largest, task.tolerances) for each in (moves, missed))
+            return jerks + change, passes + 1, left, unlike, largest
+
+        def under_way(carry: Any) -> Bool[Array, ""]:
+            _, passes, left, unlike, _ = carry
+            return ((left >= CONVERGED) & (unlike < 1.0)).any() & (passes < PASSES)
+
+        infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
+        begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
+        jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
+        misfit = tuple(NEXT_DEGREE * each for each in gauss.misfit(length, jerks))
+        error = left + over(misfit, largest, task.tolerances)
+        finite = jnp.isfinite(error)
+        return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
+
+    def rates(
+        self, task: Task, now: Signals, jets: Jets, guess: Float[Array, "2 m few"]
+    ) -> tuple[Float[Array, "2 m few"], Jets]:
+        """Return the jerk of the vehicles with these jets, by the law and the vehicles' equations.
+
+        Return also by how much the jets of the states, and the rates of ẏ and y, miss the jets.
+        """
+        vehicle, followed = task.lane.vehicle, task.followed
+        states = vehicle.state_of(jets)
+        jerk = followed.jerk
+        if jerk is None:
+            own = tick.sensed(vehicle.output_jets(states), task.decided.noise)
+            jerk = law_jerk(task.lane, self.network, followed, task.decided, now, own, guess)
+        rates = vehicle.motion(states, vehicle.inputs_for(states, jerk))
+        found, (velocity, acceleration, moved) = jax.jvp(vehicle.output_jets, (states,), (rates,))
+        missed = [jnp.abs(a - b) for a, b in zip(found, jets, strict=True)]
+        missed[1] = jnp.maximum(missed[1], jnp.abs(velocity - jets[1]))
+        missed[2] = jnp.maximum(missed[2], jnp.abs(acceleration - jets[2]))
+        return moved, (missed[0], missed[1], missed[2])
+
+
+def over(change: Jets, size: Jets, tolerances: Tolerances) -> Instants:
+    """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
+    together = [jnp.concatenate(each) for each in (change, size)]
+    return stepper.fleet_norm(stepper.error_norm(*together, tolerances))
+
+
+def stood_in(window: Window, time: Instants, interval: Instants) -> LaneFlags:
+    """Return the lanes in which a vehicle stood still in the interval before a time in the window.
+
+    The search goes back in time.
+    """
+
+    def pace(time: Instants) -> tuple[States, States]:
+        _, velocity, acceleration = window.jets_at(time)
+        return velocity, -acceleration
+
+    return standstill.stands(pace, jnp.subtract, time, window.greatest_jerk(), interval, interval)

@@ -1,0 +1,140 @@
+"""The law that the nonlinear vehicles follow from one tick to the next, evaluated from the received jets.
+
+`Following` is the base of the two ways to integrate the vehicles: `Collocation` and `Integration`.
+"""
+
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.engine import tick
+from jaxnet.engine.loop import Motion
+from jaxnet.engine.plan import CONNECTED, Plan
+from jaxnet.engine.signals import Signals
+from jaxnet.engine.stepper import States
+from jaxnet.engine.tick import DecisionState, Drive, Instants
+from jaxnet.model import control, signal
+from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+from jaxnet.model.signal import Basis, Vectors
+
+Jerk = Float[Array, "2 m lanes"]
+FollowingState = TypeVar("FollowingState", bound=Any)  # has the fields signals, followed and steps
+
+
+class FollowedLaw(NamedTuple):
+    """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
+
+    weights: AxisWeights
+    factors: Any  # by the network's solver, of these weights' Laplacian; None where a jerk is held
+    jerk: Jerk | None  # held until the next tick
+    response: Vectors | None  # L⁻¹ d, for a first guess of the jerk
+
+
+class Following(Motion[FollowingState], Generic[FollowingState]):
+    """Motion of vehicles that follow a law. A subclass integrates the vehicles."""
+
+    def followed_first(self) -> FollowedLaw:
+        """Return the law followed before the first tick, needed for its shapes alone."""
+        lane, network, plan = self.lane, self.network, self.plan
+        decided = tick.before_first(lane, network, plan)
+        if lane.law.holds:
+            return FollowedLaw(
+                tick.drive(lane, decided, plan).weights, None, jnp.zeros_like(lane.initial[:2]), None
+            )
+        return follow_weights(lane, network, decided, plan, self.guesses)[0]
+
+    @property
+    def guesses(self) -> bool:
+        """Return whether the motion needs a first guess of the jerk."""
+        return self.network.solver.starts
+
+    def basis(self, state: FollowingState) -> tuple[Instants, Basis]:
+        """Return the time [s] and the attacks' functions now."""
+        return state.signals.time, state.signals.basis
+
+    def drive(self, state: FollowingState, decided: DecisionState) -> Drive:
+        """Return the weights and attack vectors that the motion follows now."""
+        if self.plan.in_field:
+            return tick.drive(self.lane, decided, self.plan)
+        vectors = tick.attack_vectors(self.lane, decided)
+        return Drive(state.followed.weights, vectors, decided.noise, decided.reception)
+
+    def steps(self, state: FollowingState) -> Int[Array, " lanes"]:
+        """Return the number of attempts so far."""
+        return state.steps
+
+
+def follow_weights(
+    lane: Lane, network: Network, decided: DecisionState, plan: Plan, guesses: bool
+) -> tuple[FollowedLaw, Bool[Array, " few"]]:
+    """Return the law with weights and factors, and whether the navigator reaches every vehicle.
+
+    `guesses` says whether the law needs the response for a first guess of the jerk.
+    """
+    drive = tick.drive(lane, decided, plan)
+    factors, residual = network.solver.factorise(network.hearing, drive.weights)
+    followed = FollowedLaw(drive.weights, factors, None, None)
+    if guesses:
+        followed = followed._replace(response=response(drive.vectors, followed, network))
+    if drive.reception is None:
+        return followed, residual < CONNECTED
+    return followed, ~tick.cut_off(lane, network, decided, plan)
+
+
+def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
+    """Return `L⁻¹ d` for the attacks' vectors."""
+
+    def of_one(vector: Jerk) -> Jerk:
+        right = network.hearing.mean_added(followed.weights, vector)
+        return network.solver.apply(network.hearing, followed.factors, right, None)
+
+    return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
+
+
+def exchanged(
+    lane: Lane,
+    network: Network,
+    decided: DecisionState,
+    last: Jerk,
+    now: Signals,
+    states: States,
+    plan: Plan,
+) -> tuple[FollowedLaw, Bool[Array, " few"]]:
+    """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
+    drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
+    attack = signal.combined(drive.vectors, now.drive)
+    jerk = tick.exchange(lane, network, drive, own, now.path, attack, last)
+    return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
+
+
+def law_jerk(
+    lane: Lane,
+    network: Network,
+    followed: FollowedLaw,
+    decided: DecisionState,
+    now: Signals,
+    own: Jets,
+    start: Jerk | None,
+) -> Jerk:
+    """Return the jerk that the law asks for, solved from the received jets with the weights in force.
+
+    `own` are the jets that vehicles sense of themselves. `start` is a first guess of the jerk.
+    """
+    attack = signal.combined(tick.attack_vectors(lane, decided), now.drive)
+    demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
+    if decided.reception is not None:
+        demand = demand + decided.reception.kept
+    return network.solver.apply(network.hearing, followed.factors, demand, start)
+
+
+def expected(lane: Lane, response: Vectors, now: Signals, own: Jets) -> Jerk:
+    """Return the jerk of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
+
+    This is a first guess, from which the law is solved for the received jets.
+    """
+    forced = signal.combined(response, now.drive)
+    return now.path[:, None] + forced - control.feedback(lane.gain, own)

@@ -1,0 +1,169 @@
+"""Gauss collocation of `y‴ = q(t, y, ẏ, ÿ)` in a window of time, for many lanes side by side.
+
+In a window the jerk q is a polynomial, given by its values at the Gauss nodes. Its integrals give y, ẏ and ÿ
+exactly. The method is the Kuntzmann–Butcher method of order 16 (Hairer, Nørsett and Wanner, Solving Ordinary
+Differential Equations I, II.7); the polynomial serves every time in the window.
+
+The values at the nodes are implicit. `Linear` solves the equation whose q is affine, `q = z - P(y)`. For any
+other q, `Linear` serves as the approximate Jacobian of Newton's method.
+
+The nodes are the first axis, the lanes the last axis of every array.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import Legendre, Polynomial
+
+from jaxnet.engine.stepper import Times
+from jaxnet.model import control
+from jaxnet.model.plane import Jets
+
+NODES = 8  # 6, 7 and 10 measured slower
+
+Jerks = Float[Array, "nodes 2 m lanes"]
+JetsAtNodes = tuple[Jerks, Jerks, Jerks]
+AtNodes = Float[Array, "nodes lanes"]
+
+
+class Rule(NamedTuple):
+    """Constants of the method on the window from 0 to 1."""
+
+    nodes: Float[np.ndarray, " nodes"]
+    integrals: Float[np.ndarray, "3 nodes nodes"]  # of polynomial l from 0 to node k; once to thrice
+    powers: Float[np.ndarray, "4 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 3 integrals
+    last: Float[np.ndarray, " nodes"]  # weights of the Legendre coefficient of highest degree
+    reach: Float[np.ndarray, " 3"]  # greatest integral of that Legendre polynomial; once to thrice
+    lebesgue: float  # greatest sum of the absolute cardinal polynomials
+
+
+def gauss_rule(nodes: int) -> Rule:
+    """Return the constants of the method with this number of nodes."""
+    places, shares = np.polynomial.legendre.leggauss(nodes)
+    degrees = np.arange(nodes)
+    values = np.polynomial.legendre.legvander(places, nodes - 1)
+    legendre = (degrees + 0.5)[:, None] * (values * shares[:, None]).T  # coefficient by degree and node
+    cardinal = [Legendre(column, domain=[0, 1]) for column in legendre.T]
+    times, fine = (places + 1) / 2, np.linspace(0, 1, 1001)
+    orders = [[one.integ(order, lbnd=0) for one in cardinal] for order in (1, 2, 3)]
+    highest = Legendre.basis(nodes - 1, domain=[0, 1])
+    return Rule(
+        times,
+        np.stack([[one(times) for one in each] for each in orders]).swapaxes(1, 2),
+        np.stack([monomials(each, order) for order, each in enumerate([cardinal, *orders])]),
+        legendre[-1],
+        np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in (1, 2, 3)]),
+        float(np.abs([one(fine) for one in cardinal]).sum(axis=0).max()),
+    )
+
+
+def monomials(polynomials: list[Legendre], order: int) -> Float[np.ndarray, "nodes nodes"]:
+    """Return the coefficients of polynomials in t from `t^order` on; the lower ones are 0."""
+    found = [one.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef for one in polynomials]
+    width = len(polynomials) + order
+    return np.stack([np.pad(one, (0, width - len(one)))[order:] for one in found])
+
+
+RULE = gauss_rule(NODES)
+
+
+class Window(NamedTuple):
+    """Motion in a window of time: jets at its start, and the jerk at the nodes."""
+
+    start: Times
+    length: Times  # 0 before the first window
+    jets: Jets
+    jerks: Jerks
+
+    def jets_at(self, time: Times) -> Jets:
+        """Return the jets at a time [s] in the window."""
+        shares = jnp.stack([self.length**order * self.shares(time, order) for order in (1, 2, 3)])
+        position, velocity, acceleration = (jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
+
+        def add(node: int, jets: Jets) -> Jets:
+            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)
+            jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
+            return jets[0] + share[2] * jerk, jets[1] + share[1] * jerk, jets[2] + share[0] * jerk
+
+        return jax.lax.fori_loop(0, NODES, add, (position, velocity, acceleration))
+
+    def jerk_at(self, time: Times) -> Float[Array, "2 m lanes"]:
+        """Return the jerk at a time [s] in the window."""
+        return (self.shares(time, 0)[:, None, None] * self.jerks).sum(axis=0)
+
+    def greatest_jerk(self) -> Float[Array, "m lanes"]:
+        """Return a bound on the norm of the jerk in the window."""
+        return RULE.lebesgue * jnp.sqrt((self.jerks**2).sum(axis=1)).max(axis=0)
+
+    def shares(self, time: Times, order: int) -> AtNodes:
+        """Return the cardinal polynomials at a time, integrated `order` times in a window of length 1."""
+        past = (time - self.start) / jnp.where(self.length > 0, self.length, 1.0)
+        each = past ** jnp.arange(order, order + NODES)[:, None]
+        return jnp.asarray(RULE.powers[order]) @ each
+
+
+class Linear(NamedTuple):
+    """The collocation equations of `q = z - P(y)`, for one window."""
+
+    length: Times
+    response: Float[Array, "nodes nodes lanes"]  # from z - P(y) without q to q
+
+    def solve(self, right: Jerks) -> Jerks:
+        """Return q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
+
+        def add(node: int, total: Jerks) -> Jerks:
+            column = jax.lax.dynamic_index_in_dim(self.response, node, axis=1, keepdims=False)
+            return total + column[:, None, None] * jax.lax.dynamic_index_in_dim(right, node)
+
+        return jax.lax.fori_loop(0, NODES, add, jnp.zeros_like(right))
+
+
+def linear(gain: control.Gain, length: Times) -> Linear:
+    """Return the equations for the gains of P and a window's length [s]."""
+    once, twice, thrice = jnp.asarray(RULE.integrals)[..., None]
+    identity = jnp.eye(NODES)[..., None]
+    matrix = identity + gain[0] * length**3 * thrice + gain[1] * length**2 * twice + gain[2] * length * once
+    whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
+
+    def eliminate(pivot: int, whole: Float[Array, "nodes both lanes"]) -> Float[Array, "nodes both lanes"]:
+        row = jax.lax.dynamic_index_in_dim(whole, pivot, keepdims=False)
+        row = row / jax.lax.dynamic_index_in_dim(row, pivot)
+        column = jax.lax.dynamic_index_in_dim(whole, pivot, axis=1)
+        return jax.lax.dynamic_update_index_in_dim(whole - column * row[None], row, pivot, 0)
+
+    return Linear(length, jax.lax.fori_loop(0, NODES, eliminate, whole)[:, NODES:])
+
+
+def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:
+    """Return the jets after some times [s] of motion without jerk."""
+    past, (position, velocity, acceleration) = time[:, None, None], jets
+    return (
+        position + past * (velocity + past / 2 * acceleration),
+        velocity + past * acceleration,
+        jnp.broadcast_to(acceleration, (len(time), *acceleration.shape)),
+    )
+
+
+def moved(coasted: JetsAtNodes, length: Times, jerks: Jerks) -> JetsAtNodes:
+    """Return the jets at the nodes: those without jerk, and the integrals of the jerk."""
+    change = integrated(length, jerks)
+    return coasted[0] + change[0], coasted[1] + change[1], coasted[2] + change[2]
+
+
+def integrated(length: Times, jerks: Jerks) -> JetsAtNodes:
+    """Return the thrice, twice and once integrated jerk at the nodes."""
+    once, twice, thrice = (
+        length**order * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(matrix), jerks)
+        for order, matrix in enumerate(RULE.integrals, start=1)
+    )
+    return thrice, twice, once
+
+
+def misfit(length: Times, jerks: Jerks) -> Jets:
+    """Return the greatest effect on y, ẏ and ÿ in the window of the jerk's highest Legendre polynomial."""
+    highest = jnp.abs(jnp.tensordot(jnp.asarray(RULE.last), jerks, axes=1))
+    once, twice, thrice = (length**order * reach * highest for order, reach in enumerate(RULE.reach, start=1))
+    return thrice, twice, once
