@@ -20,14 +20,16 @@ A window serves ticks and outputs until a decision changes. Each lane has its ow
 last axis of every array.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import between, gauss, standstill, stepper, tick
-from jaxnet.engine.following import FollowedLaw, Following, exchanged, expected, follow_weights, law_jerk
+from jaxnet.engine import gauss, standstill, stepper, tick
+from jaxnet.engine.following import FollowedLaw, Following, Jerk, exchanged, follow_weights, law_jerk
 from jaxnet.engine.gauss import Jerks, Window
 from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
 from jaxnet.engine.plan import Tolerances
@@ -36,7 +38,7 @@ from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if, select
 from jaxnet.engine.tick import DecisionState, Instants
-from jaxnet.model import control, plane
+from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.solvers.choice import factorised_at_once
@@ -58,7 +60,6 @@ class CollocationState(NamedTuple):
     length: Instants  # [s] proposed for the next window
     steps: Int[Array, " lanes"]  # windows so far, kept and refused
     followed: FollowedLaw
-    straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
 
 
 class Task(NamedTuple):
@@ -70,6 +71,7 @@ class Task(NamedTuple):
     followed: FollowedLaw
     jets: Jets
     time: Instants
+    tick: Instants  # [s] the next one
     limit: Instants  # [s] no window goes on for longer
     length: Instants
     steps: Int[Array, " lanes"]
@@ -89,7 +91,10 @@ class Attempt(NamedTuple):
 class Collocation(Following[CollocationState]):
     """Motion of the nonlinear vehicles, window by window. `numbers` are the tolerances."""
 
-    guesses = True
+    @property
+    def guesses(self) -> bool:
+        """Return that each window starts from a guess."""
+        return True
 
     def begin(self) -> CollocationState:
         """Return the state at t = 0; nothing is followed yet."""
@@ -103,7 +108,6 @@ class Collocation(Following[CollocationState]):
             length=zero + FIRST,
             steps=jnp.zeros(zero.shape, int),
             followed=jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), shapes),
-            straight=jnp.ones(zero.shape, bool),
         )
 
     def errors(self, state: CollocationState) -> Jets:
@@ -173,6 +177,7 @@ class Collocation(Following[CollocationState]):
             state.followed,
             state.jets,
             time,
+            goal,
             limit,
             state.length,
             state.steps,
@@ -188,56 +193,54 @@ class Collocation(Following[CollocationState]):
         window, end, length, steps, status = known
         state = state._replace(window=window, end=end, length=length, steps=steps)
 
-        def move(carry: tuple[CollocationState, Code, LaneFlags]) -> tuple[CollocationState, Code, LaneFlags]:
-            state, status, _ = carry
+        def move(state: CollocationState) -> CollocationState:
             target = jnp.where(moving, jnp.minimum(goal, state.end), time)
             jets = select(moving, state.window.jets_at(target), state.jets)
-            state = state._replace(jets=jets, signals=signals(lane, target))
+            return state._replace(jets=jets, signals=signals(lane, target))
 
-            def stood(few: LaneIndices) -> LaneFlags:
-                window, to, by = jax.tree.map(
-                    lambda leaf: picked(leaf, few), (state.window, target, target - time)
-                )
-                return stood_in(window, to, by)
-
-            there = state.straight & moving
-            status, straight = between.stopped(there, status, lambda: state.jets, stood)
-            state = state._replace(straight=jnp.where(moving, straight, state.straight))
-            return state, status, moving & (target == goal)
-
-        return run_if(movable, move, (state, status, jnp.zeros_like(going)))
+        state = run_if(movable, move, state)
+        return state, status, moving & (state.signals.time == goal)
 
     def attempt(self, task: Task) -> Attempt:
-        """Try a window of each lane."""
+        """Try a window of each lane.
+
+        A window in which a vehicle stands still is refused too, until the window ends before the next tick.
+        """
         end = stepper.towards(task.limit, task.time, task.length)
         spent = task.steps >= task.tolerances.max_steps
         jerks, error, finite = self.solve(task, end - task.time)
-        kept = ~spent & (error < 1.0)
-        length = stepper.next_step(end - task.time, error, gauss.NODES)
-        stuck = ~kept & (length <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(end, 1.0))
-        status = fail(task.status, Status.nonfinite, ~spent & stuck & ~finite)
-        status = fail(status, Status.max_steps, spent | stuck)
         window = Window(task.time, end - task.time, task.jets, jerks)
-        return Attempt(window, jnp.where(kept, end, task.time), length, task.steps + ~spent, status)
+        fits = ~spent & (error < 1.0)
+        stood = stood_in(window, end, fits)
+        kept = fits & ~(stood & (end > task.tick))
+        length = stepper.next_step(window.length, error, gauss.NODES)
+        length = jnp.where(stood, window.length / 2, length)
+        stuck = ~kept & (length <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(end, 1.0))
+        status = fail(task.status, Status.singular, stood & kept)
+        status = fail(status, Status.nonfinite, ~spent & stuck & ~finite)
+        status = fail(status, Status.max_steps, spent | stuck)
+        steps = task.steps + (~spent).astype(int)
+        return Attempt(window, jnp.where(kept, end, task.time), length, steps, status)
 
     def solve(self, task: Task, length: Instants) -> tuple[Jerks, Instants, Bool[Array, " few"]]:
         """Return the jerk at the nodes, the error over the tolerance, and whether all numbers are finite.
 
         The error is infinite where the vehicle's equations do not return the jets and their derivatives.
         """
-        lane, times = task.lane, jnp.asarray(gauss.RULE.nodes)[:, None] * length
-        now = jax.vmap(lambda time: signals(lane, time))(task.time + times)
-        coasted = gauss.coasted(task.jets, times)
+        lane, at = task.lane, np.concatenate([gauss.RULE.nodes, gauss.PLACES])
+        times = jnp.asarray(at)[:, None] * length[None]
+        known = jax.vmap(lambda time: signals(lane, time))(task.time[None] + times)
+        now = jax.tree.map(lambda leaf: leaf[: gauss.NODES], known)
+        between = jax.tree.map(lambda leaf: leaf[gauss.NODES :], known)
+        coasted = gauss.coasted(task.jets, times[: gauss.NODES])
         gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
         equations = gauss.linear(gain, length)
         sizes = tuple(jnp.abs(jet) for jet in task.jets)
 
-        def guessed(now: Signals, jets: Jets) -> Float[Array, "2 m few"]:
-            if task.followed.response is None:
-                return task.followed.jerk
-            return expected(lane, task.followed.response, now, tick.sensed(jets, task.decided.noise))
+        def guessed(now: Signals, jets: Jets) -> Any:
+            return task.followed.guess(lane, now, tick.sensed(jets, task.decided.noise))
 
-        def at_node(now: Signals, jets: Jets, jerk: Float[Array, "2 m few"]) -> tuple[Jets, Any]:
+        def at_node(now: Signals, jets: Jets, jerk: Jerk) -> tuple[Any, Jets]:
             return self.rates(task, now, jets, jerk)
 
         def one(carry: Any) -> Any:
@@ -258,14 +261,12 @@ class Collocation(Following[CollocationState]):
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
         begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
         jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
-        misfit = tuple(NEXT_DEGREE * each for each in gauss.misfit(length, jerks))
-        error = left + over(misfit, largest, task.tolerances)
+        misfit = jnp.maximum(NEXT_DEGREE * gauss.last_degree(jerks), unresolved(task, now, between))
+        error = left + over(gauss.effect(length, misfit), largest, task.tolerances)
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
-    def rates(
-        self, task: Task, now: Signals, jets: Jets, guess: Float[Array, "2 m few"]
-    ) -> tuple[Float[Array, "2 m few"], Jets]:
+    def rates(self, task: Task, now: Signals, jets: Jets, guess: Jerk) -> tuple[Jerk, Jets]:
         """Return the jerk of the vehicles with these jets, by the law and the vehicles' equations.
 
         Return also by how much the jets of the states, and the rates of ẏ and y, miss the jets.
@@ -284,20 +285,38 @@ class Collocation(Following[CollocationState]):
         return moved, (missed[0], missed[1], missed[2])
 
 
-def over(change: Jets, size: Jets, tolerances: Tolerances) -> Instants:
-    """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
-    together = [jnp.concatenate(each) for each in (change, size)]
-    return stepper.fleet_norm(stepper.error_norm(*together, tolerances))
+def unresolved(task: Task, now: Signals, between: Signals) -> Jerk:
+    """Return a bound on what the polynomial of the jerk misses of the signals between the nodes.
 
-
-def stood_in(window: Window, time: Instants, interval: Instants) -> LaneFlags:
-    """Return the lanes in which a vehicle stood still in the interval before a time in the window.
-
-    The search goes back in time.
+    Nothing that acts between two nodes goes unseen, for example the start of an attack.
     """
+    response = task.followed.response
+    if response is None:
+        return jnp.zeros_like(task.jets[0])
+    path = gauss.unresolved(now.path, between.path)
+    return path[:, None] + signal.combined(jnp.abs(response), gauss.unresolved(now.drive, between.drive))
 
-    def pace(time: Instants) -> tuple[States, States]:
+
+def over(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances) -> Instants:
+    """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
+    changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
+    return stepper.fleet_norm(stepper.error_norm(changes, sizes, tolerances))
+
+
+def stood_in(window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
+    """Return the lanes, among some, in which a vehicle stands still in the window.
+
+    The search goes back from the end. With probability 1, a vehicle stands still only on a straight line.
+    """
+    there = window.jets_at(end)
+    line = among & standstill.straight(*window.jets[1:]) & standstill.straight(*there[1:])
+
+    def pace(time: Instants) -> tuple[Jerk, Jerk]:
         _, velocity, acceleration = window.jets_at(time)
         return velocity, -acceleration
 
-    return standstill.stands(pace, jnp.subtract, time, window.greatest_jerk(), interval, interval)
+    def back(time: Instants, by: Instants) -> Instants:
+        return time - by
+
+    interval = jnp.where(line, window.length, 0.0)
+    return line & standstill.stands(pace, back, end, window.greatest_jerk(), interval, window.length)

@@ -33,6 +33,16 @@ class FollowedLaw(NamedTuple):
     jerk: Jerk | None  # held until the next tick
     response: Vectors | None  # L⁻¹ d, for a first guess of the jerk
 
+    def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
+        """Return the held jerk, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
+
+        The law is solved for the received jets from this first guess. None where the solver needs no guess.
+        """
+        if self.response is None:
+            return self.jerk
+        forced = signal.combined(self.response, now.drive)
+        return now.path[:, None] + forced - control.feedback(lane.gain, own)
+
 
 class Following(Motion[FollowingState], Generic[FollowingState]):
     """Motion of vehicles that follow a law. A subclass integrates the vehicles."""
@@ -88,7 +98,7 @@ def follow_weights(
 def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
     """Return `L⁻¹ d` for the attacks' vectors."""
 
-    def of_one(vector: Jerk) -> Jerk:
+    def of_one(vector: Float[Array, "2 told lanes"]) -> Jerk:
         right = network.hearing.mean_added(followed.weights, vector)
         return network.solver.apply(network.hearing, followed.factors, right, None)
 
@@ -129,12 +139,3 @@ def law_jerk(
     if decided.reception is not None:
         demand = demand + decided.reception.kept
     return network.solver.apply(network.hearing, followed.factors, demand, start)
-
-
-def expected(lane: Lane, response: Vectors, now: Signals, own: Jets) -> Jerk:
-    """Return the jerk of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
-
-    This is a first guess, from which the law is solved for the received jets.
-    """
-    forced = signal.combined(response, now.drive)
-    return now.path[:, None] + forced - control.feedback(lane.gain, own)

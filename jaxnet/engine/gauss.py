@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from numpy.polynomial import Legendre, Polynomial
 
 from jaxnet.engine.stepper import Times
@@ -23,10 +23,12 @@ from jaxnet.model import control
 from jaxnet.model.plane import Jets
 
 NODES = 8  # 6, 7 and 10 measured slower
+PLACES = np.linspace(0, 1, 25)  # of a window of length 1, ends included
 
 Jerks = Float[Array, "nodes 2 m lanes"]
 JetsAtNodes = tuple[Jerks, Jerks, Jerks]
 AtNodes = Float[Array, "nodes lanes"]
+Index = Int[Array, ""]
 
 
 class Rule(NamedTuple):
@@ -37,6 +39,7 @@ class Rule(NamedTuple):
     powers: Float[np.ndarray, "4 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 3 integrals
     last: Float[np.ndarray, " nodes"]  # weights of the Legendre coefficient of highest degree
     reach: Float[np.ndarray, " 3"]  # greatest integral of that Legendre polynomial; once to thrice
+    between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
     lebesgue: float  # greatest sum of the absolute cardinal polynomials
 
 
@@ -56,6 +59,7 @@ def gauss_rule(nodes: int) -> Rule:
         np.stack([monomials(each, order) for order, each in enumerate([cardinal, *orders])]),
         legendre[-1],
         np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in (1, 2, 3)]),
+        np.stack([one(PLACES) for one in cardinal], axis=1),
         float(np.abs([one(fine) for one in cardinal]).sum(axis=0).max()),
     )
 
@@ -80,11 +84,11 @@ class Window(NamedTuple):
 
     def jets_at(self, time: Times) -> Jets:
         """Return the jets at a time [s] in the window."""
-        shares = jnp.stack([self.length**order * self.shares(time, order) for order in (1, 2, 3)])
+        shares = jnp.stack([(self.length**order)[None] * self.shares(time, order) for order in (1, 2, 3)])
         position, velocity, acceleration = (jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
 
-        def add(node: int, jets: Jets) -> Jets:
-            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)
+        def add(node: Index, jets: Jets) -> Jets:
+            share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[:, None, None]
             jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
             return jets[0] + share[2] * jerk, jets[1] + share[1] * jerk, jets[2] + share[0] * jerk
 
@@ -101,8 +105,8 @@ class Window(NamedTuple):
     def shares(self, time: Times, order: int) -> AtNodes:
         """Return the cardinal polynomials at a time, integrated `order` times in a window of length 1."""
         past = (time - self.start) / jnp.where(self.length > 0, self.length, 1.0)
-        each = past ** jnp.arange(order, order + NODES)[:, None]
-        return jnp.asarray(RULE.powers[order]) @ each
+        each = jnp.stack([past**power for power in range(order, order + NODES)])
+        return (jnp.asarray(RULE.powers[order])[..., None] * each[None]).sum(axis=1)
 
 
 class Linear(NamedTuple):
@@ -114,7 +118,7 @@ class Linear(NamedTuple):
     def solve(self, right: Jerks) -> Jerks:
         """Return q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
 
-        def add(node: int, total: Jerks) -> Jerks:
+        def add(node: Index, total: Jerks) -> Jerks:
             column = jax.lax.dynamic_index_in_dim(self.response, node, axis=1, keepdims=False)
             return total + column[:, None, None] * jax.lax.dynamic_index_in_dim(right, node)
 
@@ -124,11 +128,13 @@ class Linear(NamedTuple):
 def linear(gain: control.Gain, length: Times) -> Linear:
     """Return the equations for the gains of P and a window's length [s]."""
     once, twice, thrice = jnp.asarray(RULE.integrals)[..., None]
+    each = gain[0] * length**3, gain[1] * length**2, gain[2] * length
+    by_position, by_velocity, by_acceleration = (share[None, None] for share in each)
     identity = jnp.eye(NODES)[..., None]
-    matrix = identity + gain[0] * length**3 * thrice + gain[1] * length**2 * twice + gain[2] * length * once
+    matrix = identity + by_position * thrice + by_velocity * twice + by_acceleration * once
     whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
 
-    def eliminate(pivot: int, whole: Float[Array, "nodes both lanes"]) -> Float[Array, "nodes both lanes"]:
+    def eliminate(pivot: Index, whole: Float[Array, "nodes both lanes"]) -> Float[Array, "nodes both lanes"]:
         row = jax.lax.dynamic_index_in_dim(whole, pivot, keepdims=False)
         row = row / jax.lax.dynamic_index_in_dim(row, pivot)
         column = jax.lax.dynamic_index_in_dim(whole, pivot, axis=1)
@@ -139,11 +145,11 @@ def linear(gain: control.Gain, length: Times) -> Linear:
 
 def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:
     """Return the jets after some times [s] of motion without jerk."""
-    past, (position, velocity, acceleration) = time[:, None, None], jets
+    past, (position, velocity, acceleration) = time[:, None, None], (jet[None] for jet in jets)
     return (
         position + past * (velocity + past / 2 * acceleration),
         velocity + past * acceleration,
-        jnp.broadcast_to(acceleration, (len(time), *acceleration.shape)),
+        jnp.broadcast_to(acceleration, (len(time), *acceleration.shape[1:])),
     )
 
 
@@ -156,14 +162,28 @@ def moved(coasted: JetsAtNodes, length: Times, jerks: Jerks) -> JetsAtNodes:
 def integrated(length: Times, jerks: Jerks) -> JetsAtNodes:
     """Return the thrice, twice and once integrated jerk at the nodes."""
     once, twice, thrice = (
-        length**order * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(matrix), jerks)
+        (length**order)[None, None, None] * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(matrix), jerks)
         for order, matrix in enumerate(RULE.integrals, start=1)
     )
     return thrice, twice, once
 
 
-def misfit(length: Times, jerks: Jerks) -> Jets:
-    """Return the greatest effect on y, ẏ and ÿ in the window of the jerk's highest Legendre polynomial."""
-    highest = jnp.abs(jnp.tensordot(jnp.asarray(RULE.last), jerks, axes=1))
-    once, twice, thrice = (length**order * reach * highest for order, reach in enumerate(RULE.reach, start=1))
+def last_degree(jerks: Jerks) -> Float[Array, "2 m lanes"]:
+    """Return the size of the jerk's Legendre coefficient of highest degree."""
+    return jnp.abs(jnp.tensordot(jnp.asarray(RULE.last), jerks, axes=1))
+
+
+def unresolved(
+    at_nodes: Float[Array, "nodes many lanes"], between: Float[Array, "places many lanes"]
+) -> Float[Array, "many lanes"]:
+    """Return how far functions of time are from their polynomials at PLACES, at most."""
+    told = jnp.tensordot(jnp.asarray(RULE.between), at_nodes, axes=1)
+    return jnp.abs(between - told).max(axis=0)
+
+
+def effect(length: Times, jerk: Float[Array, "2 m lanes"]) -> Jets:
+    """Return the greatest effect on y, ẏ and ÿ of a jerk of this size that varies as the highest degree."""
+    once, twice, thrice = (
+        (length**order * reach)[None, None] * jerk for order, reach in enumerate(RULE.reach, start=1)
+    )
     return thrice, twice, once

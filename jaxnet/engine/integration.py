@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import multirate, stepper, tick
-from jaxnet.engine.following import FollowedLaw, Following, exchanged, expected, follow_weights, law_jerk
+from jaxnet.engine.following import FollowedLaw, Following, exchanged, follow_weights, law_jerk
 from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.signals import Signals, signals
@@ -176,6 +176,5 @@ def vector_field(
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
         followed, _ = follow_weights(lane, network, chosen, plan, network.solver.starts)
     own = tick.sensed(lane.vehicle.output_jets(states), decided.noise)
-    start = None if followed.response is None else expected(lane, followed.response, now, own)
-    jerk = law_jerk(lane, network, followed, decided, now, own, start)
+    jerk = law_jerk(lane, network, followed, decided, now, own, followed.guess(lane, now, own))
     return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, jerk))
