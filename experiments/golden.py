@@ -76,7 +76,7 @@ STUDIES: dict[str, dict[str, Any]] = {
         "topology": "path",
         "defence": "w_msr",
     },
-    "failed, steps": {"engine": {"kind": "nonlinear", "max_steps": 250}, "attack": TURNING},
+    "failed, steps": {"engine": {"kind": "nonlinear", "max_steps": 25}, "attack": TURNING},
     "stacked": {"engine": "stacked", "attack": TURNING, "horizon": 4.0, "tail": 2.0, "samples": 4},
     "stacked, in the field": {
         "engine": "stacked",

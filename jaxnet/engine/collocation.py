@@ -13,7 +13,7 @@ cancellation holds, one evaluation at the nodes confirms the guess. A window is 
 a shorter length, in three cases:
 
 - Newton's method has not converged;
-- the highest Legendre coefficient of the jerk is too large;
+- the Legendre coefficients of the jerk do not fall fast enough;
 - the vehicle's equations do not return the jets and their derivatives.
 
 A window serves ticks and outputs until a decision changes. Each lane has its own windows. The lanes are the
@@ -44,7 +44,6 @@ from jaxnet.model.plane import Jets
 from jaxnet.solvers.choice import factorised_at_once
 
 FIRST = 0.7  # [s] length of the first window that is tried
-NEXT_DEGREE = 0.1  # the error over the misfit of the highest degree; coefficients fall by more in a window
 PASSES = 10  # most evaluations at the nodes of a window
 CONVERGED = 0.1  # change of a pass over the tolerance, below which another pass changes nothing
 WIDTH = 8  # lanes whose windows are computed at once; 16 measured 0.9 times as fast, plain, 12 vehicles
@@ -261,7 +260,7 @@ class Collocation(Following[CollocationState]):
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
         begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
         jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
-        misfit = jnp.maximum(NEXT_DEGREE * gauss.last_degree(jerks), unresolved(task, now, between))
+        misfit = jnp.maximum(gauss.next_degrees(jerks), unresolved(task, now, between))
         error = left + over(gauss.effect(length, misfit), largest, task.tolerances)
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
@@ -308,7 +307,8 @@ def stood_in(window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
 
     The search goes back from the end. With probability 1, a vehicle stands still only on a straight line.
     """
-    there = window.jets_at(end)
+    there, jerk = window.jets_at(end), window.greatest_jerk()
+    among = among & jnp.isfinite(jerk).all(axis=0)
     line = among & standstill.straight(*window.jets[1:]) & standstill.straight(*there[1:])
 
     def pace(time: Instants) -> tuple[Jerk, Jerk]:
@@ -319,4 +319,4 @@ def stood_in(window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
         return time - by
 
     interval = jnp.where(line, window.length, 0.0)
-    return line & standstill.stands(pace, back, end, window.greatest_jerk(), interval, window.length)
+    return line & standstill.stands(pace, back, end, jerk, interval, window.length)

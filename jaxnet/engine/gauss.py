@@ -37,7 +37,7 @@ class Rule(NamedTuple):
     nodes: Float[np.ndarray, " nodes"]
     integrals: Float[np.ndarray, "3 nodes nodes"]  # of polynomial l from 0 to node k; once to thrice
     powers: Float[np.ndarray, "4 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 3 integrals
-    last: Float[np.ndarray, " nodes"]  # weights of the Legendre coefficient of highest degree
+    highest: Float[np.ndarray, "4 nodes"]  # weights of the Legendre coefficients of the highest degrees
     reach: Float[np.ndarray, " 3"]  # greatest integral of that Legendre polynomial; once to thrice
     between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
     lebesgue: float  # greatest sum of the absolute cardinal polynomials
@@ -57,7 +57,7 @@ def gauss_rule(nodes: int) -> Rule:
         times,
         np.stack([[one(times) for one in each] for each in orders]).swapaxes(1, 2),
         np.stack([monomials(each, order) for order, each in enumerate([cardinal, *orders])]),
-        legendre[-1],
+        legendre[-4:],
         np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in (1, 2, 3)]),
         np.stack([one(PLACES) for one in cardinal], axis=1),
         float(np.abs([one(fine) for one in cardinal]).sum(axis=0).max()),
@@ -168,9 +168,15 @@ def integrated(length: Times, jerks: Jerks) -> JetsAtNodes:
     return thrice, twice, once
 
 
-def last_degree(jerks: Jerks) -> Float[Array, "2 m lanes"]:
-    """Return the size of the jerk's Legendre coefficient of highest degree."""
-    return jnp.abs(jnp.tensordot(jnp.asarray(RULE.last), jerks, axes=1))
+def next_degrees(jerks: Jerks) -> Float[Array, "2 m lanes"]:
+    """Return an estimate of the Legendre coefficients that the polynomial of the jerk leaves out.
+
+    The greater of the two highest coefficients falls once more as it fell over two degrees. Two neighbours
+    are taken together, because one alone may be small by chance.
+    """
+    found = jnp.abs(jnp.tensordot(jnp.asarray(RULE.highest), jerks, axes=1))
+    below, top = jnp.maximum(found[0], found[1]), jnp.maximum(found[2], found[3])
+    return top * top / jnp.maximum(jnp.maximum(below, top), jnp.finfo(float).tiny)
 
 
 def unresolved(

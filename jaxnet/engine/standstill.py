@@ -59,9 +59,13 @@ def stands(
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:
-    """Return the lanes in which some vehicle's acceleration is along its velocity, up to rounding."""
+    """Return the lanes in which some vehicle's acceleration is along its velocity, up to rounding.
+
+    Speeds and accelerations whose product is infinite are left out.
+    """
     sizes = (1.0 + length(velocity)) * (1.0 + length(acceleration))
-    return (jnp.abs(cross(velocity, acceleration)) <= TURNED * sizes).any(axis=0)
+    along = jnp.abs(cross(velocity, acceleration)) <= TURNED * sizes
+    return (along & jnp.isfinite(sizes)).any(axis=0)
 
 
 def safe(velocity: Plane, acceleration: Plane, jerk: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:

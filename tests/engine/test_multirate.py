@@ -29,6 +29,7 @@ COMPANION = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], -GAIN])
 FEW, START, END = 5, 0.3, 0.35  # [s]
 VEHICLES, CALM, SOME, MANY = 32, 0, 1, 2  # and lanes
 STOP = 0.5  # [s]
+STEPS = {"engine": {"solver": "dopri5"}}
 STOPPING = {SOME: 8, MANY: 9}  # vehicles, of which a quarter are few
 ROBOT = TwoWheeled()
 KINDS = {
@@ -159,7 +160,7 @@ def test_a_few_who_nearly_stop_hold_up_nobody(anew, monkeypatch):
 
     A lane is the same to the last bit without others. Where nobody arrives, lanes step as if nobody had gone.
     """
-    keys = {"vehicles": VEHICLES, "topology": "lattice", "attack": "none", "defence": "none"}
+    keys = {"vehicles": VEHICLES, "topology": "lattice", "attack": "none", "defence": "none", **STEPS}
     errors, one = stopping(systems.study(**keys, horizon=1.0, tail=0.5))
     found = systems.simulate(one)
     known = np.einsum("l,nlxm->nmx", expm(COMPANION)[0], errors) + navigator_at(one, 0)(1.0)[0]
@@ -189,7 +190,7 @@ FLEETS = {
 @pytest.mark.parametrize("fleet", FLEETS)
 def test_fleets_go_as_the_exact_engine_says(fleet, anew, monkeypatch):
     """Trimming under rotating attacks, in fewer steps than they would have taken together."""
-    keys = {"attack": "rotating", "horizon": 1.0, "tail": 0.5, **FLEETS[fleet]}
+    keys = {"attack": "rotating", "horizon": 1.0, "tail": 0.5, **STEPS, **FLEETS[fleet]}
 
     def outcome(**others):
         return systems.simulate(systems.lanes(systems.study(**keys | others), 2, ("state", "kept")))
@@ -243,7 +244,7 @@ def test_vehicles_that_differ_within_a_fleet_stay_together():
     keys = {"vehicles": VEHICLES, "vehicle": Askew(), "attack": "rotating", "horizon": 1.0, "tail": 0.5}
     ours, known = (
         systems.simulate(systems.lanes(systems.study(**keys, engine=engine), 2, ("state",)))
-        for engine in ("nonlinear", "exact")
+        for engine in (STEPS["engine"], "exact")
     )
     assert (known.status == 0).all()
     np.testing.assert_allclose(

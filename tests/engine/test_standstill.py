@@ -65,10 +65,12 @@ def test_engines_agree_whoever_lies_or_decides(keys):
 
 
 def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
-    """By the roots of its velocity, a parabola; the nonlinear engine sees only who has turned at a step."""
-    exact, nonlinear = (on_a_line(engine, 40.0, law="rounds") for engine in ("exact", "nonlinear"))
-    plan = nonlinear.plan._replace(save=systems.EVERYTHING, rows=round(HORIZON / TICK) + 1)
-    theirs = systems.simulate(nonlinear._replace(plan=plan))
+    """By the roots of its velocity, a parabola; Runge–Kutta methods see only who has turned at a step."""
+    exact, gauss, steps = (
+        on_a_line(engine, 40.0, law="rounds") for engine in ("exact", "nonlinear", {"solver": "dopri5"})
+    )
+    plan = steps.plan._replace(save=systems.EVERYTHING, rows=round(HORIZON / TICK) + 1)
+    theirs = systems.simulate(steps._replace(plan=plan))
     speed, force = (theirs.series["state"][..., number] for number in (3, 5))
     jerk = np.diff(force, axis=1) / TICK
     turn = np.clip(-force[:, :-1] / jerk, 0.0, TICK)
@@ -77,6 +79,7 @@ def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
     known = np.where(unseen, Status.singular, theirs.status)
     assert unseen.any()
     assert systems.simulate(exact).status.tolist() == known.tolist()
+    assert systems.simulate(gauss).status.tolist() == known.tolist()
     assert {*known.tolist()} == {Status.ok, Status.singular}
 
 

@@ -1,0 +1,100 @@
+"""Windows of the nonlinear engine, against the exact engine and against Runge–Kutta steps."""
+
+import numpy as np
+import pytest
+
+from jaxnet.engine.status import Status
+from jaxnet.kinds.vehicles import HEADING
+from jaxnet.kinds.vehicles.two_wheeled import FORCE, TwoWheeled
+from tests import systems
+
+STEPS = {"solver": "dopri5", "rtol": 1e-10, "atol": 1e-12}
+SHORT = {"horizon": 6.0, "tail": 2.0}
+
+
+def outcome(lanes=4, **keys):
+    """Lanes of a study, with what vehicles do at output times."""
+    return systems.simulate(systems.lanes(systems.study(**{**SHORT, **keys}), lanes, ("state",)))
+
+
+def apart(one, other):
+    """Greatest distance [m] of any vehicle at any output time."""
+    return np.abs(one.series["state"][..., :2] - other.series["state"][..., :2]).max()
+
+
+class Pushed(TwoWheeled):
+    """A robot with a push that the law is not told of, of 0.3 m/s³ where it heads along x."""
+
+    kind = "pushed"
+
+    def motion(self, state, inputs):
+        xp = state.__array_namespace__()
+        return super().motion(state, inputs).at[FORCE].add(0.3 * xp.cos(state[HEADING]))
+
+
+class Forgetful(TwoWheeled):
+    """A robot whose state is told from its jets with twice its force."""
+
+    kind = "forgetful"
+
+    def state_of(self, jets):
+        state = super().state_of(jets)
+        return state.at[FORCE].multiply(2.0) if hasattr(state, "at") else state
+
+
+@pytest.mark.parametrize("attack", ["none", "rotating"])
+def test_what_the_law_does_not_cancel_is_integrated(attack):
+    """The first guess takes a vehicle to move as asked; this one does not, and goes where its equations say."""
+    keys = {"vehicle": Pushed(), "attack": attack, "defence": "none"}
+    ours, known = outcome(**keys), outcome(**keys, engine=STEPS)
+    assert (ours.status == Status.ok).all()
+    assert apart(ours, known) < 3e-6
+    assert apart(ours, outcome(**{**keys, "vehicle": TwoWheeled()})) > 0.1
+
+
+def test_a_state_that_does_not_return_the_jets_fails_its_lane():
+    ours = outcome(vehicle=Forgetful(), attack="none", defence="none")
+    assert (ours.status == Status.max_steps).all()
+
+
+VARIATIONS = {
+    "random graph": {"topology": {"kind": "erdos_renyi", "probability": 0.5}},
+    "gains": {"gain": [2.0, {"uniform": [4.0, 6.0]}, {"uniform": [3.0, 5.0]}]},
+    "fast": {"attack": {"kind": "rotating", "magnitude": 5, "frequency": 100.0}},
+    "far": {"attack": {"kind": "rotating", "magnitude": 1000, "frequency": 0.5}},
+    "slow starts": {"initial": {"speed": {"uniform": [1e-3, 1e-2]}}},
+    "loose": {"engine": {"rtol": 1e-5, "atol": 1e-7}},
+    "each tick": {"tick": 0.01, "output_step": 0.01},
+    "noise": {"channel": {"noise": {"position": 0.05}}},
+    "losses": {"channel": {"loss": {"kind": "bernoulli", "probability": 0.2}}, "defence": "trusted_only"},
+}
+
+
+@pytest.mark.parametrize("name", VARIATIONS)
+def test_windows_lead_where_the_exact_engine_does(name):
+    keys = {"attack": "rotating", "defence": "none", **VARIATIONS[name]}
+    exact = outcome(**{**keys, "engine": "exact"})
+    ours = outcome(**keys)
+    assert ours.status.tolist() == exact.status.tolist() == [Status.ok] * 4
+    np.testing.assert_array_equal(ours.switches, exact.switches)
+    assert apart(ours, exact) < (3e-4 if name == "loose" else 3e-6)
+
+
+def test_an_attack_is_seen_whenever_it_begins():
+    """Also where it begins just before or after the end of a window."""
+    envelope = {"kind": "envelope", "of": "bias", "start": {"uniform": [0.5, 5.5]}, "rise": 1.0}
+    keys = {"attack": {**envelope, "magnitude": 10}, "defence": "none"}
+    ours, exact = outcome(64, **keys), outcome(64, **keys, engine="exact")
+    assert apart(ours, exact) < 3e-6
+    assert apart(exact, outcome(64, attack="none", defence="none", engine="exact")) > 0.05
+
+
+def test_a_window_serves_ticks_and_outputs_until_a_decision_changes():
+    """Ten times as many ticks and outputs take no more windows where nobody decides, fewer than ticks else."""
+    coarse, fine = (
+        outcome(attack="rotating", defence="none", tick=tick, output_step=tick) for tick in (0.5, 0.05)
+    )
+    np.testing.assert_array_equal(coarse.steps, fine.steps)
+    assert coarse.steps.max() < 12
+    trimmed = outcome(attack="rotating", defence="trusted_trim", tick=0.01, output_step=0.5)
+    assert trimmed.steps.max() < 600 / 4
