@@ -18,8 +18,6 @@ from peers import Fleet, NotInstalledError, Positions, fleets, output_times
 
 from jaxnet.engine.batch import Job
 
-SUMMAND_PARTS = ("cosine", "sine")
-
 
 def heyoka() -> Any:
     """The package; raises NotInstalledError where it is missing."""
@@ -109,7 +107,9 @@ def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tu
         frames.append((c, s, drift))
 
     def total(terms: list[tuple[Any, Any]]) -> Any:
-        return hy.sum([factor * term for factor, term in terms if not is_zero(factor)] or [hy.expression(0.0)])
+        return hy.sum(
+            [factor * term for factor, term in terms if not is_zero(factor)] or [hy.expression(0.0)]
+        )
 
     demand = [
         [

@@ -2,16 +2,22 @@
 
 Each lane has its own steps, which end at the output times. Cosine and sine are polynomials, because the
 compiler calls a library for its own, one number at a time. The law is solved as `L⁻¹ (received - L P)`.
-This module needs numba as soon as it is imported.
+The import of this module raises NotInstalledError where numba is missing.
 """
 
+import importlib
 import math
+from typing import Any
 
-import numba as nb
 import numpy as np
-from peers import ATOL, Positions, fleets, output_times
+from peers import ATOL, NotInstalledError, Positions, fleets, output_times
 
 from jaxnet.engine.batch import Job
+
+try:
+    nb: Any = importlib.import_module("numba")
+except ImportError:
+    raise NotInstalledError("numba") from None
 
 WIDTH = 8  # lanes side by side
 STAGES = np.array(
@@ -50,16 +56,19 @@ def circle(angle):
     turns = math.floor(angle * 0.6366197723675814 + 0.5)
     rest = (angle - turns * 1.570796251296997 - turns * 7.549789415861596e-08) - turns * 5.390302858158119e-15
     z = rest * rest
-    c = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
-    c = 4.16666666666666019037e-02 + z * (
-        -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * c))
-    )
-    cosine = 1.0 - 0.5 * z + z * z * c
-    s = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-    s = -1.66666666666666324348e-01 + z * (
-        8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * s))
-    )
-    sine = rest + rest * z * s
+    c = -1.13596475577881948265e-11
+    c = 2.08757232129817482790e-09 + z * c
+    c = -2.75573143513906633035e-07 + z * c
+    c = 2.48015872894767294178e-05 + z * c
+    c = -1.38888888888741095749e-03 + z * c
+    c = 4.16666666666666019037e-02 + z * c
+    s = 1.58969099521155010221e-10
+    s = -2.50507602534068634195e-08 + z * s
+    s = 2.75573137070700676789e-06 + z * s
+    s = -1.98412698298579493134e-04 + z * s
+    s = 8.33333333332248946124e-03 + z * s
+    s = -1.66666666666666324348e-01 + z * s
+    cosine, sine = 1.0 - 0.5 * z + z * z * c, rest + rest * z * s
     quarter = turns - 4.0 * math.floor(turns * 0.25)
     odd = (quarter == 1.0) | (quarter == 3.0)
     across, up = (sine, cosine) if odd else (cosine, sine)

@@ -34,8 +34,6 @@ COMPILING = set[int]()  # threads that compile a program
 # Compiler options by platform. The gains are measured on two cores.
 COMPILER = {
     "cpu": {
-        # 1.4 times as fast to compile; programs are as fast as at level 3.
-        "xla_backend_optimization_level": 2,
         "xla_cpu_prefer_vector_width": 512,  # 1.05 times, plain, 12 vehicles
         # Loops for sums of few terms, not XLA's library: 1.5 times, trimming, 1,000 vehicles.
         "xla_cpu_experimental_ynn_fusion_type": "",

@@ -123,7 +123,8 @@ block.
 No key changes the choice; `engine.solver` is the integrator's method.
 
 "Lanes at once" is the number of lanes that the exact engine solves, or the nonlinear engine factorises, in
-one pass. "Few alone" says whether the nonlinear engine lets a few vehicles take shorter steps.
+one pass. "Few alone" says whether the Runge–Kutta solvers of the nonlinear engine let a few vehicles take
+shorter steps.
 
 `python -m jaxnet.solvers.choice > docs/solvers.md` writes this page.
 

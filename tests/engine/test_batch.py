@@ -39,7 +39,7 @@ def test_the_step_limit_is_a_limit(solver):
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {"attack": "none", "defence": "none", "initial": {"speed": 20.0}, "horizon": 20.0, "tail": 1.0}
     needed = int(systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1)).steps[0])
-    assert needed > 4
+    assert needed > 2
     for limit, status in ((needed, Status.ok), (needed - 1, Status.max_steps), (1, Status.max_steps)):
         given = systems.study(engine={"max_steps": limit, **easy}, **keys)
         outcome = systems.simulate(systems.lanes(given, 1))

@@ -44,7 +44,7 @@ class Forgetful(TwoWheeled):
 
 @pytest.mark.parametrize("attack", ["none", "rotating"])
 def test_what_the_law_does_not_cancel_is_integrated(attack):
-    """The first guess takes a vehicle to move as asked; this one does not, and goes where its equations say."""
+    """The first guess takes a vehicle to move as asked; this one goes where its own equations say."""
     keys = {"vehicle": Pushed(), "attack": attack, "defence": "none"}
     ours, known = outcome(**keys), outcome(**keys, engine=STEPS)
     assert (ours.status == Status.ok).all()
@@ -90,7 +90,7 @@ def test_an_attack_is_seen_whenever_it_begins():
 
 
 def test_a_window_serves_ticks_and_outputs_until_a_decision_changes():
-    """Ten times as many ticks and outputs take no more windows where nobody decides, fewer than ticks else."""
+    """Ten times as many ticks and outputs take no more windows where nobody decides."""
     coarse, fine = (
         outcome(attack="rotating", defence="none", tick=tick, output_step=tick) for tick in (0.5, 0.05)
     )

@@ -23,7 +23,9 @@ def polynomials(rng, degree):
 
 def window_of(jerks, jets):
     """The window that knows these jerks at its nodes alone."""
-    at_nodes = np.array([[[p(gauss.RULE.nodes * h) for p, h in zip(row, LENGTHS, strict=True)]] for row in jerks])
+    at_nodes = np.array(
+        [[[p(gauss.RULE.nodes * h) for p, h in zip(row, LENGTHS, strict=True)]] for row in jerks]
+    )
     values = jnp.asarray(np.moveaxis(at_nodes, -1, 0))
     return gauss.Window(jnp.asarray(START), jnp.asarray(LENGTHS), tuple(map(jnp.asarray, jets)), values)
 
