@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.benchmarks import peers
+from experiments.benchmarks import peers, row
 from jaxnet.engine import batch
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
@@ -49,6 +49,17 @@ def test_a_peer_simulates_the_same_lane(name, attacked):
         pytest.skip(f"{program}: not on this machine")
     assert positions.shape == (1, 31, 4, 2)
     assert peers.greatest_error(attacked, positions) < 1e-5
+
+
+@pytest.mark.parametrize("attack", ["none", "rotating"])
+@pytest.mark.parametrize("what", ["heyoka", "numba"])
+def test_a_compiled_peer_simulates_the_same_lanes(what, attack):
+    """Within what its tolerances allow, in a process of its own as in the race."""
+    keys = {"attack": attack, "defence": "none", "horizon": 3.0, "tail": 1.0}
+    found = row.apart({"what": what, "keys": keys, "lanes": 12, "checked": 4})
+    if "missing" in found:
+        pytest.skip(f"{found['missing']}: not on this machine")
+    assert found["error"] < 1e-5
 
 
 @pytest.mark.parametrize("defence", ["none", "trusted_trim"])

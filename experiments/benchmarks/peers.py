@@ -57,24 +57,30 @@ class Fleet(NamedTuple):
 
 def fleets(job: Job) -> list[Fleet]:
     """The lanes of an untrimmed job."""
+    return [Fleet(*(leaf[n] for leaf in side_by_side(job))) for n in range(job.size)]
+
+
+def side_by_side(job: Job) -> Fleet:
+    """All lanes at once, each array with the lanes as its first axis."""
     assert job.clock.ticks == 1, "the peers do not trim"
-    lanes = (jax.tree.map(lambda leaf, n=n: np.asarray(leaf[n]), job.inputs.lane) for n in range(job.size))
-    return [fleet(lane, jax.tree.map(np.asarray, job.network.hearing)) for lane in lanes]
-
-
-def fleet(lane: Any, heard: Any) -> Fleet:
-    """A lane of these slots, and by how much each harmonic is received."""
+    lane, heard = (jax.tree.map(np.asarray, each) for each in (job.inputs.lane, job.network.hearing))
     assert isinstance(lane.signal, Harmonic), "the peers know harmonic attacks alone"
     assert (heard.carried_sources == heard.sources).all(), "the peers know attacks that add alone"
-    laplacian, from_navigator, added = links(lane.weights, heard.sources, heard.attacked, heard.signals)
-    # What is received is the real part of these vectors times exp(i frequency t).
-    vectors: Any = np.zeros((3, *lane.initial[:2].shape), complex)
-    path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)
-    vectors[[0, 1], [0, 1]] = path[:, None] * from_navigator
-    vectors[2] = (lane.vectors[..., 0] - 1j * lane.vectors[..., 1]) @ added.T
-    frequency = np.append(lane.navigator.frequency, lane.signal.frequency)
-    vectors *= np.polyval([1.0, *lane.gain[::-1]], 1j * frequency)[:, None, None]
+    kinds, kind = np.unique(lane.weights, axis=0, return_inverse=True)
+    each = [links(weights, heard.sources, heard.attacked, heard.signals) for weights in kinds]
+    laplacian, from_navigator, added = (np.stack(arrays) for arrays in zip(*each, strict=True))
     inverse = np.linalg.inv(laplacian)
+    laplacian, from_navigator, added, inverse = (
+        array[kind] for array in (laplacian, from_navigator, added, inverse)
+    )
+    # What is received is the real part of these vectors times exp(i frequency t).
+    vectors: Any = np.zeros((job.size, 3, 2, lane.initial.shape[2]), complex)
+    path = -1j * lane.navigator.amplitude * np.exp(1j * lane.navigator.phase)
+    vectors[:, [0, 1], [0, 1]] = path[:, :, None] * from_navigator[:, None]
+    vectors[:, 2] = np.einsum("lxs,lms->lxm", lane.vectors[..., 0] - 1j * lane.vectors[..., 1], added)
+    frequency = np.concatenate([lane.navigator.frequency, lane.signal.frequency[:, None]], axis=1)
+    turn, gain = 1j * frequency, lane.gain[:, :, None]
+    vectors *= (gain[:, 0] + gain[:, 1] * turn + gain[:, 2] * turn**2 + turn**3)[..., None, None]
     return Fleet(lane.initial, laplacian, inverse, lane.gain, frequency, vectors.real, -vectors.imag)
 
 
@@ -121,17 +127,18 @@ def kept(job: Job, number: int) -> Float[np.ndarray, "times slots m"]:
 # --- SciPy -------------------------------------------------------------------------------------------
 
 
-def with_scipy(job: Job, dense: bool = True) -> Positions:
+def with_scipy(job: Job, dense: bool = True, tolerance: float = RTOL) -> Positions:
     """`solve_ivp`, lane after lane."""
     times = output_times(job)
-    return np.stack([scipy_lane(each, times, dense) for each in fleets(job)])
+    return np.stack([scipy_lane(each, times, dense, tolerance) for each in fleets(job)])
 
 
-def scipy_lane(lane: Fleet, times: np.ndarray, dense: bool) -> Float[np.ndarray, "times m 2"]:
+def scipy_lane(
+    lane: Fleet, times: np.ndarray, dense: bool, tolerance: float
+) -> Float[np.ndarray, "times m 2"]:
     """One lane."""
-    solution = solve_ivp(
-        numpy_field(lane, dense), times[[0, -1]], lane.initial.ravel(), t_eval=times, rtol=RTOL, atol=ATOL
-    )
+    field, initial, atol = numpy_field(lane, dense), lane.initial.ravel(), tolerance * ATOL / RTOL
+    solution = solve_ivp(field, times[[0, -1]], initial, t_eval=times, rtol=tolerance, atol=atol)
     if not solution.success:
         raise RuntimeError(solution.message)
     return solution.y.reshape(6, -1, len(times))[:2].T
@@ -174,16 +181,16 @@ def numpy_field(lane: Fleet, dense: bool) -> Callable[[float, np.ndarray], np.nd
 # --- diffrax -----------------------------------------------------------------------------------------
 
 
-def with_diffrax(job: Job, dense: bool = True) -> Positions:
+def with_diffrax(job: Job, dense: bool = True, tolerance: float = RTOL) -> Positions:
     """`jit(vmap(diffeqsolve))`, all lanes at once."""
-    lanes = jax.tree.map(lambda *leaves: np.stack(leaves), *fleets(job))
+    lanes = side_by_side(job)
     with jax.enable_x64(True):
-        states = diffrax_lanes(lanes, output_times(job), dense)
+        states = diffrax_lanes(lanes, output_times(job), dense, tolerance)
         return np.asarray(states)[:, :, :2].swapaxes(2, 3)
 
 
 @functools.partial(jax.jit, static_argnames="dense")
-def diffrax_lanes(lanes: Fleet, times: jax.Array, dense: bool) -> jax.Array:
+def diffrax_lanes(lanes: Fleet, times: jax.Array, dense: bool, tolerance: float) -> jax.Array:
     """States (lanes, times, 6, m)."""
 
     def one(lane: Fleet) -> Any:
@@ -196,7 +203,7 @@ def diffrax_lanes(lanes: Fleet, times: jax.Array, dense: bool) -> jax.Array:
             y0=lane.initial,
             args=lane,
             saveat=diffrax.SaveAt(ts=times),
-            stepsize_controller=diffrax.PIDController(rtol=RTOL, atol=ATOL),
+            stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance * ATOL / RTOL),
             max_steps=100_000,
         )
         return solution.ys

@@ -49,24 +49,37 @@ class Simulator(NamedTuple):
     warm: int
 
 
-def simulator(what: str) -> Simulator:
-    """A program by its name; raises NotInstalledError where it is not on this machine."""
+def simulator(what: str, tolerance: float) -> Simulator:
+    """A program by its name; a peer has this tolerance. Raises NotInstalledError if it is missing."""
     import peers
+    import with_heyoka
 
     from jaxnet.engine import batch
 
+    if what == "numba":
+        import with_numba  # which needs numba to define its functions
+
+        return Simulator(lambda job: with_numba.with_numba(job, tolerance), WARM)
     return {
         "jaxnet": Simulator(batch.simulate, WARM),
-        "diffrax dense": Simulator(peers.with_diffrax, WARM),
-        "diffrax structured": Simulator(lambda job: peers.with_diffrax(job, dense=False), WARM),
-        "scipy dense": Simulator(peers.with_scipy, 0),
-        "scipy structured": Simulator(lambda job: peers.with_scipy(job, dense=False), 0),
+        "diffrax dense": Simulator(lambda job: peers.with_diffrax(job, True, tolerance), WARM),
+        "diffrax structured": Simulator(lambda job: peers.with_diffrax(job, False, tolerance), WARM),
+        "scipy dense": Simulator(lambda job: peers.with_scipy(job, True, tolerance), 0),
+        "scipy structured": Simulator(lambda job: peers.with_scipy(job, False, tolerance), 0),
+        "heyoka": Simulator(lambda job: with_heyoka.with_heyoka(job, tolerance), WARM),
         "octave dense": Simulator(peers.with_octave, 0),
         "by hand": Simulator(peers.by_hand, WARM),
     }[what]
 
 
-def measure(what: str, keys: Mapping[str, Any], lanes: int, seconds: float = 0, checked: int = 0) -> Any:
+def measure(
+    what: str,
+    keys: Mapping[str, Any],
+    lanes: int,
+    seconds: float = 0,
+    checked: int = 0,
+    tolerance: float = 1e-7,
+) -> Any:
     """Lanes per second, cores kept busy, peak memory [MiB], lanes that failed.
 
     With `checked`, also the greatest error [m] of the first lanes. A program that is not on this machine is
@@ -78,8 +91,9 @@ def measure(what: str, keys: Mapping[str, Any], lanes: int, seconds: float = 0, 
     from jaxnet.runs.cache import enable
 
     enable()
-    scenario, (run, warm) = scenario_of(keys), simulator(what)
+    scenario = scenario_of(keys)
     try:
+        run, warm = simulator(what, tolerance)
         if warm:
             run(job(scenario, Keyed(SEED), range(min(lanes, warm))))
         found = race(run, lambda samples: job(scenario, Keyed(SEED), samples), lanes, seconds)

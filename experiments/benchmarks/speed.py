@@ -1,5 +1,7 @@
 """How fast is jaxnet beside the programs that one would write without it, on the same lanes?
 
+heyoka.py and numba come with `pip install --editable ".[benchmarks]"`.
+
 Twelve vehicles, cyclic, 30 s, 301 output times, 5(4) at rtol 1e-7 and atol 1e-9. Every line is a process of
 its own, one after another, and the sequence is repeated: lanes per second are the median with the least and
 the greatest, ratios the median of those within a repeat. `cores` is processor time over time. The greatest
@@ -23,6 +25,7 @@ from row import apart, shown, spread
 NOBODY, ATTACKED = {"attack": "none", "defence": "none"}, {"attack": "rotating", "defence": "none"}
 EXACT = {"engine": "exact"}
 REFERENCE = "SciPy RK45, dense M"
+STRONGEST = "heyoka.py, Taylor's method"
 CHECKED = 12  # lanes held against the exact solution
 
 
@@ -49,8 +52,14 @@ LINES = [
     Line("SciPy RK45, structured solve", "none", "scipy structured", NOBODY, 12),
     Line("diffrax Dopri5, dense M", "none", "diffrax dense", NOBODY, 64),
     Line("diffrax Dopri5, structured solve", "none", "diffrax structured", NOBODY, 64),
-    Line("jaxnet nonlinear", "none", "jaxnet", NOBODY, 2_048),
-    Line("jaxnet nonlinear", "rotating", "jaxnet", ATTACKED, 2_048),
+    Line("numba, Dormand–Prince 5(4)", "none", "numba", NOBODY, 1_024),
+    Line("numba, Dormand–Prince 5(4)", "rotating", "numba", ATTACKED, 1_024),
+    Line(STRONGEST, "none", "heyoka", NOBODY, 2_048),
+    Line(STRONGEST, "rotating", "heyoka", ATTACKED, 2_048),
+    Line("jaxnet nonlinear, dopri5", "none", "jaxnet", NOBODY | {"engine": {"solver": "dopri5"}}, 2_048),
+    Line("jaxnet nonlinear", "none", "jaxnet", NOBODY, 8_192),
+    Line("jaxnet nonlinear", "rotating", "jaxnet", ATTACKED, 8_192),
+    Line("jaxnet nonlinear, trimming each 0.05 s", "rotating", "jaxnet", {}, 4_096),
     Line("jaxnet exact", "rotating", "jaxnet", ATTACKED | EXACT, 16_384),
     Line("jaxnet exact, trimming each 0.05 s", "rotating", "jaxnet", EXACT, 8_192),
     Line("the exact loop in C", "rotating", "by hand", ATTACKED | EXACT, 16_384, checked=False),

@@ -6,15 +6,15 @@ inverse are used as in `peers.py`: the law is solved as `L⁻¹ (received - L P)
 """
 
 import copy
-import functools
 import importlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from peers import Fleet, NotInstalledError, Positions, fleets, output_times
+from jaxtyping import Float
+from peers import RTOL, Fleet, NotInstalledError, Positions, output_times, side_by_side
 
 from jaxnet.engine.batch import Job
 
@@ -27,56 +27,54 @@ def heyoka() -> Any:
         raise NotInstalledError("heyoka") from None
 
 
-def with_heyoka(job: Job, tolerance: float = 1e-7) -> Positions:
+def with_heyoka(job: Job, tolerance: float = RTOL) -> Positions:
     """`propagate_grid` of lanes side by side, a thread for each core."""
-    hy, lanes, times = heyoka(), fleets(job), output_times(job)
-    width = hy.recommended_simd_size()
-    integrators, numbers_of = compiled(job, tolerance)
-    starts = range(0, len(lanes), width)
-    positions = np.empty((len(lanes), len(times), 2, lanes[0].initial.shape[1]))
+    lanes, times = side_by_side(job), output_times(job)
+    integrators, differs = compiled(lanes, tolerance)
+    numbers = own_numbers(lanes, differs)
+    width = integrators[0].state.shape[1]
+    initial = lanes.initial.swapaxes(1, 2).reshape(job.size, -1)
+    positions = np.empty((job.size, len(times), lanes.initial.shape[2], 2))
     grid = np.repeat(times[:, None], width, axis=1)
 
-    def work(integrator: Any, own: Sequence[int]) -> None:
-        for start in own:
-            some = [lanes[min(start + n, len(lanes) - 1)] for n in range(width)]
+    def work(integrator: Any, starts: Sequence[int]) -> None:
+        for start in starts:
+            some = np.minimum(np.arange(start, start + width), job.size - 1)
             integrator.set_time(0.0)
-            integrator.state[:] = np.stack([lane.initial.T.ravel() for lane in some], axis=1)
-            integrator.pars[:] = np.stack([numbers_of(lane) for lane in some], axis=1)
+            integrator.state[:] = initial[some].T
+            integrator.pars[:] = numbers[some].T
             found = np.asarray(integrator.propagate_grid(grid)[1])  # (times, states, width)
             states = found.reshape(len(times), -1, 6, width)[:, :, :2]
-            many = min(width, len(lanes) - start)
-            positions[start : start + many] = states.transpose(3, 0, 2, 1)[:many]
+            positions[some] = states.transpose(3, 0, 1, 2)
 
-    with ThreadPoolExecutor(len(integrators)) as pool:
-        list(pool.map(work, integrators, [starts[n :: len(integrators)] for n in range(len(integrators))]))
-    return positions.swapaxes(2, 3)
-
-
-KNOWN = dict[Any, tuple[list[Any], Callable[[Fleet], np.ndarray]]]()
+    every, threads = range(0, job.size, width), len(integrators)
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, integrators, [every[n::threads] for n in range(threads)]))
+    return positions
 
 
-def compiled(job: Job, tolerance: float) -> tuple[list[Any], Callable[[Fleet], np.ndarray]]:
-    """An integrator for each core, compiled once, and the numbers of a lane that it takes as parameters."""
-    hy, (first, *others) = heyoka(), fleets(job)
-    differs = {
-        name: np.any([getattr(lane, name) != getattr(first, name) for lane in others[:200]], axis=0)
-        for name in ("laplacian", "inverse", "gain", "frequency", "cosine", "sine")
-    }
-    key = tolerance, *((name, which.tobytes()) for name, which in differs.items())
+KNOWN = dict[Any, tuple[list[Any], dict[str, np.ndarray]]]()
+
+
+def compiled(lanes: Fleet, tolerance: float) -> tuple[list[Any], dict[str, np.ndarray]]:
+    """An integrator for each core, compiled once, and which numbers it takes as parameters."""
+    names = ("laplacian", "inverse", "gain", "frequency", "cosine", "sine")
+    differs = {name: np.ptp(getattr(lanes, name), axis=0) > 0 for name in names}
+    same = [getattr(lanes, name)[0, ~which].tobytes() for name, which in differs.items()]
+    key = tolerance, *same, *(which.tobytes() for which in differs.values())
     if key not in KNOWN:
-        equations = closed_loop(hy, first, differs)
-        width = hy.recommended_simd_size()
-        state = np.ones((6 * first.initial.shape[1], width))
-        pars = np.zeros((sum(int(which.sum()) for which in differs.values()), width))
+        hy = heyoka()
+        state = np.ones((6 * lanes.initial.shape[2], hy.recommended_simd_size()))
+        pars = np.zeros((sum(int(which.sum()) for which in differs.values()), state.shape[1]))
+        equations = closed_loop(hy, Fleet(*(leaf[0] for leaf in lanes)), differs)
         one = hy.taylor_adaptive_batch(equations, state, tol=tolerance, pars=pars, compact_mode=True)
-        threads = len(os.sched_getaffinity(0))
-        KNOWN[key] = [copy.deepcopy(one) for _ in range(threads)], functools.partial(own_numbers, differs)
+        KNOWN[key] = [copy.deepcopy(one) for _ in os.sched_getaffinity(0)], differs
     return KNOWN[key]
 
 
-def own_numbers(differs: dict[str, np.ndarray], lane: Fleet) -> np.ndarray:
-    """The numbers of a lane that are not the same in all lanes."""
-    return np.concatenate([getattr(lane, name)[which] for name, which in differs.items()])
+def own_numbers(lanes: Fleet, differs: dict[str, np.ndarray]) -> Float[np.ndarray, "lanes numbers"]:
+    """The numbers of each lane that are not the same in all lanes."""
+    return np.concatenate([getattr(lanes, name)[:, which] for name, which in differs.items()], axis=1)
 
 
 def closed_loop(hy: Any, lane: Fleet, differs: dict[str, np.ndarray]) -> list[tuple[Any, Any]]:

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 import numpy as np
-from peers import ATOL, NotInstalledError, Positions, fleets, output_times
+from peers import ATOL, RTOL, NotInstalledError, Positions, output_times, side_by_side
 
 from jaxnet.engine.batch import Job
 
@@ -35,19 +35,17 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 FAST = {"fastmath": True, "error_model": "numpy", "cache": False}
 
 
-def with_numba(job: Job, tolerance: float = 1e-7) -> Positions:
+def with_numba(job: Job, tolerance: float = RTOL) -> Positions:
     """All lanes, `WIDTH` to a block, blocks in parallel."""
-    lanes = fleets(job)
-    filled = [lanes[min(n, len(lanes) - 1)] for n in range(-(-len(lanes) // WIDTH) * WIDTH)]
+    filled = np.minimum(np.arange(-(-job.size // WIDTH) * WIDTH), job.size - 1)
 
-    def blocks(name: str) -> np.ndarray:
-        each = np.stack([getattr(lane, name) for lane in filled])
+    def block(each: np.ndarray) -> np.ndarray:
+        each = each[filled]
         return np.ascontiguousarray(np.moveaxis(each.reshape(-1, WIDTH, *each.shape[1:]), 1, -1))
 
-    names = ("initial", "laplacian", "inverse", "gain", "frequency", "cosine", "sine")
-    atol = ATOL * tolerance / 1e-7
-    found = simulated(*map(blocks, names), output_times(job), tolerance, atol)
-    return np.moveaxis(found, -1, 1).reshape(len(filled), *found.shape[1:-1])[: len(lanes)].swapaxes(2, 3)
+    atol = ATOL * tolerance / RTOL
+    found = simulated(*map(block, side_by_side(job)), output_times(job), tolerance, atol)
+    return np.moveaxis(found, -1, 1).reshape(len(filled), *found.shape[1:-1])[: job.size].swapaxes(2, 3)
 
 
 @nb.njit(inline="always", **FAST)
