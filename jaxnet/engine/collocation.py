@@ -102,7 +102,7 @@ class Collocation(Following[CollocationState]):
         return CollocationState(
             jets=jets,
             signals=signals(lane, zero),
-            window=Window(zero, zero, jets, jnp.zeros((gauss.NODES, *jets[0].shape))),
+            window=Window(zero, zero, jets, jnp.zeros((gauss.STAGES, *jets[0].shape))),
             end=zero,
             length=zero + FIRST,
             steps=jnp.zeros(zero.shape, int),
@@ -212,7 +212,7 @@ class Collocation(Following[CollocationState]):
         fits = ~spent & (error < 1.0)
         stood = stood_in(window, end, fits)
         kept = fits & ~(stood & (end > task.tick))
-        length = stepper.next_step(window.length, error, gauss.NODES)
+        length = stepper.next_step(window.length, error, gauss.STAGES)
         length = jnp.where(stood, window.length / 2, length)
         stuck = ~kept & (length <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(end, 1.0))
         status = fail(task.status, Status.singular, stood & kept)
@@ -229,9 +229,9 @@ class Collocation(Following[CollocationState]):
         lane, at = task.lane, np.concatenate([gauss.RULE.nodes, gauss.PLACES])
         times = jnp.asarray(at)[:, None] * length[None]
         known = jax.vmap(lambda time: signals(lane, time))(task.time[None] + times)
-        now = jax.tree.map(lambda leaf: leaf[: gauss.NODES], known)
-        between = jax.tree.map(lambda leaf: leaf[gauss.NODES :], known)
-        coasted = gauss.coasted(task.jets, times[: gauss.NODES])
+        now = jax.tree.map(lambda leaf: leaf[: gauss.STAGES], known)
+        between = jax.tree.map(lambda leaf: leaf[gauss.STAGES :], known)
+        coasted = gauss.coasted(task.jets, times[: gauss.STAGES])
         gain = jnp.zeros_like(lane.gain) if lane.law.holds else lane.gain
         equations = gauss.linear(gain, length)
         sizes = tuple(jnp.abs(jet) for jet in task.jets)
@@ -250,7 +250,7 @@ class Collocation(Following[CollocationState]):
             largest = tuple(jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True))
             moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change))
             missed = tuple(each.max(axis=0) for each in off)
-            left, unlike = (over(each, largest, task.tolerances) for each in (moves, missed))
+            left, unlike = (over_tolerance(each, largest, task.tolerances) for each in (moves, missed))
             return jerks + change, passes + 1, left, unlike, largest
 
         def under_way(carry: Any) -> Bool[Array, ""]:
@@ -260,8 +260,8 @@ class Collocation(Following[CollocationState]):
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
         begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
         jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
-        misfit = jnp.maximum(gauss.next_degrees(jerks), unresolved(task, now, between))
-        error = left + over(gauss.effect(length, misfit), largest, task.tolerances)
+        misfit = jnp.maximum(gauss.next_degrees(jerks), missed_signals(task, now, between))
+        error = left + over_tolerance(gauss.effect(length, misfit), largest, task.tolerances)
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
@@ -284,7 +284,7 @@ class Collocation(Following[CollocationState]):
         return moved, (missed[0], missed[1], missed[2])
 
 
-def unresolved(task: Task, now: Signals, between: Signals) -> Jerk:
+def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
     """Return a bound on what the polynomial of the jerk misses of the signals between the nodes.
 
     Nothing that acts between two nodes goes unseen, for example the start of an attack.
@@ -296,7 +296,7 @@ def unresolved(task: Task, now: Signals, between: Signals) -> Jerk:
     return path[:, None] + signal.combined(jnp.abs(response), gauss.unresolved(now.drive, between.drive))
 
 
-def over(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances) -> Instants:
+def over_tolerance(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tolerances) -> Instants:
     """Return a change of the jets over the tolerance, as the root mean square over a fleet."""
     changes, sizes = jnp.concatenate(change), jnp.concatenate(size)
     return stepper.fleet_norm(stepper.error_norm(changes, sizes, tolerances))

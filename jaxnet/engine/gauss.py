@@ -15,20 +15,21 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from numpy.polynomial import Legendre, Polynomial
 
 from jaxnet.engine.stepper import Times
 from jaxnet.model import control
 from jaxnet.model.plane import Jets
+from jaxnet.model.shapes import LoopIndex
 
-NODES = 8  # 6, 7 and 10 measured slower
+STAGES = 8  # 6, 7 and 10 measured slower
 PLACES = np.linspace(0, 1, 25)  # of a window of length 1, ends included
 
 Jerks = Float[Array, "nodes 2 m lanes"]
 JetsAtNodes = tuple[Jerks, Jerks, Jerks]
 AtNodes = Float[Array, "nodes lanes"]
-Index = Int[Array, ""]
+Augmented = Float[Array, "nodes twice lanes"]  # a matrix beside the identity
 
 
 class Rule(NamedTuple):
@@ -71,7 +72,7 @@ def monomials(polynomials: list[Legendre], order: int) -> Float[np.ndarray, "nod
     return np.stack([np.pad(one, (0, width - len(one)))[order:] for one in found])
 
 
-RULE = gauss_rule(NODES)
+RULE = gauss_rule(STAGES)
 
 
 class Window(NamedTuple):
@@ -87,12 +88,12 @@ class Window(NamedTuple):
         shares = jnp.stack([(self.length**order)[None] * self.shares(time, order) for order in (1, 2, 3)])
         position, velocity, acceleration = (jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
 
-        def add(node: Index, jets: Jets) -> Jets:
+        def add(node: LoopIndex, jets: Jets) -> Jets:
             share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[:, None, None]
             jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
             return jets[0] + share[2] * jerk, jets[1] + share[1] * jerk, jets[2] + share[0] * jerk
 
-        return jax.lax.fori_loop(0, NODES, add, (position, velocity, acceleration))
+        return jax.lax.fori_loop(0, STAGES, add, (position, velocity, acceleration))
 
     def jerk_at(self, time: Times) -> Float[Array, "2 m lanes"]:
         """Return the jerk at a time [s] in the window."""
@@ -105,7 +106,7 @@ class Window(NamedTuple):
     def shares(self, time: Times, order: int) -> AtNodes:
         """Return the cardinal polynomials at a time, integrated `order` times in a window of length 1."""
         past = (time - self.start) / jnp.where(self.length > 0, self.length, 1.0)
-        each = jnp.stack([past**power for power in range(order, order + NODES)])
+        each = jnp.stack([past**power for power in range(order, order + STAGES)])
         return (jnp.asarray(RULE.powers[order])[..., None] * each[None]).sum(axis=1)
 
 
@@ -118,11 +119,11 @@ class Linear(NamedTuple):
     def solve(self, right: Jerks) -> Jerks:
         """Return q at the nodes, where `right` is `z - P(y)` of motion without jerk."""
 
-        def add(node: Index, total: Jerks) -> Jerks:
+        def add(node: LoopIndex, total: Jerks) -> Jerks:
             column = jax.lax.dynamic_index_in_dim(self.response, node, axis=1, keepdims=False)
             return total + column[:, None, None] * jax.lax.dynamic_index_in_dim(right, node)
 
-        return jax.lax.fori_loop(0, NODES, add, jnp.zeros_like(right))
+        return jax.lax.fori_loop(0, STAGES, add, jnp.zeros_like(right))
 
 
 def linear(gain: control.Gain, length: Times) -> Linear:
@@ -130,17 +131,19 @@ def linear(gain: control.Gain, length: Times) -> Linear:
     once, twice, thrice = jnp.asarray(RULE.integrals)[..., None]
     each = gain[0] * length**3, gain[1] * length**2, gain[2] * length
     by_position, by_velocity, by_acceleration = (share[None, None] for share in each)
-    identity = jnp.eye(NODES)[..., None]
+    identity = jnp.eye(STAGES)[..., None]
     matrix = identity + by_position * thrice + by_velocity * twice + by_acceleration * once
     whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
 
-    def eliminate(pivot: Index, whole: Float[Array, "nodes both lanes"]) -> Float[Array, "nodes both lanes"]:
+    def eliminate(
+        pivot: LoopIndex, whole: Float[Array, "nodes both lanes"]
+    ) -> Float[Array, "nodes both lanes"]:
         row = jax.lax.dynamic_index_in_dim(whole, pivot, keepdims=False)
         row = row / jax.lax.dynamic_index_in_dim(row, pivot)
         column = jax.lax.dynamic_index_in_dim(whole, pivot, axis=1)
         return jax.lax.dynamic_update_index_in_dim(whole - column * row[None], row, pivot, 0)
 
-    return Linear(length, jax.lax.fori_loop(0, NODES, eliminate, whole)[:, NODES:])
+    return Linear(length, jax.lax.fori_loop(0, STAGES, eliminate, whole)[:, STAGES:])
 
 
 def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:

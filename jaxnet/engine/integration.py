@@ -28,8 +28,6 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.solvers.choice import factorised_at_once
 
-Jerk = Float[Array, "2 m lanes"]
-
 
 class IntegrationState(NamedTuple):
     """State of the lanes under way."""

@@ -65,7 +65,7 @@ VARIATIONS = {
     "slow starts": {"initial": {"speed": {"uniform": [1e-3, 1e-2]}}},
     "loose": {"engine": {"rtol": 1e-5, "atol": 1e-7}},
     "each tick": {"tick": 0.01, "output_step": 0.01},
-    "noise": {"channel": {"noise": {"position": 0.05}}},
+    "noise": {"sensing": {"position": 0.05}},
     "losses": {"channel": {"loss": {"kind": "bernoulli", "probability": 0.2}}, "defence": "trusted_only"},
 }
 

@@ -33,7 +33,7 @@ def window_of(jerks, jets):
 @pytest.mark.parametrize("past", [0.0, 0.31, 1.0])
 def test_a_polynomial_of_degree_7_is_exact_at_every_time(past):
     """Its integrals by NumPy."""
-    jerks, jets = polynomials(np.random.default_rng(0), gauss.NODES - 1)
+    jerks, jets = polynomials(np.random.default_rng(0), gauss.STAGES - 1)
     window, time = window_of(jerks, jets), START + past * LENGTHS
     found = window.jets_at(jnp.asarray(time))
     for axis in range(2):
@@ -52,7 +52,7 @@ def test_a_polynomial_of_degree_7_is_exact_at_every_time(past):
 
 
 def test_no_jerk_of_a_window_is_over_its_bound():
-    window = window_of(*polynomials(np.random.default_rng(1), gauss.NODES - 1))
+    window = window_of(*polynomials(np.random.default_rng(1), gauss.STAGES - 1))
     bound = window.greatest_jerk()
     for past in np.linspace(0.0, 1.0, 201):
         jerk = window.jerk_at(jnp.asarray(START + past * LENGTHS))
@@ -102,7 +102,7 @@ def test_the_linear_equation_is_solved():
 @pytest.mark.parametrize("nodes", [2, 3])
 def test_the_order_is_twice_the_number_of_nodes(nodes, monkeypatch):
     """A window half as long errs 2^(order + 1) times less; eight nodes are exact before that can be seen."""
-    monkeypatch.setattr(gauss, "NODES", nodes)
+    monkeypatch.setattr(gauss, "STAGES", nodes)
     monkeypatch.setattr(gauss, "RULE", gauss.gauss_rule(nodes))
     errors, _ = end_errors(np.array([0.1, 0.2]))
     assert np.abs(np.log2(errors[:, 1] / errors[:, 0]) - (2 * nodes + 1)).max() < 0.5
@@ -111,7 +111,7 @@ def test_the_order_is_twice_the_number_of_nodes(nodes, monkeypatch):
 def test_the_effect_of_the_highest_degree_is_the_greatest_of_its_integrals():
     """On a grid, by cumulative sums."""
     grid = np.linspace(0.0, 1.0, 40_001)
-    jerk = np.polynomial.Legendre.basis(gauss.NODES - 1, domain=[0, 1])(grid)
+    jerk = np.polynomial.Legendre.basis(gauss.STAGES - 1, domain=[0, 1])(grid)
     effects = gauss.effect(jnp.asarray(LENGTHS), jnp.ones((2, 1, LANES)))
     for order, told in enumerate(effects[::-1], start=1):
         jerk = np.concatenate([[0.0], np.cumsum((jerk[1:] + jerk[:-1]) / 2 * np.diff(grid))])

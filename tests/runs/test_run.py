@@ -423,12 +423,12 @@ def test_what_is_saved_may_change_at_any_time(config, tmp_path):
 
 def test_a_failed_lane_keeps_its_row(config, tmp_path):
     """With its status, NaN metrics, NaN arrays from where it failed, and is counted."""
-    given = jaxnet.load(config, {"engine": {"max_steps": 8}, "sweep": {}, "samples": 6})
+    given = jaxnet.load(config, {"engine": {"max_steps": 3}, "sweep": {}, "samples": 6})
     results = jaxnet.run(given, tmp_path / "failing")
     failed = results.lanes[results.lanes["status"] == "max_steps"]
     assert 0 < len(failed) <= 6
     assert failed[["tail_mean", "peak_error", "min_speed"]].isna().all(axis=None)
-    assert (failed["steps"] == 8).all()
+    assert (failed["steps"] == 3).all()
     assert results.manifest["lanes"]["failed"] == len(failed) == results.cells["failed"][0]
     assert np.isnan(results.errors["tracking"].values[0, failed["sample"], -1]).all()
     assert not np.isnan(results.errors["tracking"].values[0, failed["sample"], 0]).any()
