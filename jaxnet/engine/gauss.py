@@ -135,9 +135,7 @@ def linear(gain: control.Gain, length: Times) -> Linear:
     matrix = identity + by_position * thrice + by_velocity * twice + by_acceleration * once
     whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
 
-    def eliminate(
-        pivot: LoopIndex, whole: Float[Array, "nodes both lanes"]
-    ) -> Float[Array, "nodes both lanes"]:
+    def eliminate(pivot: LoopIndex, whole: Augmented) -> Augmented:
         row = jax.lax.dynamic_index_in_dim(whole, pivot, keepdims=False)
         row = row / jax.lax.dynamic_index_in_dim(row, pivot)
         column = jax.lax.dynamic_index_in_dim(whole, pivot, axis=1)
