@@ -4,8 +4,8 @@ Twelve vehicles, cyclic, none attacked, 30 s, 301 output times, at relative tole
 absolute one is a hundredth of that. Every point is a process of its own. The error is the greatest distance
 of any vehicle at any output time from the exact solution, over the first lanes, the same for all.
 
-Run it with `python experiments/benchmarks/precision.py`; it takes about a quarter of an hour. It prints a table and
-draws docs/figures/precision.png and precision.pdf.
+Run it with `python experiments/benchmarks/precision.py`; it takes about a quarter of an hour. It prints
+a table and draws docs/figures/precision.png and precision.pdf.
 """
 
 import argparse
