@@ -5,16 +5,18 @@ In the jets the motion has no stiffness near standstill. At each node of a windo
 
     jets → state → received jets → jerk of the law → inputs → rates of the state → rates of the jets,
 
-with the vehicle's own equations and the law solved from the received jets. Nothing is cancelled.
+with the vehicle's own equations and the law solved from the received jets.
 
 The first guess is the exact cancellation `q = z - P(y)` (SCIENCE O2b). Newton's method goes on from there,
 with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets. Where the
 cancellation holds, one evaluation at the nodes confirms the guess. A window is refused, and tried again with
-a shorter length, in three cases:
+a shorter length, in these cases:
 
 - Newton's method has not converged;
 - the Legendre coefficients of the jerk do not fall fast enough;
-- the vehicle's equations do not return the jets and their derivatives.
+- the signals of navigator and attacks differ from their polynomials between the nodes;
+- the vehicle's equations do not return the jets and their derivatives;
+- a vehicle stands still in the window, and the window goes on past the next tick.
 
 A window serves ticks and outputs until a decision changes. Each lane has its own windows. The lanes are the
 last axis of every array.
@@ -243,7 +245,7 @@ class Collocation(Following[CollocationState]):
             return self.rates(task, now, jets, jerk)
 
         def one(carry: Any) -> Any:
-            jerks, passes, *_ = carry
+            jerks, passes, *known = carry
             jets = gauss.moved(coasted, length, jerks)
             found, off = jax.vmap(at_node)(now, jets, jerks)
             change = equations.solve(found - jerks)
@@ -251,11 +253,16 @@ class Collocation(Following[CollocationState]):
             moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change))
             missed = tuple(each.max(axis=0) for each in off)
             left, unlike = (over_tolerance(each, largest, task.tolerances) for each in (moves, missed))
-            return jerks + change, passes + 1, left, unlike, largest
+            new = jerks + change, left, unlike, largest
+            jerks, *known = select(unfinished(carry), new, (jerks, *known))
+            return jerks, passes + 1, *known
+
+        def unfinished(carry: Any) -> LaneFlags:
+            _, _, left, unlike, _ = carry
+            return (left >= CONVERGED) & (unlike < 1.0)
 
         def under_way(carry: Any) -> Bool[Array, ""]:
-            _, passes, left, unlike, _ = carry
-            return ((left >= CONVERGED) & (unlike < 1.0)).any() & (passes < PASSES)
+            return unfinished(carry).any() & (carry[1] < PASSES)
 
         infinite, zero = jnp.full_like(length, jnp.inf), jnp.zeros_like(length)
         begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
@@ -285,9 +292,9 @@ class Collocation(Following[CollocationState]):
 
 
 def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
-    """Return a bound on what the polynomial of the jerk misses of the signals between the nodes.
+    """Return a bound on what the polynomial of the jerk misses of the signals at `gauss.PLACES`.
 
-    Nothing that acts between two nodes goes unseen, for example the start of an attack.
+    An attack that begins between two nodes is seen, unless it lasts for less than the distance of two places.
     """
     response = task.followed.response
     if response is None:

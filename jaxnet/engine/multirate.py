@@ -133,10 +133,8 @@ def by_themselves(
     def advance(walk: Walk) -> Walk:
         goal = stepper.towards(few.end, walk.time, walk.step)
         trial = stepper.attempt(field, signals, rule, walk.time, goal, walk.state, walk.slope, few.tolerances)
-        kept, step = (
-            walk.going & (trial.error < 1.0),
-            stepper.next_step(goal - walk.time, trial.error, rule.order),
-        )
+        kept = walk.going & (trial.error < 1.0)
+        step = stepper.next_step(goal - walk.time, trial.error, rule.order)
         return Walk(
             jnp.where(kept, goal, walk.time),
             jnp.where(kept[None, None], trial.state, walk.state),

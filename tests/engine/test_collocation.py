@@ -1,5 +1,6 @@
 """Windows of the nonlinear engine, against the exact engine and against Runge–Kutta steps."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -50,6 +51,14 @@ def test_what_the_law_does_not_cancel_is_integrated(attack):
     assert (ours.status == Status.ok).all()
     assert apart(ours, known) < 3e-6
     assert apart(ours, outcome(**{**keys, "vehicle": TwoWheeled()})) > 0.1
+
+
+def test_a_lane_that_takes_more_passes_changes_no_other():
+    """Vehicles that do not move as asked: lanes are the same to the last bit alone and beside others."""
+    given = systems.study(vehicle=Pushed(), attack="rotating", **SHORT)
+    many, few = (systems.simulate(systems.lanes(given, lanes, ())) for lanes in (21, 2))
+    for ours, theirs in zip(*map(jax.tree.leaves, (few, many)), strict=True):
+        np.testing.assert_array_equal(ours, theirs[:2])
 
 
 def test_a_state_that_does_not_return_the_jets_fails_its_lane():

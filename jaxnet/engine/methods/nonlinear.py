@@ -35,10 +35,7 @@ class Nonlinear(Engine):
     rtol: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(default=1e-7, description="relative, of a step")
     atol: Positive = Field(default=1e-9, description="absolute, of a step")
     max_steps: int = Field(
-        default=100_000,
-        ge=1,
-        le=10**15,
-        description="of the whole fleet, refused ones included",
+        default=100_000, ge=1, le=10**15, description="of a lane's whole fleet, refused ones included"
     )
 
     def options(self) -> tuple[Hashable, ...]:
