@@ -354,7 +354,7 @@ class Attack(AnyAttack):
         Parameters
         ----------
         horizon
-            End of the interval [0, horizon] [s].
+            End of the interval that begins at 0 [s].
 
         Returns
         -------
