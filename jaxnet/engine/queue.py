@@ -56,6 +56,7 @@ def work_off(
     lanes.
     """
     length = jax.tree.leaves(queue)[0].shape[-1]
+    start, end = jax.jit(work.start, inline=True), jax.jit(work.end, inline=True)  # traced once
 
     def busy(now: Places) -> Bool[Array, " places"]:
         return (now.number < count) & work.under_way(now.state)
@@ -64,7 +65,7 @@ def work_off(
         idle = ~busy(now)
         number = jnp.where(idle, taken + jnp.cumsum(idle) - 1, now.number)
         inputs = jax.tree.map(lambda leaf: picked(leaf, number), queue)
-        state = select(idle, work.start(inputs), now.state)
+        state = select(idle, start(inputs), now.state)
         return Places(number, inputs, state), taken + idle.sum()
 
     def until_some_end(
@@ -83,16 +84,16 @@ def work_off(
 
         now, record = jax.lax.while_loop(lambda carry: busy(carry[0]).sum() > few, advance, (now, record))
         done = jnp.where(busy(now), length, now.number)
-        ends = work.end(now.inputs, now.state)
+        ends = end(now.inputs, now.state)
         return now, taken, jax.tree.map(lambda leaf, end: put(leaf, done, end), left, ends), record
 
     def nothing(shapes: LaneTree, lanes: int) -> LaneTree:
         return jax.tree.map(lambda leaf: jnp.zeros((*leaf.shape[:-1], lanes), leaf.dtype), shapes)
 
     some = nothing(queue, places)
-    state = jax.eval_shape(work.start, some)
+    state = jax.eval_shape(start, some)
     nobody = Places(jnp.full(places, length), some, nothing(state, places))
-    left = nothing(jax.eval_shape(work.end, some, state), length)
+    left = nothing(jax.eval_shape(end, some, state), length)
     carry = nobody, jnp.asarray(0), left, record
     carry = jax.lax.while_loop(lambda carry: busy(carry[0]).any() | (carry[1] < count), until_some_end, carry)
     return carry[2], carry[3]

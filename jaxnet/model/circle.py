@@ -67,7 +67,7 @@ def differentiable() -> Callable[[Numbers], tuple[Numbers, Numbers]]:
         cosine, sine = function(*angle)
         return (cosine, sine), (-sine * rate[0], cosine * rate[0])
 
-    return function
+    return jax.jit(function)  # traced and lowered once for all angles of a shape
 
 
 def angle(across: Numbers, up: Numbers) -> Numbers:
