@@ -51,8 +51,7 @@ def test_a_peer_simulates_the_same_lane(name, attacked):
     assert peers.greatest_error(attacked, positions) < 1e-5
 
 
-@pytest.mark.parametrize("attack", ["none", "rotating"])
-@pytest.mark.parametrize("what", ["heyoka", "numba"])
+@pytest.mark.parametrize(("what", "attack"), [("heyoka", "rotating"), ("numba", "rotating")])
 def test_a_compiled_peer_simulates_the_same_lanes(what, attack):
     """Within what its tolerances allow, in a process of its own as in the race."""
     keys = {"attack": attack, "defence": "none", "horizon": 3.0, "tail": 1.0}

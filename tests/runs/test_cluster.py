@@ -291,7 +291,7 @@ def members(group):
     return [pid for number, state, pid in rows if int(number) == group and not state.startswith("Z")]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_client_that_is_stopped(config, whole, tmp_path, number):
     """Its workers go with it, what is finished is kept, and the same command goes on."""
     out = tmp_path / "out"

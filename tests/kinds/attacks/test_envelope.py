@@ -100,8 +100,6 @@ def lanes_of(engine, inner):
     ("engine", "kind", "accuracy"),
     [
         ("exact", "bias", 1e-9),
-        ("exact", "sinusoid", 1e-9),
-        ("exact", "chirp", 1e-9),
         ("nonlinear", "chirp", 1e-5),
     ],
 )
