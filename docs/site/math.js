@@ -1,0 +1,10 @@
+// Typeset each formula: arithmatex writes \( \) around formulas in a line and \[ \] around displayed ones.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const element of document.querySelectorAll(".arithmatex")) {
+    const formula = element.textContent.trim();
+    katex.render(formula.slice(2, -2), element, {
+      displayMode: formula.startsWith("\\["),
+      throwOnError: false,
+    });
+  }
+});
