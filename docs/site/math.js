@@ -6,5 +6,6 @@ document.addEventListener("DOMContentLoaded", () => {
       displayMode: formula.startsWith("\\["),
       throwOnError: false,
     });
+    element.append("\u2060"); // a full stop stays on the line of its formula
   }
 });
