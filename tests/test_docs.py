@@ -253,7 +253,8 @@ def site(tmp_path_factory):
 
 
 def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
-    """All that jaxnet exports; scripts and styles from beside the page."""
+    """All that jaxnet exports; scripts and styles from beside the page; fonts within the styles."""
+    assert set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
     page = (site / "api.html").read_text()
     assert {name for name in jaxnet.__all__ if f'<h3 id="jaxnet.{name}"' not in page} == set()
     for path in site.rglob("*.html"):
