@@ -8,7 +8,8 @@ much each engine preferred its choice, found from its own positions and what the
 between two positions changes by no more than 2 d, d the distance between the engines' positions, so the
 engines can differ on a knife's edge alone: where both margins are under 4 d.
 
-Then, by the exact engine, the share of lanes that trimming has not saved after 90 s (SCIENCE O6: 4 to 9 %).
+Then, by the exact engine, the share of lanes that trimming has not saved after 90 s
+(theorems.md O6: 4 to 9 %).
 
 Run it with `python experiments/agreement.py`, or with `--lanes 50`; a thousand lanes take a minute.
 """

@@ -3,8 +3,8 @@
 Eight vehicles. A batch has a rule, an attack, attackers, trusted pairs, ϑ and a tick, drawn by its number;
 each of its lanes a digraph with weights, gains, starts and an attack of its own. Of every lane `safe` says
 which vehicles end on the navigator, and why; one of them fails that is over a hundredth of ā off after 56 to
-60 s. Of the start less than a millionth of ā is left then; what an attack does within a tick (SCIENCE, O11)
-is next to nothing, for none of these is made to announce just what passes.
+60 s. Of the start less than a millionth of ā is left then; what an attack does within a tick (theorems.md
+O11) is next to nothing, for none of these is made to announce just what passes.
 
 A lane that ends because somebody is cut off fails for who is certified if nobody can be; else it is stopped.
 Somebody can be cut off with sybils counted as sources of their own, or without them.

@@ -4,7 +4,7 @@ Cells drawn at random: a graph of eight vehicles that each hear five sources wit
 set of attacked vehicles on either channel, constant, sinusoidal or rotating, of random size, frequency,
 direction and phase; nobody or some trimming, with random ϑ and trusted sources; random stable gains. Every
 vehicle's error at every output time is held against the bounds that hold for its lane, its transient allowed
-for (SCIENCE, O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
+for (theorems.md O5), and so is each lane's row, as `jaxnet fit` does it: there must be no violation.
 
 The ratios shown are those of a lane's greatest error in the tail to its limit there, where the attack and not
 the start has caused it. Of static it reaches 1, for constant attacks in phase attain it.

@@ -5,7 +5,7 @@ vehicles attacked by a constant signal in phase or rotating ones with phases of 
 256 draws of everything random, 90 s. Fits the ultimate error against ā, holds every lane against the bounds
 of theory, and writes the report. Then answers:
 
-- do the simulated slopes of the constant attack meet the exact ones (SCIENCE, O3)?
+- do the simulated slopes of the constant attack meet the exact ones (theorems.md O3)?
 - how conservative is each bound?
 - is the ring the best topology, as the paper ranks them, and why?
 

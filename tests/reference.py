@@ -32,7 +32,7 @@ def propagate(
     theta=None,
     tolerance=1e-9,
 ):
-    """Exact tick-by-tick propagation of the closed loop (SCIENCE O2).
+    """Exact tick-by-tick propagation of the closed loop (theorems.md O2).
 
     Decisions are taken at ticks 0..ticks inclusive and held in between. `navigator(t)` gives
     (4, 2) and `attack(t)` (4, m, m+1, 2), of which derivatives 0..2 are used; `initial` is

@@ -26,6 +26,8 @@ from jaxnet.view.figures import every
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
+READABLE = [*MATHEMATICAL]  # pages with short paragraphs and lines; a page joins when it is rewritten
 
 # A fenced block with its language, or the lines of an indented one.
 CODE = re.compile(r"^```(\w*)\n(.*?)^```$|((?:^    [^\n]*\n)+)", re.M | re.S)
@@ -251,7 +253,8 @@ def site(tmp_path_factory):
 
 
 def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
-    """All that jaxnet exports; scripts and styles from beside the page."""
+    """All that jaxnet exports; scripts and styles from beside the page; fonts within the styles."""
+    assert set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
     page = (site / "api.html").read_text()
     assert {name for name in jaxnet.__all__ if f'<h3 id="jaxnet.{name}"' not in page} == set()
     for path in site.rglob("*.html"):
@@ -270,6 +273,99 @@ def test_the_site_is_searched_from_the_disk(site, browser):
     page.keyboard.type("navigator_weight")
     page.locator(".md-search-result__link[href*='config.html']").first.wait_for()
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
+
+
+@pytest.mark.parametrize("words", ["packet loss", "GPU", "adjacency matrix"])
+def test_the_search_finds_what_readers_ask_for(words, site, browser):
+    """A result has every word marked."""
+    page = browser.new_page()
+    page.goto((site / "index.html").as_uri())
+    page.locator(".md-search__input").click()
+    page.keyboard.type(words)
+    page.locator(".md-search-result__link").first.wait_for()
+    marked = page.locator(".md-search-result__article mark").all_inner_texts()
+    assert {word.lower() for word in words.split()} <= {mark.lower() for mark in marked}
+    page.close()
+
+
+@pytest.mark.parametrize("name", MATHEMATICAL)
+def test_formulas_are_typeset_from_the_disk(name, site, browser):
+    """Every formula becomes KaTeX without an error, with its fonts, and asks nothing of the network."""
+    page, asked = browser.new_page(), []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto((site / f"{name}.html").as_uri())
+    page.evaluate("document.fonts.ready")
+    assert (
+        page.locator(".arithmatex").count()
+        == page.locator(".arithmatex > :is(.katex, .katex-display)").count()
+    )
+    assert page.locator(".katex").count() > 20
+    assert page.locator(".katex-error").count() == 0
+    assert page.evaluate("[...document.fonts].some(font => font.status === 'loaded')")
+    assert not page.evaluate("[...document.fonts].some(font => font.status === 'error')")
+    shown = page.locator("article").text_content()
+    assert re.findall(r"\$|</?details|\*\*|## ", shown) == []  # marks that were not understood
+    assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
+    page.close()
+
+
+def test_a_switch_makes_the_site_dark(site, browser):
+    """And light again; the choice holds on the next page."""
+    page = browser.new_page(color_scheme="light")
+    page.goto((site / "model.html").as_uri())
+    scheme = page.locator("body[data-md-color-scheme]")
+    assert scheme.get_attribute("data-md-color-scheme") == "default"
+    page.locator("label[title=Dark]").click()
+    assert scheme.get_attribute("data-md-color-scheme") == "slate"
+    page.goto((site / "theorems.html").as_uri())
+    assert scheme.get_attribute("data-md-color-scheme") == "slate"
+    page.locator("label[title=Light]").click()
+    assert scheme.get_attribute("data-md-color-scheme") == "default"
+    page.close()
+
+
+def prose(text):
+    """The text without displayed formulas, tables, code blocks and comments."""
+    text = re.sub(r"^```.*?^```$|^[> ]*\$\$.*?\$\$$|<!--.*?-->", "", text, flags=re.M | re.S)
+    return re.sub(r"^[> ]*\|.*\|$", "", text, flags=re.M)
+
+
+def paragraphs(text):
+    """Paragraphs and items of lists; a formula in a line counts as one word."""
+    one_word = re.sub(r"\$[^$]+\$", "x", prose(text))
+    return re.split(r"^[> ]*$|^(?=[> ]*(?:[-*]|\d+\.) )|^#.*$", one_word, flags=re.M)
+
+
+@pytest.mark.parametrize("name", READABLE)
+def test_paragraphs_and_lines_are_short(name):
+    """At most 120 words and 100 characters; rows of tables and lines of one link may be longer."""
+    text = (ROOT / "docs" / f"{name}.md").read_text()
+    assert [words for words in paragraphs(text) if len(words.split()) > 120] == []
+    lines = text.splitlines()
+    free = re.compile(r"[> ]*(\|.*\||[-*]? ?!?\[[^]]*\]\([^)]*\)\W*)")
+    assert [line for line in lines if len(line) > 100 and not free.fullmatch(line)] == []
+
+
+@pytest.mark.parametrize("name", READABLE)
+def test_headings_are_frequent(name):
+    """At most 250 words under one heading; proofs are folded and do not count."""
+    text = re.sub(r"<details.*?</details>", "", (ROOT / "docs" / f"{name}.md").read_text(), flags=re.S)
+    sections = re.split(r"^#+ .*$", text, flags=re.M)
+    assert [text for text in sections if sum(len(words.split()) for words in paragraphs(text)) > 250] == []
+
+
+def test_facts_that_code_cites_are_on_the_page():
+    """`theorems.md O5` in a docstring leads to the heading O5 there."""
+    cited = set()
+    for folder in ("jaxnet", "tests", "experiments"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for page, labels in re.findall(
+                r"(theorems|numerics)\.md\s(O\d+b?(?:(?:, | and )O\d+b?)*)", path.read_text()
+            ):
+                cited |= {(page, label) for label in re.findall(r"O\d+b?", labels)}
+    assert len(cited) > 10
+    for page, label in cited:
+        assert f"\n## {label}: " in (ROOT / "docs" / f"{page}.md").read_text(), (page, label)
 
 
 def anchors(page):

@@ -7,8 +7,8 @@ In the jets the motion has no stiffness near standstill. At each node of a windo
 
 with the vehicle's own equations and the law solved from the received jets.
 
-The first guess is the exact cancellation `q = z - P(y)` (SCIENCE O2b). Newton's method goes on from there,
-with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets. Where the
+The first guess is the exact cancellation `q = z - P(y)` (theorems.md O2b). Newton's method goes on from
+there, with `-P` as its Jacobian, until the rates of the jets are the derivatives of the jets. Where the
 cancellation holds, one evaluation at the nodes confirms the guess. A window is refused, and tried again with
 a shorter length, in these cases:
 

@@ -1,4 +1,4 @@
-"""The flow `expm(A_c h)` of the closed loop (SCIENCE O1), and an axis' response to a disturbance."""
+"""The flow `expm(A_c h)` of the closed loop (theorems.md O1), and an axis' response to a disturbance."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
 """The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
-The law solved at every instant (`Solved`, SCIENCE O2, O2b): x is E = y - y_0 with two derivatives, and
+The law solved at every instant (`Solved`, theorems.md O2, O2b): x is E = y - y_0 with two derivatives, and
 `Φ = expm(A_c h)`. The attacks' effect on the fleet is `G = L⁻¹ d`: vectors v = L⁻¹ d times functions of time.
 
     E(t + h) = Φ E(t) + G(t + h) - Φ G(t).
@@ -9,7 +9,7 @@ The vectors change only where weights or attacks change. The engine then solves 
 not jump. The functions of G are g = β, the attacks' functions. Where the falsified jets are no path with its
 derivatives, g solves `g‴ + P(g) = R(β)`, summed from tick to tick by Gauss–Legendre quadrature.
 
-A jerk held from tick to tick (`Held`, SCIENCE O12): x is y with two derivatives, Φ is the flow of three
+A jerk held from tick to tick (`Held`, theorems.md O12): x is y with two derivatives, Φ is the flow of three
 integrators, v is the jerk, and f = (h³/6, h²/2, h).
 
 The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because

@@ -1,4 +1,4 @@
-"""Vehicles that no attack can keep off the navigator, from the links that a defence may drop (SCIENCE, O11).
+"""Vehicles that no attack can keep off the navigator, from the links a defence may drop (theorems.md O11).
 
 All functions use bootstrap percolation, which takes O(links). Doubt spreads from attacked links. The
 remaining vehicles must stay joined to the navigator, whichever links they drop.
@@ -86,8 +86,8 @@ def contraction(drops: DropPolicy, inside: Vehicles) -> tuple[int, float] | None
     """Return a number of rounds, and the factor by which announced disturbances shrink in these rounds.
 
     The disturbance is the greatest announcement of the vehicles `inside`, and the factor is the worst case.
-    It follows from step (c) of the proof of O11, from the navigator outwards. The result is None in four
-    cases:
+    It follows from step (c) of the proof of theorem 1 (docs/guarantees.md), from the navigator
+    outwards. The result is None in four cases:
 
     - The fleet has more than MOST_RATED vehicles.
     - The set is empty.

@@ -1,7 +1,7 @@
 """Signals as fixed vectors times scalar functions of time, `a_j(t) = Σ_b v_jb β_b(t)`.
 
 Each function comes with three derivatives. Every linear effect of a signal follows from the vectors alone and
-holds at all times. The most important one is the effect of the attack on the fleet (SCIENCE O2). A harmonic
+holds at all times. The most important one is the attack's effect on the fleet (theorems.md O2). A harmonic
 has two functions, cos ωt and sin ωt.
 
 The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral norm of `V_j = [v_j1 … v_jB]`. A unit signal

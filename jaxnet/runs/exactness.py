@@ -31,7 +31,7 @@ def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> bat
 
 
 def deviations(lanes: batch.Job) -> Float[np.ndarray, " lanes"]:
-    """Return the greatest distance [m] of each lane from the solution (SCIENCE, O1 and O2).
+    """Return the greatest distance [m] of each lane from the solution (theorems.md O1 and O2).
 
     The maximum is over ticks and vehicles. The lanes come from `lanes_at_ticks`. Failed lanes have
     not-a-number.

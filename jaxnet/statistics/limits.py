@@ -1,8 +1,8 @@
 """Theory applied to a study's cells: the bounds as a table, and the lanes that violate a bound.
 
 `‖E_i(t)‖ ≤ slope_i ā + Σ_k |expm(A_c t)_{0k}| ‖F_i^(k)‖` at every time. F_i^(k) is E_i^(k)(0) - G_i^(k)(0)
-for the static bound, where G = L⁻¹ d. It is E_i^(k)(0) for the peak gain and the harmonic bound (SCIENCE,
-O5). The other sound bounds are never below the peak gain and need no check.
+for the static bound, where G = L⁻¹ d. It is E_i^(k)(0) for the peak gain and the harmonic bound
+(theorems.md O5). The other sound bounds are never below the peak gain and need no check.
 """
 
 import functools

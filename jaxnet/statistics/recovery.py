@@ -1,4 +1,4 @@
-"""How often the defence fails: the share of lanes whose mean error stays above τ ā (SCIENCE O6).
+"""How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md O6).
 
 A fixed number of lanes has the exact binomial interval of Clopper and Pearson (1934). In a sequential study,
 lanes are added until the interval is narrow enough, so the interval is computed repeatedly, once per look.

@@ -1,4 +1,4 @@
-"""Bounds on the ultimate error ‖y_i - y_0‖, per ā, under attacks of size ā (SCIENCE, O5).
+"""Bounds on the ultimate error ‖y_i - y_0‖, per ā, under attacks of size ā (theorems.md O5).
 
 Each bound is a constant of one axis times the attack gain of the network (`spread`). Let β = 1 + k0 + k1 +
 k2. If the attacks and their first three derivatives are within ā, the disturbance ρ of an axis in E = y - y_0

@@ -1,4 +1,4 @@
-"""Exact solution of the closed loop for known kept sets (SCIENCE, O1 and O2).
+"""Exact solution of the closed loop for known kept sets (theorems.md O1 and O2).
 
 `E_i = y_i - y_0` obeys `E‴ + k2 Ë + k1 Ė + k0 E = 0` around `G = L⁻¹ d`, so from t to t + h
 

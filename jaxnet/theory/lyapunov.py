@@ -3,7 +3,7 @@
 With `A_c'P + P A_c = -Q`, `V = η'Pη` falls wherever `‖η‖ > 2‖PB‖ / λ_min(Q) · sup ‖ρ‖`. The paper takes this
 radius as the ultimate bound. But η leaves that ball again along the longest axis of the ellipsoid around the
 ball. The bound therefore needs the factor √κ(P), κ = λ_max / λ_min (Khalil, Nonlinear Systems, theorem 4.18).
-Without this factor the bound is false in general, though true at gain (1, 3, 3) (SCIENCE O5).
+Without this factor the bound is false in general, though true at gain (1, 3, 3) (theorems.md O5).
 """
 
 import functools

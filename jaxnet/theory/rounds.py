@@ -1,4 +1,4 @@
-"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (SCIENCE O12).
+"""Stability of the law by exchanges with neighbours, with the jerk held between ticks (theorems.md O12).
 
 With T = A^r for r rounds, a tick of length h and E = y - y_0,
 

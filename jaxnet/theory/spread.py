@@ -1,4 +1,4 @@
-"""Attack gains of a network: the γ of SCIENCE, O5.
+"""Attack gains of a network: the γ of theorems.md O5.
 
 For each vehicle, `γ_i = max over retained neighbours of Σ_j w̃_ij (γ_j + 1[link (i, j) attacked])`, where w̃
 are the weights in force. This is a Markov decision process that ends at the navigator. If an attack replaces

@@ -1,4 +1,4 @@
-"""The nonlinear engine against the closed loop's exact solutions (SCIENCE, O1 to O3)."""
+"""The nonlinear engine against the closed loop's exact solutions (theorems.md O1 to O3)."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_switches_count_changed_kept_sets(trimmed):
 
 
 def test_received_error_obeys_the_nominal_dynamics_between_switches(trimmed):
-    """What a vehicle takes for its error knows nothing of the attack (SCIENCE, section 1)."""
+    """What a vehicle takes for its error knows nothing of the attack (model.md)."""
     one, outcome, _ = trimmed
     flow = reference.expm(np.array([[0, 1, 0], [0, 0, 1], [-1, -3, -3]]) * 0.05)
     for number in range(len(outcome.status)):

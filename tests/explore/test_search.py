@@ -286,7 +286,7 @@ def smooth(x):
 def test_what_persists_is_told_apart_from_what_is_transient(tmp_path, monkeypatch):
     """The choice is the finalist that is greatest at 1,000 s, where those greatest at 20 s are 0 again.
 
-    A signal in phase on the untrimmed ring comes to 90/29 of itself, at any time (SCIENCE, O2). This one
+    A signal in phase on the untrimmed ring comes to 90/29 of itself, at any time (theorems.md O2). This one
     begins to fall at 900 s, and falls as long as it rises.
     """
     monkeypatch.setattr(worst, "FRESH", 8)

@@ -80,7 +80,7 @@ def test_cells_share_their_draws():
 
 
 def test_initial_states_are_in_their_ranges():
-    """SCIENCE, section 1: positions, headings, speeds, and ω = F = 0."""
+    """model.md: positions, headings, speeds, and ω = F = 0."""
     initial = systems.lanes(systems.study(), 200).inputs.lane.initial
     for column, (low, high) in enumerate([(-200, 200), (-200, 200), (-np.pi, np.pi), (0.2, 0.4)]):
         assert low <= initial[:, column].min() < low + 0.02 * (high - low)

@@ -34,7 +34,7 @@ def bounds_of(network, gain=GAIN):
 
 
 def test_lyapunov_constants_of_the_default_gain():
-    """SCIENCE O5."""
+    """theorems.md O5."""
     P = [[2.3125, 1.9375, 0.5], [1.9375, 3.25, 0.8125], [0.5, 0.8125, 0.4375]]
     np.testing.assert_allclose(lyapunov.lyapunov_matrix(GAIN), P, rtol=1e-12)
     assert lyapunov.printed_constant(GAIN) == pytest.approx(2.0991, abs=5e-5)
@@ -146,7 +146,7 @@ GRAPHS = {"star": matrix_of(Star(), 12), "cyclic": CYCLIC, "path": matrix_of(Pat
     [("star", 1, 8, 33.6, 160), ("cyclic", 3.103, 24.8, 213.7, 1018), ("path", 4, 32, 267.4, 1274)],
 )
 def test_the_table_of_the_notes(name, static, peak, printed, corrected):
-    """SCIENCE O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
+    """theorems.md O5: worst vehicle, and the fleet by the paper's form, untrimmed."""
     found = bounds_of(of(GRAPHS[name], ATTACKED, theta=0))
     assert tuple(found) == BOUND_KEYS
     assert found["static"].worst == pytest.approx(static, abs=5e-4)

@@ -126,7 +126,7 @@ def test_agrees_with_integrating_the_law(weights):
     ],
 )
 def test_static_gains_of_the_paper_networks(weights, channel, mean, greatest):
-    """SCIENCE O3: what a constant attack of length 1, the same on all attacked vehicles, comes to in the end.
+    """theorems.md O3: the errors that a constant attack of size 1 leaves, the same on all attacked vehicles.
 
     In the ring an attacked vehicle's error x and another's y fulfil x = 0.9 y and y = 0.45 (x + 1) + 0.45 y,
     hence y = 90/29 and x = 81/29, whose mean over the ring is 3.

@@ -181,7 +181,7 @@ def test_rounds_do_not_grow_with_the_fleet(topology, monkeypatch):
     [(matrix_of(Star(), 12), 1, 1 / 3), (matrix_of(Path(), 12), 4, 22 / 12), (CYCLIC, 90 / 29, 3)],
 )
 def test_untrimmed_gains_are_those_of_constant_attacks(weights, greatest, mean):
-    """SCIENCE O3, by arithmetic."""
+    """theorems.md O3, by arithmetic."""
     gains = of(weights, ATTACKED, theta=0).gains()
     assert gains.max() == pytest.approx(greatest, rel=1e-12)
     assert gains.mean() == pytest.approx(mean, rel=1e-12)

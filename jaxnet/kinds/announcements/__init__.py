@@ -1,4 +1,4 @@
-"""What attacked links announce, where the defence has vehicles announce what drives them (SCIENCE O11)."""
+"""What attacked links announce, where vehicles announce what drives them (theorems.md O11)."""
 
 from typing import ClassVar
 

@@ -85,12 +85,12 @@ class TrustedTrim(Sparing):
 
     With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
     announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
-    greatest announcements if it hears more than ϑ_i sources (SCIENCE, O11).
+    greatest announcements if it hears more than ϑ_i sources (theorems.md O11).
     """
 
     kind = "trusted_trim"
     guarantee = (
-        "announced: by majority, where the assumptions of SCIENCE O11 hold, if liars announce what they carry"
+        "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
         " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
         " it would announce unattacked; other scores: none, attacks are known that pass each of them"
     )
@@ -101,7 +101,7 @@ class TrustedTrim(Sparing):
         Discriminator(theta_tag),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     tolerance: NotNegative = Field(
-        default=1e-9, description="[m], by which who was dropped last counts as farther (SCIENCE O8)"
+        default=1e-9, description="[m], by which who was dropped last counts as farther (numerics.md O8)"
     )
     score: Score = Field(
         default="position",
@@ -181,7 +181,7 @@ class TrustedTrim(Sparing):
         """Drop the sources with the greatest scores; of equal scores the lower number is dropped first.
 
         `tolerance` [m] is added to the score of the sources dropped last, so that rounding alone changes no
-        decision (SCIENCE O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
+        decision (numerics.md O8). A vehicle announces `ρ_i = Σ w̃_ij ρ_j` over its retained sources.
         """
         candidates, shares = memory.candidates, memory.shares
         if around.arrived is not None:

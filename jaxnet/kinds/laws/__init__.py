@@ -1,4 +1,4 @@
-"""Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (SCIENCE O2b, O12)."""
+"""Laws: how vehicles find the jerk q = y‴ that solves `L q = b` (theorems.md O2b, O12)."""
 
 from collections.abc import Callable, Iterator
 from typing import ClassVar

@@ -21,7 +21,7 @@ else:
 class Gaussian(Sensor):
     """Independent normal errors of each vehicle, axis, order and tick.
 
-    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick (SCIENCE O13).
+    The errors drive the vehicle by `-P(n) = -(k0 n⁰ + k1 n¹ + k2 n²)` until the next tick (theorems.md O13).
     """
 
     kind = "gaussian"

@@ -1,4 +1,4 @@
-"""Vehicles that are flat with order three: three integrators for each axis of the position (SCIENCE O4).
+"""Vehicles that are flat with order three: three integrators for each axis of the position (theorems.md O4).
 
 A vehicle's state (n, m, lanes) begins with position x, y [m], heading [rad] and speed [m/s]. At nonzero speed
 the state and the output's jets (y, ẏ, ÿ) determine each other, and `y‴ = σ + ψ u` for an input u with two

@@ -1,4 +1,4 @@
-"""The paper's two-wheeled robot (section 4.1; SCIENCE O4)."""
+"""The paper's two-wheeled robot (section 4.1; theorems.md O4)."""
 
 from jaxnet.kinds.shapes import (
     AxisMatrices,

@@ -17,7 +17,7 @@ from jaxnet.store.results import Results
 from jaxnet.view.page.elements import ROUNDING_ERROR, error_text
 from jaxnet.view.text.width import four_digits
 
-UNSOUND_BOUND = "lyapunov_printed"  # it is false in general (SCIENCE O5), so it is no bound to be tight
+UNSOUND_BOUND = "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight
 
 AFTER_TRANSIENT = " (it is of what stays once the transient is over)"
 

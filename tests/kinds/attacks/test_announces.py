@@ -1,4 +1,4 @@
-"""What a liar announces, where the defence judges by announcements (SCIENCE O11, assumption B1)."""
+"""What a liar announces, where the defence judges by announcements (theorems.md O11, assumption B1)."""
 
 from pathlib import Path
 

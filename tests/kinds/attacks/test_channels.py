@@ -41,7 +41,7 @@ def lie(kind, source, lane, navigator, t):
     if kind == "freeze":
         first = navigator(0.0)[0] if source == 0 else lane.initial[:2, source - 1]
         return np.stack([first, np.zeros(2), np.zeros(2)]) - navigator(t)[:3]
-    # A constant in all four orders does what a greater one does that is a path's position (SCIENCE O10).
+    # A constant in all four orders does what a greater one does that is a path's position (theorems.md O10).
     factor = (1.0 + lane.gain.sum()) / lane.gain[0] if kind == "spoof" else 1.0
     return np.array([[factor * SIZE, 0.0], [0.0, 0.0], [0.0, 0.0]])
 

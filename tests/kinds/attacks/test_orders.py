@@ -1,4 +1,4 @@
-"""Some of the received derivatives are falsified: exact answers of all engines (SCIENCE O10)."""
+"""Some of the received derivatives are falsified: exact answers of all engines (theorems.md O10)."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from tests import reference, systems
 
 RING_AND_PATH = {"topology": ["cyclic", "path"]}
-CONSISTENT = {"cyclic": 3.1034482758620690, "path": 4.0}  # worst vehicle's static gain, SCIENCE O3
+CONSISTENT = {"cyclic": 3.1034482758620690, "path": 4.0}  # worst vehicle's static gain, theorems.md O3
 BETA = 8.0  # 1 + k0 + k1 + k2
 
 

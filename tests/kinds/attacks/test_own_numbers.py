@@ -30,7 +30,7 @@ def states(attack, engine, samples=2):
 
 @pytest.mark.parametrize(("engine", "accuracy"), ENGINES)
 def test_attackers_superpose(engine, accuracy):
-    """What four of own frequencies do is the sum of what each does alone (SCIENCE O2)."""
+    """What four of own frequencies do is the sum of what each does alone (theorems.md O2)."""
     attack = {"kind": "sinusoid", "magnitude": 3.0, "direction": {"uniform": [0, 3]}}
     silent = states(attack | {"magnitude": 0.0, "frequency": 1.0}, engine)
     alone = [
