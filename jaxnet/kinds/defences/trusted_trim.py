@@ -89,6 +89,7 @@ class TrustedTrim(Sparing):
     """
 
     kind = "trusted_trim"
+    words = "trusted trimming"
     guarantee = (
         "announced: by majority, where the assumptions of SCIENCE O11 hold, if liars announce what they carry"
         " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
