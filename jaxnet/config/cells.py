@@ -88,7 +88,9 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         if not known.has(key)
     ]
     problems += [*document.problems, *idle_overrides(document, list(values))]
-    spanned = {Key(key, names.get(key)): each for key, each in values.items() if known.has(key)}
+    spanned: dict[str, list[Plain]] = {
+        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
+    }
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
         base = document.data if settled is None else to_plain(settled)

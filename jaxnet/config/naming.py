@@ -46,7 +46,7 @@ def value_name(key: str, value: object) -> str:
     if value == "none":
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
-        return kind_words(key, str(value))
+        return words_of_kind(key, str(value))
     shown = format_value(value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
     return NO_BREAK.join(filter(None, [name, shown, unit(key)]))
@@ -103,7 +103,7 @@ def format_value(value: object) -> str:
     return value
 
 
-def kind_words(key: str, label: str) -> str:
+def words_of_kind(key: str, label: str) -> str:
     """Return the label of a kind in words: the name of its class, and the keys that tell it apart."""
     name, bracket, inside = label.partition("(")
     try:

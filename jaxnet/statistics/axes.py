@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.naming import is_kind
+from jaxnet.statistics.curves import GREATEST_SHOWN
 from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.store.folder import FolderError
 
@@ -45,8 +46,9 @@ def choose_axes(
     cells
         Cells to draw.
     x, hue, panel
-        Swept keys; None lets this function choose. Numbers come first on x, kinds first in colours. All
-        keys that are left come into panels, which also tell the keys of one value.
+        Swept keys; None lets this function choose. The key of most numbers comes on x, the last if
+        several have as many. Kinds come first in colours. All keys that are left come into panels, after
+        those named.
     most_hues
         Greatest number of values of a hue.
 
@@ -58,7 +60,7 @@ def choose_axes(
     Raises
     ------
     FolderError
-        A key is not swept or is named twice, a hue has too many values, or two cells have one place.
+        A key is not swept or is named twice, or a hue has too many values.
     """
     values = swept_values_of(cells)
     panels = None if panel is None else tuple(k for each in as_texts(panel) for k in each.split(","))
@@ -73,10 +75,13 @@ def choose_axes(
     varied = [key for key, each in values.items() if len(each) > 1]
     free = [key for key in varied if key not in named]
     if x is None:
-        x = max(free, key=lambda key: (numeric(values[key]), len(values[key])), default=None)
+        numbers = [key for key in free if numeric(values[key])]
+        x = max(numbers[::-1] or free, key=lambda key: len(values[key]), default=None)
         free = [key for key in free if key != x]
     if hue is None:
-        few = [key for key in free if len(values[key]) <= max(MOST_CHOSEN_HUES, most_hues - MOST_HUES)]
+        few = [key for key in free if len(values[key]) <= MOST_CHOSEN_HUES]
+        if not few and most_hues > MOST_HUES:
+            few = free
         hue = max(few, key=lambda key: (is_kind(key), len(values[key])), default=None)
         free = [key for key in free if key != hue]
     elif len(values[hue]) > most_hues:
@@ -84,14 +89,8 @@ def choose_axes(
             f"hue: {hue} has {len(values[hue])} values, and {most_hues} can be told apart: put it on x, or"
             f" choose values with where"
         )
-    if panels is None:
-        panels, free = tuple(free), []
-    if free:
-        raise FolderError(
-            f"{free[0]} has {len(values[free[0]])} values in these cells: put it on x, hue or panel,"
-            " or choose one value with where"
-        )
     full = {str(key): key for key in values}  # keys with their names
+    panels = (*(panels or ()), *free)
     panels += tuple(key for key in values if key not in (x, hue, *panels))  # of one value each
     return Axes(x and full[x], hue and full[hue], tuple(full[key] for key in panels))
 
@@ -108,6 +107,14 @@ def numeric(values: Iterable[Label]) -> bool:
     return all(isinstance(value, int | float) for value in values)
 
 
+def on_a_scale(values: Iterable[Label]) -> bool:
+    """Return whether all values are numbers for which an axis has room; other values are names."""
+    return all(
+        isinstance(value, int | float) and (value == 0 or 1 / GREATEST_SHOWN <= abs(value) <= GREATEST_SHOWN)
+        for value in values
+    )
+
+
 def ordered_values(cells: Sequence[Cell], key: str | None) -> list[Label]:
     """Return the values of a key in these cells: numbers rise, other values keep the study's order."""
     if key is None:
@@ -116,11 +123,11 @@ def ordered_values(cells: Sequence[Cell], key: str | None) -> list[Label]:
     return sorted(values, key=float) if numeric(values) else values
 
 
-def geometric(values: Iterable[float]) -> bool:
+def geometric(values: Sequence[Label]) -> bool:
     """Return whether positive numbers lie more evenly on a log axis, and over most of a decade."""
-    steps = np.unique(np.array(list(values), float))
+    steps = np.unique(np.array(values, float))
     if len(steps) < 3:
-        return len(steps) == 2 and steps[0] > 0 and steps[1] / steps[0] >= SPREAD_OF_A_LOG_AXIS
+        return len(steps) == 2 and bool(steps[0] > 0 and steps[1] / steps[0] >= SPREAD_OF_A_LOG_AXIS)
     if steps[0] <= 0 or steps[-1] / steps[0] < SPREAD_OF_A_LOG_AXIS:
         return False
 

@@ -33,6 +33,7 @@ STATISTIC_WORDS = {
     "max": "greatest of lanes",
 }
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
+LEAST_SHARE_OF_LOG = 1e-5  # of the greatest value, the least that a log axis shows
 QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 
 
@@ -52,12 +53,23 @@ class Quantity(NamedTuple):
     note: str = ""  # what the words leave open
 
     @property
+    def known(self) -> Float[np.ndarray, " known"]:
+        """The values that are known."""
+        values = self.values["value"].to_numpy(dtype=float)
+        return values[~np.isnan(values)]
+
+    @property
     def log(self) -> bool:
         """Whether values belong on a log axis: a metric without negative values over more than a decade."""
-        known = self.values["value"].dropna()
-        if self.share or known.empty or known.min() < 0 or known.max() <= LOG_FLOOR:
+        if self.share or not self.known.size:
             return False
-        return bool(known.max() / max(known.min(), LOG_FLOOR) >= LEAST_RATIO_OF_LOG)
+        least, greatest = self.known.min(), self.known.max()
+        return bool(least >= 0 and greatest > LOG_FLOOR and greatest >= LEAST_RATIO_OF_LOG * least)
+
+    @property
+    def floor(self) -> float:
+        """Least value that a log axis shows; what is below is drawn there."""
+        return max(LOG_FLOOR, LEAST_SHARE_OF_LOG * float(self.known.max()))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -67,16 +79,16 @@ class Quantity(NamedTuple):
         known = self.values[["value", "low", "high"]].to_numpy(dtype=float)
         known = known[np.isfinite(known)]
         if self.log:
-            return decades(max(LOG_FLOOR, known.min()), known.max())
+            return decades(max(self.floor, known.min()), known.max())
         return min(0.0, float(known.min())), float(known.max())
 
     @property
     def notes(self) -> str:
         """What a figure of the quantity has to say below its title."""
-        known = self.values[["low", "high"]].notna().any(axis=None)
+        known = self.values[["low", "high"]].notna().to_numpy().any()
         bars = f"bars: {100 * self.confidence:g} % intervals" if known else "no interval is known"
-        rounding = self.log and self.values["value"].min() < LOG_FLOOR
-        cut = f"what is below {LOG_FLOOR:g} {self.unit} is rounding and drawn there" if rounding else ""
+        below = self.log and self.known.min() < self.floor
+        cut = f"values below {self.floor:.1g} {self.unit} are drawn there" if below else ""
         return "; ".join(filter(None, [self.note, bars, cut]))
 
     @property
@@ -128,7 +140,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     study = results.study.config
     confidence = confidence_told(study.samples)
     if name == "unrecovered" and study.recovery is not None:
-        found: Any = 100 * unrecovered_shares(results, cells)
+        shares = unrecovered_shares(results, cells).reindex([cell.number for cell in cells])
+        found: Any = 100 * shares.astype(float)
         table = found.set_axis(["value", "low", "high"], axis=1)
         note = f"unrecovered: mean error over the tail > {study.recovery.tau:g}{NO_BREAK}ā"
         return Quantity(name, "lanes unrecovered", "%", True, confidence, table, note)

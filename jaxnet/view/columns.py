@@ -21,7 +21,7 @@ from jaxnet.store.results import Results
 COUNTS = ("ok", "failed", "lanes")
 STATISTIC_TITLES = {"mean": "mean", "median": "median", "q05": "q05", "q95": "q95", "max": "worst"}
 TITLES = {"tail_mean_mean": "tail mean", "tail_max_max": "worst", "unrecovered": "unrecovered"}
-SYMBOLS = {
+LATEX_SYMBOLS = {
     "attack.magnitude": r"$\bar a$",
     "attack.frequency": r"$\omega$",
     "attack.phase": r"$\varphi$",
@@ -61,7 +61,7 @@ class Column(NamedTuple):
         if self.ends is None:
             return [""] * len(self.values)
         pairs = zip(*self.ends, strict=True)
-        return [interval_text(self.scale * low, self.scale * high) for low, high in pairs]
+        return [bracketed(self.scale * low, self.scale * high) for low, high in pairs]
 
     def scaled(self) -> list[Any]:
         """Return numbers in the unit of the title, and other values as text."""
@@ -73,7 +73,7 @@ class Column(NamedTuple):
         """Return one value as text."""
         if self.key is not None and not isinstance(value, int | float):
             return value_alone(self.key, value)
-        return value_text(self.scale * value if self.scale != 1.0 else value, 4)
+        return digits_text(self.scale * value if self.scale != 1.0 else value, 4)
 
     @property
     def numeric(self) -> bool:
@@ -81,18 +81,18 @@ class Column(NamedTuple):
         return all(isinstance(value, int | float) for value in self.values)
 
 
-def value_text(value: object, digits: int) -> str:
+def digits_text(value: object, digits: int) -> str:
     """Return a number to so many digits, a dash for not-a-number, other values as text."""
     if not isinstance(value, float):
         return str(value)
     return "-" if math.isnan(value) else f"{value:.{digits}g}"
 
 
-def interval_text(low: float, high: float) -> str:
+def bracketed(low: float, high: float) -> str:
     """Return [low, high] to three digits, with a dash for an end that is not known; "" if neither is."""
     if math.isnan(low) and math.isnan(high):
         return ""
-    return f"[{value_text(low, 3)}, {value_text(high, 3)}]"
+    return f"[{digits_text(low, 3)}, {digits_text(high, 3)}]"
 
 
 def summary_columns(
@@ -164,7 +164,7 @@ def default_columns(study: Config, table: pd.DataFrame) -> list[str]:
 
 def key_column(key: str, labels: Iterable[Any]) -> Column:
     """Return the column of a swept key."""
-    name = SYMBOLS.get(key) if own_name(key) is None else None
+    name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
     words = latex_title(name or quantity(key).partition(" [")[0], unit(key))
     return Column(key, quantity(key), words, list(labels), key=key)
 
@@ -181,7 +181,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:
     metric, statistic = metric_and_statistic(study, stem if end in ("low", "high") else name)
     which = STATISTIC_TITLES.get(end, end)
     words = TITLES.get(name, f"{metric.name.replace('_', ' ')}, {which}")
-    symbol = SYMBOLS.get(metric.name, metric.name.replace("_", r"\_"))
+    symbol = LATEX_SYMBOLS.get(metric.name, metric.name.replace("_", r"\_"))
     told = symbol if name in TITLES else f"{symbol}, {which}"
     ends = None
     if statistic == "mean" and end == "mean":
@@ -190,7 +190,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:
     return Column(name, title, latex_title(told, metric.unit), rows[name].tolist(), ends)
 
 
-def interval_ends(low: pd.Series, high: pd.Series) -> tuple[list[float], list[float]] | None:
+def interval_ends(low: Any, high: Any) -> tuple[list[float], list[float]] | None:
     """Return both ends of the intervals, None if no end is known."""
     return None if low.isna().all() and high.isna().all() else (low.tolist(), high.tolist())
 

@@ -42,6 +42,7 @@ from jaxnet.view.text import worst
 
 NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
 NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
+NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
 with_print_style = mpl.rc_context(style.PRINT_STYLE)
@@ -139,7 +140,7 @@ class Plots:
         cells, width = cells_and_width(self.results, where, column)
         axes = choose_axes(cells, x, hue, panel)
         found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
-        if found.values["value"].isna().all():
+        if not found.known.size:
             raise lacking_error(self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
         return lines.curve_figure(found, axes, cells, width)
 
@@ -262,7 +263,7 @@ def draw_figures(
         yield from save_figure(results, name, drawn)
 
 
-def file_name(name: str, where: Where, column: str, axes: Mapping[str, object]) -> str:
+def file_name(name: str, where: Where, column: str, axes: Mapping[str, object] = NO_AXES) -> str:
     """Return the file name of a figure, without extension; cells and axes that were chosen are part of it."""
     chosen = [*axes.items(), *where.items()]
     words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]

@@ -114,7 +114,7 @@ const curve = {
   height: (given) => given.x.names && 70 + Math.max(26, 13 * given.looks.length) * given.x.names.length,
   figure(given, [panel]) {
     const rows = given.x.names !== null, unit = given.y.share ? " %" : "";
-    const cut = (value) => (value !== null && given.y.log ? Math.max(ROUNDING, value) : value);
+    const cut = (value) => (value !== null && given.y.log ? Math.max(given.y.ends[0], value) : value);
     const data = given.looks.map((look, number) => {
       const { x, value, low, high, cells } = panel.series[number];
       const shown = x.map((_, n) => n).filter((n) => chosen(cells[n]));

@@ -15,7 +15,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.naming import key_name, labels_title, quantity, value_alone
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
-from jaxnet.statistics.axes import Axes, by_hue, geometric, numeric, ordered_values, panels_of
+from jaxnet.statistics.axes import Axes, by_hue, geometric, on_a_scale, ordered_values, panels_of
 from jaxnet.statistics.bands import Band, bands_span
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
@@ -105,16 +105,16 @@ def curve_data(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> dict[str, 
     Numbers on x are numbers; other values are places of their names.
     """
     values = ordered_values(cells, axes.x)
-    numbers = axes.x is not None and numeric(values)
+    numbers = axes.x is not None and on_a_scale(values)
     hues = ordered_values(cells, axes.hue)
-    looks = lines.series_of(axes.hue, hues)
+    looks = lines.hue_looks(axes.hue, hues)
     scale: dict[str, object] = {"share": found.share, "log": found.log, "label": found.axis}
     return {
         "x": {
             "key": axes.x,
             "label": "" if axes.x is None else quantity(axes.x),
             "names": None if numbers else [value_alone(axes.x, each) for each in values] if axes.x else [""],
-            "log": numbers and geometric(values),  # pyright: ignore[reportArgumentType]
+            "log": numbers and geometric(values),
         },
         "y": scale | {"name": found.name, "ends": found.ends},
         "confidence": 100 * found.confidence,
@@ -144,9 +144,8 @@ def series_data(
         cells = sorted(cells, key=lambda cell: values.index(cell.labels[x]) if values else cell.labels[x])
     table = found.values.reindex([cell.number for cell in cells])
     places = [0 if x is None else values.index(c.labels[x]) if values else c.labels[x] for c in cells]
-    return {"x": places, "cells": [cell.number for cell in cells]} | {
-        name: finite_numbers(table[name]) for name in ("value", "low", "high")
-    }
+    found_numbers = {name: finite_numbers(table[name]) for name in ("value", "low", "high")}
+    return {"x": places, "cells": [cell.number for cell in cells], **found_numbers}
 
 
 def page_colour(colour: object) -> str:

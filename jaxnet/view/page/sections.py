@@ -208,7 +208,7 @@ def answer_section(results: Results) -> Section | None:
     """Return the figure of what the study asks for, or None if no lane tells it."""
     cells, asked = results.study.cells, asked_quantity(results.study.config)
     found = quantity_of(results, cells, asked)
-    if found.values["value"].isna().all():
+    if not found.known.size:
         return None
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""

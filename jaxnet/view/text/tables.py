@@ -79,7 +79,7 @@ def fit_columns(whole: Sequence[Column], first: int) -> tuple[list[Column], str,
     if text_width(shown) > terminal_width():
         shown = [lettered(each, place <= first) for place, each in enumerate(kept)]
     while text_width(shown) > terminal_width() and len(shown) > first + 1:
-        kept.pop(), shown.pop()
+        del kept[-1], shown[-1]
     is_cut = False
     for room in LABEL_LENGTHS:
         if text_width(shown) > terminal_width():
