@@ -36,7 +36,7 @@ KEYS = {
     "sweep": {"attack.magnitude": [1, 5.5]},
     "save": {"errors": True, "trajectories": "all"},
 }
-NOT_HERE = {"heat", "heat_worst", "unrecovered", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
+NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
 EDGES = {"kind": "edges"}
 
 
@@ -308,7 +308,6 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
     remedies = {
         "panels": "save.errors=true or save.trajectories=all",
         "bands": "save.errors=true",
-        "unrecovered": "recovery=",
         "ultimate": "sweep.attack.magnitude=",
         "ultimate_mean": "sweep.attack.magnitude=",
     }
@@ -318,9 +317,10 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
         with pytest.raises(FolderError, match=re.escape(remedy)):
             getattr(bare.plot, name)()
     assert bare.plot.tails().axes
-    recovering = jaxnet.simulate(plain, samples=3).study
-    shares = jaxnet.simulate(jaxnet.load(recovering, {"recovery": {"tau": 0.01}})).plot.unrecovered()
-    assert shares.axes
+    with pytest.raises(FolderError, match=r"y: must be one of failed, tail_mean, .* \(got unrecovered\)"):
+        bare.plot.curve(y="unrecovered")
+    recovering = jaxnet.simulate({**plain, "recovery": {"tau": 0.01}}, samples=3)
+    assert recovering.plot.curve().axes[0].get_xlabel() == "lanes unrecovered [%]"
 
 
 def test_results_are_shown_in_few_words(results):

@@ -116,18 +116,24 @@ def write_fits(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
 
 
 def write_figure(
-    results: Results, name: str, where: Mapping[str, list[str]] | None = None, column: str = "two"
+    results: Results,
+    name: str,
+    where: Mapping[str, list[str]] | None = None,
+    column: str = "two",
+    axes: Mapping[str, object] | None = None,
 ) -> Iterator[UPath]:
-    """Write one of the figures in `view.figures.NAMES`.
+    """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
-    `where` selects cells and `column` a width, as in `Results.plot`. Raises FolderError if the folder has no
+    `where` selects cells, `column` a width, and `axes` has the arguments x, y, hue and panel, as in
+    `Results.plot`. Raises FolderError if the folder has no
     data for the figure.
     """
     enable()
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
-        drawn = getattr(figures.Plots(results), name)(where, column)
-        yield from figures.save_figure(results, figures.file_name(name, where or {}, column), drawn)
+        axes = axes or {}
+        drawn = getattr(figures.Plots(results), name)(where, column, **axes)
+        yield from figures.save_figure(results, figures.file_name(name, where or {}, column, axes), drawn)
 
 
 def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]:

@@ -9,7 +9,7 @@ import click
 import jaxnet
 from jaxnet.cli.errors import user_errors
 from jaxnet.lazy import LazyModule
-from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES
+from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES, HEAT
 
 if TYPE_CHECKING:
     import webbrowser
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from jaxnet.api import writing
     from jaxnet.store import folder as storage
+    from jaxnet.view import columns as summary
     from jaxnet.view.text import comparison, folders, formats, progress, slopes, tables
 else:
     comparison = LazyModule("jaxnet.view.text.comparison")
@@ -25,12 +26,14 @@ else:
     formats = LazyModule("jaxnet.view.text.formats")
     progress = LazyModule("jaxnet.view.text.progress")
     slopes = LazyModule("jaxnet.view.text.slopes")
+    summary = LazyModule("jaxnet.view.columns")
     storage = LazyModule("jaxnet.store.folder")
     tables = LazyModule("jaxnet.view.text.tables")
     webbrowser = LazyModule("webbrowser")
     writing = LazyModule("jaxnet.api.writing")
 
 F = TypeVar("F", bound=Callable[..., object])
+AXES_OF = {"curve": ("x", "y", "hue", "panel"), **dict.fromkeys(HEAT, ("x", "hue", "panel"))}
 FORMATS = ("text", "csv", "markdown", "latex")
 
 results_argument = click.argument("results", type=click.Path())  # a path or URL; shells complete paths
@@ -65,21 +68,35 @@ format_option = click.option(
 )
 
 
+where_option = click.option(
+    "--where",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Only cells with this value of a swept key; the same key again: or this one.",
+)
+
+
 @click.command()
 @results_argument
 @format_option
-def show(results: str, form: str) -> None:
+@click.option(
+    "--columns", metavar="A,B,…", help="Columns of cells.csv to show.  [default: what is asked first]"
+)
+@click.option("--sort", metavar="COLUMN", help="Column to sort by; -COLUMN: the greatest first.")
+@where_option
+def show(results: str, form: str, columns: str | None, sort: str | None, where: tuple[str, ...]) -> None:
     """Print the summary table again, a line per cell.
 
-    As text it is at most 80 columns wide and 60 cells long, and says what it leaves out; the other formats
-    have all of it.
+    As text it is as wide as the terminal and 60 cells long, and says what it leaves out; the other formats
+    have all of it. A column that is the same in all cells is one line of text.
     """
+    names = columns.split(",") if columns else ()
     with user_errors():
         opened = jaxnet.open(results)
         if form == "text":
-            click.echo(tables.summary_text(opened))
+            click.echo(tables.summary_text(opened, names, wanted(where), sort))
         else:
-            click.echo(formats.in_format(tables.summary_rows(opened), form))
+            click.echo(formats.in_format(summary.summary_columns(opened, names, wanted(where), sort), form))
 
 
 @click.command("list")
@@ -142,13 +159,12 @@ def show_page(page: "UPath") -> None:
 
 @click.command("figure")
 @results_argument
-@click.argument("name", type=click.Choice(FIGURE_NAMES))
-@click.option(
-    "--where",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Only cells with this value of a swept key; the same key again: or this one.",
-)
+@click.argument("name", metavar="NAME", type=click.Choice(FIGURE_NAMES))
+@where_option
+@click.option("--x", metavar="KEY", help="Swept key across.  [default: the key of most numbers]")
+@click.option("--y", metavar="NAME", help="Metric or share of curve.  [default: what the study asks for]")
+@click.option("--hue", metavar="KEY", help="Swept key in colours; of a heat map, down.")
+@click.option("--panel", metavar="KEY", multiple=True, help="Swept key with a panel a value; repeatable.")
 @click.option(
     "--column",
     type=click.Choice(list(COLUMN_WIDTHS)),
@@ -166,14 +182,31 @@ def figure_command(
     out: str | None,
     trust: bool,
     config: Path | None,
+    panel: tuple[str, ...],
+    **axes: str | None,
 ) -> None:
-    """Write one figure of the report, as PNG and PDF, into figures/ of RESULTS.
+    """Write the figure NAME, as PNG and PDF, into figures/ of RESULTS.
 
-    A choice of cells, and a narrow figure, are told by the files' names.
-    """
+    \b
+    curve       a metric or share with its interval against a swept key
+    heat        the share of lanes unrecovered over two swept keys
+    heat_worst  the greatest error over two swept keys
+    ultimate, ultimate_mean              the error over the tail against ā
+    tails, bands, panels                 lanes by cell; errors over time; trajectories
+    topologies                           graphs with weights and attacked links
+    search, search_worst                 of jaxnet search
+    sensitivity, sensitivity_unrecovered of jaxnet sensitivity
+
+    The first three take --x, --hue and --panel; curve takes --y too. A choice of cells, axes or width is
+    part of the files' names.
+    """  # noqa: D301
+    chosen: dict[str, object] = {key: value for key, value in axes.items() if value}
+    chosen |= {"panel": list(panel)} if panel else {}
+    if unknown := sorted(set(chosen) - set(AXES_OF.get(name, ()))):
+        raise click.UsageError(f"{name} takes no --{unknown[0]}")
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        for path in writing.write_figure(opened, name, wanted(where), column):
+        for path in writing.write_figure(opened, name, wanted(where), column, chosen):
             click.echo(f"wrote {path}", err=True)
 
 
@@ -207,7 +240,7 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
         if form == "text":
             click.echo(comparison.comparison_text(found))
         else:
-            click.echo(formats.in_format(comparison.comparison_rows(found), form))
+            click.echo(formats.in_format(formats.columns_of(comparison.comparison_rows(found)), form))
 
 
 def neighbour_of(folder: str, name: str) -> "UPath":

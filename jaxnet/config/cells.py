@@ -37,6 +37,7 @@ from jaxnet.config.keys import (
     Scenario,
     Sweep,
 )
+from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
@@ -80,8 +81,16 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
+    names = {} if settled is None else settled.labels
+    problems += [
+        Problem(document.place(("labels", key)), f"labels.{key}", "unknown key")
+        for key in names
+        if not known.has(key)
+    ]
     problems += [*document.problems, *idle_overrides(document, list(values))]
-    spanned = {key: listed for key, listed in values.items() if known.has(key)}
+    spanned: dict[str, list[Plain]] = {
+        Key(key, names.get(key)): each for key, each in values.items() if known.has(key)
+    }
     cells: tuple[Cell, ...] = ()
     if math.prod(map(len, values.values())) <= MOST_SWEPT_CELLS:
         base = document.data if settled is None else to_plain(settled)

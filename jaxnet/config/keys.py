@@ -321,6 +321,9 @@ class Config(Scenario):
     recovery: Recovery | None = Field(default=None, description="when a lane counts as saved by its defence")
     search: SearchSettings | None = Field(default=None, description="what jaxnet search looks for")
     sweep: Sweep = Field(default={})
+    labels: dict[str, str] = Field(
+        default={}, description="dotted key: the name of this key in figures, tables and pages"
+    )
     save: Annotated[Save, Field(description="what is stored besides the rows")] = Save()
 
     _scope: registry.Scope = PrivateAttr(default_factory=registry.Scope)

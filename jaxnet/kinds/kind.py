@@ -32,6 +32,7 @@ class Kind(Record):
     """
 
     kind: ClassVar[str]
+    words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
     untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,12 +12,12 @@ from jaxtyping import Int
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count, counted
+from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
-from jaxnet.statistics.groups import Label, swept_values_of
+from jaxnet.statistics.groups import Label
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.store.results import Results
 
-FREQUENCY = "attack.frequency"
 NO_CELL = -1
 NEGLIGIBLE_ERROR = 1e-9  # of ā; smaller errors are rounding
 
@@ -36,46 +36,23 @@ class Tiling(NamedTuple):
     cells: Int[np.ndarray, "panels rows columns"]  # numbers of cells, NO_CELL for none
 
 
-def tiling(cells: Sequence[Cell]) -> Tiling | None:
-    """Return the tiling of cells by two swept keys; None if fewer than two swept keys have two values.
+def tiling(cells: Sequence[Cell], axes: Axes | None = None) -> Tiling | None:
+    """Return the tiling of cells by two swept keys; None without a second key of two values.
 
-    The columns are frequencies if these are swept, else the numeric key or kind with most values. The rows
-    are defences, else the remaining key with most values.
+    `axes` has the columns as x, the rows as hue.
     """
-    values = swept_values_of(cells)
-    varied = [key for key, each in values.items() if len(each) > 1]
-    if len(varied) < 2:
+    axes = axes or choose_axes(cells, most_hues=len(cells))
+    if axes.x is None or axes.hue is None:
         return None
-    column = max(
-        varied,
-        key=lambda key: (key == FREQUENCY, numeric(values[key]), key != "defence", len(values[key])),
-    )
-    left = [key for key in varied if key != column]
-    row = max(left, key=lambda key: (key == "defence", len(values[key])))
-    columns, rows = ascending(values[column]), ascending(values[row])
+    column, row = axes.x, axes.hue
+    columns, rows = ordered_values(cells, column), ordered_values(cells, row)
     rows = rows[::-1] if numeric(rows) else rows  # numbers rise upwards, as on an axis
-    labels = [{key: cell.labels[key] for key in values if key not in (column, row)} for cell in cells]
-    panels = {tuple(each.values()): each for each in labels}
-    places = {named: place for place, named in enumerate(panels)}
-    numbers = np.full((len(panels), len(rows), len(columns)), NO_CELL)
-    for cell, named in zip(cells, labels, strict=True):
-        place = (
-            places[tuple(named.values())],
-            rows.index(cell.labels[row]),
-            columns.index(cell.labels[column]),
-        )
-        numbers[place] = cell.number
-    return Tiling(column, row, columns, rows, list(panels.values()), numbers)
-
-
-def numeric(values: Sequence[Label]) -> bool:
-    """Return whether all values of a swept key are numbers."""
-    return all(isinstance(value, int | float) for value in values)
-
-
-def ascending(values: list[Label]) -> list[Label]:
-    """Return numbers in ascending order, other values in the study's order."""
-    return sorted(cast("list[float]", values)) if numeric(values) else values
+    groups = panels_of(cells, axes)
+    numbers = np.full((len(groups), len(rows), len(columns)), NO_CELL)
+    for place, (_, mine) in enumerate(groups):
+        for cell in mine:
+            numbers[place, rows.index(cell.labels[row]), columns.index(cell.labels[column])] = cell.number
+    return Tiling(column, row, columns, rows, [labels for labels, _ in groups], numbers)
 
 
 def tile_table(results: Results) -> pd.DataFrame:

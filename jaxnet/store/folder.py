@@ -29,7 +29,7 @@ from jaxnet.store import lock
 from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__
 
-UNHASHED = ("name", "save", "samples", "recovery", "search")  # keys that change no row
+UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")  # keys that change no row
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
 OURS = (
     "study.yaml",

@@ -23,9 +23,9 @@ def test_entries_of_lists_are_swept():
     assert [cell.scenario.gain for cell in cells[::4]] == [[0.5, 3.0, 3.0], [1.0, 3.0, 3.0]]
     assert [cell.scenario.navigator.amplitude for cell in cells[:4:2]] == [[100.0, 60.0], [100.0, 70.0]]
     assert [cell.scenario.attack.vehicles for cell in cells[:2]] == [[1], [3]]
-    assert naming.value_name("gain.0", 0.5).split() == ["gain.0", "=", "0.5"]
-    assert naming.quantity("gain.0") == "gain.0"
-    assert naming.quantity("navigator.amplitude.1") == "navigator.amplitude.1 [m]"
+    assert naming.value_name("gain.0", 0.5).split() == ["gain", "k0", "=", "0.5"]
+    assert naming.quantity("gain.0") == "gain k0"
+    assert naming.quantity("navigator.amplitude.1") == "navigator amplitude 1 [m]"
 
 
 def test_cells_are_the_studies_that_their_keys_make():

@@ -70,7 +70,7 @@ def test_the_report_makes_what_is_missing(folder):
     """The worst lane by the nonlinear engine; figures; a page that names the study."""
     written = invoke("report", folder)
     assert len(list((folder / "replays").glob("*-nonlinear.zarr"))) == 1
-    for name in ("report.html", "figures/ultimate.pdf", "figures/unrecovered.png"):
+    for name in ("report.html", "figures/ultimate.pdf", "figures/curve.png"):
         assert str(folder / name) in written
         assert (folder / name).stat().st_size > 1000
 

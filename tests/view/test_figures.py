@@ -1,23 +1,18 @@
 """Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
 
 import itertools
-import textwrap
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
 from upath import UPath
 
 import jaxnet
-from jaxnet.config import naming
 from jaxnet.config.scenario import situation_of
-from jaxnet.statistics.curves import SHARE_COLUMNS, Curve
-from jaxnet.statistics.groups import attacked_groups
 from jaxnet.store.results import Results
-from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology, unrecovered
+from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology
 from jaxnet.view.page import networks
 from tests import systems
 
@@ -142,7 +137,7 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
     monkeypatch.setattr(Results, "errors", xr.Dataset(there, {"time": times}))
     figure = panels.panels_figure(made_of(many), many.cells, trajectories=False, errors=True)
     titles = [axes.get_title().replace("\N{NO-BREAK SPACE}", " ") for axes in figure.axes[::2]]
-    assert titles[1] == "(b) rotating attack, ā = 2 m, attack.frequency = 0.1 rad/s"
+    assert titles[1] == "(b) rotating attack, ā = 2 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
     assert figure.get_suptitle() == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
 
@@ -154,43 +149,6 @@ def test_bands_say_what_they_leave_out(many, results):
     assert bands.bands_figure(many.cells, {}).get_suptitle() == (
         "24 of 75 groups and 3 of 4 sizes ā are drawn; all are in errors.zarr"
     )
-
-
-def test_shares_say_what_they_leave_out(many):
-    """Groups where ā is swept, else cells."""
-    rows = pd.DataFrame(0.5, index=range(len(many.cells)), columns=SHARE_COLUMNS)
-    found = [
-        Curve(group, rows.iloc[list(group.attacked)].set_axis(list(group.attacked.values())), {}, {})
-        for group in attacked_groups(many.cells)
-    ]
-    made = made_of(many, cells=rows)
-    assert (
-        unrecovered.unrecovered_figure(made, many.cells, found).get_suptitle()
-        == "24 of 75 groups are drawn; all are in cells.csv"
-    )
-    assert (
-        unrecovered.rows_figure(made, many.cells).get_suptitle()
-        == "all with graph 0; 24 of 300 cells are drawn; all are in cells.csv"
-    )
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("attack.frequency", 0.3981071705534972, "attack.frequency = 0.3981 rad/s"),
-        ("attack.magnitude", 5, "ā = 5 m"),
-        ("tick", 0.05, "tick = 0.05 s"),
-        ("initial.speed", 0.3, "initial.speed = 0.3 m/s"),
-        ("vehicles", 12, "vehicles = 12"),
-        ("defence", "none", "no defence"),
-        ("topology", "star", "star"),
-    ],
-)
-def test_swept_values_have_their_units(key, value, words):
-    """As the config's models know them, on one line with the number."""
-    given = naming.value_name(key, value)
-    assert given.replace("\N{NO-BREAK SPACE}", " ") == words
-    assert textwrap.wrap(given, 18)[-1].endswith(given.split(" ")[-1])
 
 
 @pytest.mark.parametrize("ends", [(2.1, 4.5), (80, 210), (0.9, 9.5), (60, 350), (1, 99), (1e-3, 1e3)])

@@ -51,7 +51,7 @@ DerivativeOrder = Literal[0, 1, 2, 3]
 class DrawnVehicles(Record):
     """A number of vehicles that are drawn for each lane."""
 
-    random: int = Field(ge=1, description="how many")
+    random: int = Field(ge=1, title="attacked vehicles", description="how many")
 
 
 def attacked_tag(value: object) -> str:
@@ -218,6 +218,7 @@ class Attack(AnyAttack):
         Discriminator(attacked_tag),
     ] = Field(
         default=[2, 5, 8, 11],
+        title="attacked vehicles",
         description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
     )
     links: AttackedLinks = Field(

@@ -17,6 +17,7 @@ class MSNorm(Sparing):
     """
 
     kind = "ms_norm"
+    words = "MS-norm"
     guarantee = (
         "none where anybody untrusted is retained, whose derivatives are believed unseen; by trust where at"
         " most F untrusted sources are heard, who are all dropped"

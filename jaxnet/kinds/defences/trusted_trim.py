@@ -89,6 +89,7 @@ class TrustedTrim(Sparing):
     """
 
     kind = "trusted_trim"
+    words = "trusted trimming"
     guarantee = (
         "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
         " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"

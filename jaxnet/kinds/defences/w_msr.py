@@ -17,6 +17,7 @@ class WMSR(Sparing):
     """
 
     kind = "w_msr"
+    words = "W-MSR"
     guarantee = (
         "none under this law: what is known of W-MSR is of vehicles that move to the values retained; here"
         " derivatives drive them, and are believed unseen"

@@ -11,6 +11,7 @@ class ErdosRenyi(Random):
     """An Erdős–Rényi digraph: every directed link between two vehicles exists with the same probability."""
 
     kind = "erdos_renyi"
+    words = "Erdős–Rényi"
 
     probability: float = Field(default=0.3, gt=0, le=1, description="of each directed link")
 

@@ -15,6 +15,7 @@ class Figure1(Graph):
     """The paper's Fig. 1: 1, 4 and 5 hear 0; 2 hears 1; 3 hears 2; 4 and 5 hear each other."""
 
     kind = "figure1"
+    words = "Figure 1"
 
     def weights(self, vehicles: int) -> Digraph:
         """Return equal weights for the links of each vehicle."""

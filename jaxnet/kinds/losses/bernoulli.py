@@ -19,6 +19,7 @@ class Bernoulli(Loss):
     """Each message is lost with one probability, independently on each link and at each tick."""
 
     kind = "bernoulli"
+    words = "Bernoulli"
 
     probability: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
         description="that a message is lost, on each link and at each tick"

@@ -15,6 +15,7 @@ class Lissajous(Navigator):
     """A Lissajous figure, `amplitude · sin(frequency · t + phase)` on each axis."""
 
     kind = "lissajous"
+    words = "Lissajous curve"
 
     amplitude: Amplitude = Field(default=[100.0, 50.0], description="[m], of each axis")
     frequency: Frequency = Field(default=[0.2, 0.4], description="[rad/s], of each axis")

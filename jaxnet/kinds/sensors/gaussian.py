@@ -25,6 +25,7 @@ class Gaussian(Sensor):
     """
 
     kind = "gaussian"
+    words = "Gaussian"
 
     position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
     velocity: NotNegative = Field(default=0.0, description="[m/s], standard deviation on each axis")

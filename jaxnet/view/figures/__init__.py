@@ -5,11 +5,11 @@ HEAT = ("heat", "heat_worst")
 SEARCH = ("search", "search_worst")
 SENSITIVITY = ("sensitivity", "sensitivity_unrecovered")
 FIGURE_NAMES = (
+    "curve",
     "topologies",
     "tails",
     "panels",
     "bands",
-    "unrecovered",
     *HEAT,
     *ULTIMATE,
     *SEARCH,

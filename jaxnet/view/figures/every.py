@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -12,9 +12,11 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
+from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import all_bands
 from jaxnet.statistics.choice import Where, as_list, select_cells
-from jaxnet.statistics.curves import curves, no_magnitudes, unrecovered_shares
+from jaxnet.statistics.curves import curves, no_magnitudes
+from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.store.folder import FolderError
@@ -25,6 +27,7 @@ from jaxnet.view.figures import (
     FIGURE_NAMES,
     bands,
     heat,
+    lines,
     multiples,
     panels,
     search,
@@ -33,13 +36,13 @@ from jaxnet.view.figures import (
     tails,
     topology,
     ultimate,
-    unrecovered,
 )
 from jaxnet.view.figures.style import Figure
 from jaxnet.view.text import worst
 
 NO_SHARE = "share of unrecovered lanes", "an attack and 'recovery={tau: 0.01}'"
 NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
+NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
 with_print_style = mpl.rc_context(style.PRINT_STYLE)
@@ -100,22 +103,58 @@ class Plots:
         return bands.bands_figure(cells, all_bands(self.results, cells), width)
 
     @with_print_style
-    def unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
-        """Draw the share of lanes that do not recover, with its interval."""
+    def curve(
+        self,
+        where: Where | None = None,
+        column: str = "two",
+        x: str | None = None,
+        y: str | None = None,
+        hue: str | None = None,
+        panel: str | Sequence[str] | None = None,
+    ) -> Figure:
+        """Draw a quantity of lanes with its interval against a swept key.
+
+        Parameters
+        ----------
+        where
+            The wanted value or values of swept keys.
+        column
+            "one" or "two", the figure's width in columns of a journal.
+        x, hue
+            Swept keys: across, and told apart by colour. None chooses: numbers across, kinds in colours.
+        panel
+            The swept key or keys with a panel for each value; None takes all keys that are left.
+        y
+            `unrecovered`, `failed`, a metric (its median over lanes), or METRIC_STATISTIC with a statistic
+            of mean, median, q05, q95 and max. None takes what the study asks for.
+
+        Raises
+        ------
+        FolderError
+            A key is not swept, two cells would have one place, or `y` is unknown.
+
+        Examples
+        --------
+        >>> figure = results.plot.curve(x="attack.magnitude", y="tail_max", hue="topology")
+        """
         cells, width = cells_and_width(self.results, where, column)
-        if not len(unrecovered_shares(self.results, cells)):
-            raise lacking_error(self.results, *NO_SHARE)
-        return unrecovered.unrecovered_figure(self.results, cells, curves(self.results, cells), width)
+        axes = choose_axes(cells, x, hue, panel)
+        found = quantity_of(self.results, cells, y or asked_quantity(self.results.study.config))
+        if not found.known.size:
+            raise lacking_error(self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
+        return lines.curve_figure(found, axes, cells, width)
 
     @with_print_style
-    def heat(self, where: Where | None = None, column: str = "two") -> Figure:
-        """Draw a heat map of the share of lanes that do not recover, over two swept keys."""
-        return over_two_keys(self.results, "unrecovered", *cells_and_width(self.results, where, column))
+    def heat(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
+        """Draw a heat map of the share of lanes that do not recover: `x` across, `hue` down, `panel`."""
+        cells, width = cells_and_width(self.results, where, column)
+        return over_two_keys(self.results, "unrecovered", cells, width, **axes)
 
     @with_print_style
-    def heat_worst(self, where: Where | None = None, column: str = "two") -> Figure:
-        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā."""
-        return over_two_keys(self.results, "worst", *cells_and_width(self.results, where, column))
+    def heat_worst(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
+        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does."""
+        cells, width = cells_and_width(self.results, where, column)
+        return over_two_keys(self.results, "worst", cells, width, **axes)
 
     @with_print_style
     def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
@@ -177,9 +216,9 @@ def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], widt
     return ultimate.ultimate_figure(found, metric, width)
 
 
-def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
+def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: float, **axes: Any) -> Figure:
     """Draw a heat map of a metric over two swept keys."""
-    tiles = tiling(cells)
+    tiles = tiling(cells, choose_axes(cells, **axes, most_hues=len(cells)))
     if tiles is None:
         remedy = "a sweep of two values at least of two keys, such as defence and attack.frequency"
         raise lacking_error(results, "two swept keys with two values each among these cells", remedy)
@@ -224,9 +263,10 @@ def draw_figures(
         yield from save_figure(results, name, drawn)
 
 
-def file_name(name: str, where: Where, column: str) -> str:
-    """Return the file name of a figure, without extension; a selection of cells is part of the name."""
-    words = [f"{key}={value}" for key, values in where.items() for value in as_list(values)]
+def file_name(name: str, where: Where, column: str, axes: Mapping[str, object] = NO_AXES) -> str:
+    """Return the file name of a figure, without extension; cells and axes that were chosen are part of it."""
+    chosen = [*axes.items(), *where.items()]
+    words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]
     told = "-".join([name, *words, *(["one-column"] if column == "one" else [])])
     plain = re.sub(r"[^\w.=-]+", "_", told)
     if plain == told and len(told) <= LONGEST_FILE_NAME:

@@ -20,7 +20,8 @@ PANEL_HEIGHT = 1.45  # [in]
 PANELS_PER_ROW = 4  # panels in a row across two columns
 ROW_HEIGHT, LINE_HEIGHT = 0.28, 0.13  # [in] of a named row at least, and of each line of its name
 AXIS_ROOM = 0.7  # [in] for axis and legend
-LETTERS_PER_INCH = 17  # of a title, an inch
+LETTERS_PER_INCH = 17  # of a note
+TITLE_LETTERS_PER_INCH, LABEL_ROOM = 15.5, 0.4  # of a panel's title; [in] for the label of the rows
 LETTERS_PER_PANEL = 18  # of a line along a panel's height
 
 
@@ -120,7 +121,7 @@ def panel_grid(
     drawn = Figure(figsize=(width, height * rows + AXIS_ROOM))
     write_shared_labels(drawn, labels)
     grid = drawn.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel().tolist()
-    letters = int(LETTERS_PER_INCH * (width - margin)) // across
+    letters = int(TITLE_LETTERS_PER_INCH * (width - margin - LABEL_ROOM) / across)
     for panel, named in zip(grid, distinct_titles(labels), strict=False):
         panel.set_title(textwrap.fill(escape_dollars(named), letters), pad=3, fontsize=7.5)
         panel.grid(True, color="0.92", linewidth=0.5)

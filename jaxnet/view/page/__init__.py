@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 from upath import UPath
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import value_name
+from jaxnet.config.naming import key_name, value_name
 from jaxnet.statistics.groups import swept_values_of
 from jaxnet.store.results import Results
 from jaxnet.view.figures import style
@@ -78,6 +78,7 @@ def swept_choices(cells: tuple[Cell, ...]) -> dict[str, object]:
     values = swept_values_of(cells)
     places = {key: {value: place for place, value in enumerate(given)} for key, given in values.items()}
     return {
+        "names": [key_name(key) for key in values],
         "keys": {key: [value_name(key, value) for value in given] for key, given in values.items()},
         "cells": [[places[key][cell.labels[key]] for key in values] for cell in cells],
     }

@@ -22,13 +22,14 @@ def sortable_table(
     rows: pd.DataFrame,
     cells: Iterable[Sequence[int]] | None = None,
     scales: Mapping[str, np.ndarray] | None = None,
+    intervals: Mapping[str, Sequence[str]] | None = None,
 ) -> str:
     """Return rows as a sortable HTML table: numbers to four digits, exact values for the sort.
 
     `cells` lists the cells of each row, for the page's filter. Columns named in `scales` hold errors. Errors
-    below rounding, relative to the row's scale, are marked.
+    below rounding, relative to the row's scale, are marked. `intervals` stand beside the values of a column.
     """
-    scales = scales or {}
+    scales, intervals = scales or {}, intervals or {}
     numeric = [dtype.kind in "iuf" for dtype in rows.dtypes]
     heads = "".join(
         f'<th scope="col" aria-sort="none"{NUMBER_CLASS if number else ""}>'
@@ -37,9 +38,12 @@ def sortable_table(
     )
     by_column = [
         [
-            number_cell(value, scale) if number else f"<td>{escape(str(value))}</td>"
-            for value, scale in zip(
-                rows.iloc[:, n].tolist(), scales.get(rows.columns[n], np.zeros(len(rows))), strict=True
+            number_cell(value, scale, interval) if number else f"<td>{escape(str(value))}</td>"
+            for value, scale, interval in zip(
+                rows.iloc[:, n].tolist(),
+                scales.get(rows.columns[n], np.zeros(len(rows))),
+                intervals.get(rows.columns[n], [""] * len(rows)),
+                strict=False,
             )
         ]
         for n, number in enumerate(numeric)
@@ -57,14 +61,15 @@ def sortable_table(
 NUMBER_CLASS = ' class="number"'
 
 
-def number_cell(value: float | int, scale: float = 0.0) -> str:
-    """Return a number as a table cell: a dash for NaN, "0 (rounding)" below rounding."""
+def number_cell(value: float | int, scale: float = 0.0, interval: str = "") -> str:
+    """Return a number as a table cell: a dash for NaN, "0 (rounding)" below rounding, then its interval."""
     if np.isnan(value):
         return f"<td{NUMBER_CLASS}>–</td>"
     if np.isinf(value):
         return f'<td{NUMBER_CLASS} data-value="Infinity">∞</td>'
+    beside = f" <small>{escape(interval)}</small>" if interval else ""
     text = str(value) if isinstance(value, int) else error_text(value, scale)
-    return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}</td>'
+    return f'<td{NUMBER_CLASS} data-value="{value!r}">{text}{beside}</td>'
 
 
 def error_text(value: float, scale: float = 1.0) -> str:

@@ -40,7 +40,7 @@ function showFilter() {
     several.forEach(([, number], place) => { selects[place].value = choice[number]; });
   };
   const follow = () => { writeAddress(); say(); followers.forEach((each) => each()); };
-  const labels = several.map(([key], place) => element("label", {}, `${key} `, selects[place]));
+  const labels = several.map(([, number], place) => element("label", {}, `${data.names[number]} `, selects[place]));
   document.querySelector("main").prepend(
     element("details", { class: "filter" }, told, element("div", { class: "controls" }, ...labels, all)));
   addEventListener("hashchange", () => { if (location.hash.includes("=")) readAddress(), follow(); });

@@ -102,33 +102,67 @@ const bands = {
   },
 };
 
-// The share unrecovered, against ā or a row a cell.
-const shares = {
-  curves: () => [],
-  figure(given, panels) {
-    const column = (name) => panels.flatMap((panel) => panel[name]);
-    const [middle, low, high] = ["unrecovered", "unrecovered_low", "unrecovered_high"].map((name) =>
-      column(name).map((value) => (value === null ? null : 100 * value)));
-    const text = middle.map((value, n) => `${short(value)} % (${short(low[n])} to ${short(high[n])} %)`);
-    const error = bars(middle, low, high, "--blue", 3);
-    const common = { name: "unrecovered", mode: "markers", marker: { color: "--blue", size: 6 }, text, hoverinfo: "text" };
-    const range = [-4, 104], title = { text: "unrecovered [%]" };
-    if (!given.rows)
-      return { data: [{ ...common, x: column("size"), y: middle, error_y: error }],
-        layout: { xaxis: sizesAxis(given.panels), yaxis: { range, title } } };
-    const places = panels.map((_, n) => n);
-    return {
-      data: [{ ...common, x: middle, y: places, error_x: error }],
-      layout: { xaxis: { range, title }, yaxis: { range: [panels.length - 0.4, -0.6], tickvals: places,
-        ticktext: panels.map((panel) => wrapped(panel.title || "all lanes")) } },
-    };
+// A quantity of cells against a swept key; what is no number has a row of its own.
+const SYMBOLS = ["circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "x", "star"];
+const DASHES = ["solid", "6px,2px", "2px,2px", "5px,2px,1px,2px", "9px,3px", "4px,2px,1px,2px,1px,2px"];
+const lookOf = ({ color, place }) => ({
+  line: { color, width: 1.6, dash: DASHES[place % DASHES.length] }, marker: { color, size: 6, symbol: SYMBOLS[place % SYMBOLS.length] },
+});
+const curve = {
+  curves: (given) => (given.hue === null ? [] : given.looks.map((each) => ({ name: each.name, look: lookOf(each) }))),
+  title: (given) => given.hue,
+  height: (given) => given.x.names && 70 + Math.max(26, 13 * given.looks.length) * given.x.names.length,
+  figure(given, [panel]) {
+    const rows = given.x.names !== null, unit = given.y.share ? " %" : "";
+    const cut = (value) => (value !== null && given.y.log ? Math.max(given.y.ends[0], value) : value);
+    const data = given.looks.map((look, number) => {
+      const { x, value, low, high, cells } = panel.series[number];
+      const shown = x.map((_, n) => n).filter((n) => chosen(cells[n]));
+      const some = (values) => shown.map((n) => values[n]), middle = some(value).map(cut);
+      const error = bars(middle, some(low).map(cut), some(high).map(cut), look.color, 3);
+      const text = shown.map((n) => {
+        const ends = low[n] === null && high[n] === null ? "" : ` (${short(low[n])} to ${short(high[n])}${unit})`;
+        return `${[look.name, rows ? given.x.names[x[n]] : `${given.x.label}: ${short(x[n])}`].filter(Boolean).map(escaped).join("<br>")}` +
+          `<br>${short(value[n])}${unit}${ends}`;
+      });
+      const shift = rows ? 0.7 * ((number + 0.5) / given.looks.length - 0.5) : 0, places = some(x).map((place) => place + shift);
+      const common = { name: look.name, ...lookOf(look), text, hoverinfo: "text", cliponaxis: false };
+      return rows ? { ...common, x: middle, y: places, error_x: error, mode: "markers" }
+        : { ...common, x: places, y: middle, error_y: error, mode: "lines+markers" };
+    });
+    const title = { text: escaped(given.y.label) }, [first, last] = given.y.ends, room = 0.04 * (last - first);
+    const values = given.y.log ? decades(given.y.ends, title.text) : { range: [first - room, last + room], title };
+    if (!rows) return { data, layout: { xaxis: numbersAxis(given), yaxis: values } };
+    return { data, layout: { xaxis: values, yaxis: { range: [given.x.names.length - 0.5, -0.5],
+      tickvals: given.x.names.map((_, n) => n), ticktext: given.x.names.map(wrapped) } } };
   },
-  rows(given, panels) {
-    const names = ["unrecovered", "unrecovered_low", "unrecovered_high"];
-    if (given.rows) return [["cell", ...names], ...panels.map((panel) => [panel.cells[0], ...names.map((name) => panel[name])])];
-    return [["attack.magnitude", ...names], ...panels[0].size.map((size, n) => [size, ...names.map((name) => panels[0][name][n])])];
+  rows(given, [panel]) {
+    const header = [given.x.key ?? "all", given.hue ?? "series", given.y.name, "low", "high", "cell"];
+    return [header, ...given.looks.flatMap((look, number) => {
+      const { x, value, low, high, cells } = panel.series[number];
+      return x.map((place, n) => [given.x.names ? given.x.names[place] : place, look.name, value[n], low[n], high[n], cells[n]]);
+    })];
   },
 };
+
+// The axis of the numbers on x, the same in all panels.
+function numbersAxis(given) {
+  const all = given.panels.flatMap((panel) => panel.series.flatMap((each) => each.x));
+  const least = Math.min(...all), greatest = Math.max(...all), title = { text: escaped(given.x.label) };
+  if (!given.x.log) {
+    const room = 0.04 * (greatest - least || 1);
+    return { range: [least - room, greatest + room], nticks: 6, title };
+  }
+  const range = [Math.log10(least / 1.15), Math.log10(greatest * 1.15)], span = range[1] - range[0];
+  const steps = span > 2 ? { dtick: 1 } : { tickvals: roundNumbers(least, greatest, span > 1 ? [1, 3] : [1, 2, 5]) };
+  return { type: "log", range, ...steps, title };
+}
+function roundNumbers(least, greatest, digits) {
+  const found = [];
+  for (let power = Math.floor(Math.log10(least)); power <= Math.log10(greatest); power++)
+    for (const digit of digits) found.push(+(digit * 10 ** power).toPrecision(1));
+  return found.filter((value) => value >= least / 1.15 && value <= greatest * 1.15);
+}
 
 // The best until then, by lanes: of a search and of random lanes.
 const SEARCH_LINE = { color: "--blue", width: 2, dash: "solid", shape: "hv" };
@@ -203,12 +237,13 @@ function showMultiples(section, given, kind) {
     back.disabled = page === 0;
     next.disabled = (page + 1) * PAGE >= all.length;
     [...grid.children].forEach(forget);
-    const panels = !given.rows ? shown.map((panel) => panelOf([panel], panel.title)) : shown.length ? [panelOf(shown, "")] : [];
-    grid.replaceChildren(...panels);
-    grid.style.setProperty("--columns", given.rows ? 1 : shown.length ? columnsOf(shown) : 1);
-    if (given.rows && shown.length) grid.querySelector(".plot").style.height = `${90 + 34 * shown.length}px`;
+    grid.replaceChildren(...shown.map((panel) => panelOf([panel], panel.title)));
+    grid.style.setProperty("--columns", shown.length ? columnsOf(shown) : 1);
+    const height = kind.height?.(given);
+    if (height) grid.querySelectorAll(".plot").forEach((plot) => { plot.style.height = `${height}px`; });
   };
   const curves = kind.curves(given);
+  if (curves.length && kind.title?.(given)) place.append(element("p", { class: "key-title" }, kind.title(given)));
   if (curves.length) place.append(keyOf(curves, hidden, redrawAll));
   if (choices.length) {
     const options = choices.map(([words, value]) => element("option", { value }, words));
@@ -219,5 +254,5 @@ function showMultiples(section, given, kind) {
   followers.push(() => { page = 0; show(); });
   show();
 }
-for (const [id, kind] of Object.entries({ ultimate, bands, unrecovered: shares, search: searches }))
+for (const [id, kind] of Object.entries({ answer: curve, ultimate, bands, search: searches }))
   if (data.sections[id]) showMultiples(document.getElementById(id), data.sections[id], kind);

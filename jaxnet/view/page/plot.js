@@ -105,9 +105,12 @@ function forget(panel) {
 
 // What is what, and a click that hides it on all plots of the section.
 const SHAPES = {
-  circle: "M13 7a4 4 0 1 0 8 0a4 4 0 1 0-8 0", diamond: "M17 2l5 5-5 5-5-5z", "diamond-open": "M17 2l5 5-5 5-5-5z",
+  circle: "M13 7a4 4 0 1 0 8 0a4 4 0 1 0-8 0", square: "M13 3H21V11H13z", "triangle-up": "M17 2L22 11H12z",
+  cross: "M15.5 2h3v3.5H22v3h-3.5V12h-3V8.5H12v-3h3.5z", x: "M13 2l4 4 4-4 1 1-4 4 4 4-1 1-4-4-4 4-1-1 4-4-4-4z",
+  star: "M17 1l1.8 3.9 4.2.5-3.1 2.9.8 4.2-3.7-2.1-3.7 2.1.8-4.2L11 5.4l4.2-.5z", diamond: "M17 2l5 5-5 5-5-5z", "diamond-open": "M17 2l5 5-5 5-5-5z",
   "square-open": "M12 2H22V12H12z", "triangle-down": "M12 3H22L17 12z", "line-ew": "M12 7H22",
 };
+const paint = (color) => (color.startsWith("--") ? `var(${color})` : color);
 function swatch({ line, area, marker }) {
   const part = (name, attributes) => {
     const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -115,13 +118,13 @@ function swatch({ line, area, marker }) {
     return made;
   };
   const drawing = part("svg", { viewBox: "0 0 34 14", "aria-hidden": "true" });
-  if (area) drawing.append(part("path", { d: "M0 2H34V12H0z", fill: `var(${area})` }));
-  if (line) drawing.append(part("path", { d: "M0 7H34", fill: "none", stroke: `var(${line.color})`,
+  if (area) drawing.append(part("path", { d: "M0 2H34V12H0z", fill: paint(area) }));
+  if (line) drawing.append(part("path", { d: "M0 7H34", fill: "none", stroke: paint(line.color),
     "stroke-width": line.width ?? 1.6, "stroke-dasharray": line.dash === "solid" ? "none" : (line.dash ?? "none").replaceAll("px", "") }));
   if (marker) {
     const open = /open|line/.test(marker.symbol);
-    drawing.append(part("path", { d: SHAPES[marker.symbol], fill: open ? "none" : `var(${marker.color})`,
-      stroke: `var(${marker.color})`, "stroke-width": open ? 1.6 : 0 }));
+    drawing.append(part("path", { d: SHAPES[marker.symbol], fill: open ? "none" : paint(marker.color),
+      stroke: paint(marker.color), "stroke-width": open ? 1.6 : 0 }));
   }
   return drawing;
 }

@@ -9,26 +9,29 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.colors import to_hex
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import labels_title, quantity, value_alone
+from jaxnet.config.naming import key_name, labels_title, quantity, value_alone
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
+from jaxnet.statistics.axes import Axes, by_hue, geometric, on_a_scale, ordered_values, panels_of
 from jaxnet.statistics.bands import Band, bands_span
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     METRIC_NAMES,
-    SHARE_COLUMNS,
     Curve,
     axis_ends,
     failed_kinds,
-    unrecovered_shares,
 )
+from jaxnet.statistics.groups import Label
+from jaxnet.statistics.quantities import Quantity
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.tiles import Tiling, tile_table, tile_text
 from jaxnet.store.results import Results
-from jaxnet.view.figures import heat
+from jaxnet.view.figures import heat, lines, style
 
+PAGE_COLOURS = ("blue", "orange", "green", "red", "purple", "sky", "black")
 LARGEST_SINGLE = np.finfo(np.float32).max
 CURVE_STATISTICS = ("q05", "median", "q95", "max", "mean", "low", "high")
 FIT_QUANTILES = {"least squares": None, "95 % of lanes": 0.95}
@@ -95,30 +98,60 @@ def slopes_of(curve: Curve, metric: str) -> dict[str, float]:
     return bounds | {name: fit[0] for name, fit in fits.items() if fit is not None}
 
 
-def unrecovered_data(found: Sequence[Curve]) -> dict[str, object]:
-    """Return the share of lanes unrecovered against ā, a panel per curve."""
-    return {
-        "panels": [
-            panel_data(curve.group.attacked, curve.group.labels)
-            | {"size": curve.sizes.tolist()}
-            | {name: finite_numbers(curve.cells[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
-            for curve in found
-        ]
-    }
+def curve_data(found: Quantity, axes: Axes, cells: Sequence[Cell]) -> dict[str, object]:
+    """Return a quantity against the key on x, a series for each value of the hue, a panel for each choice of
+    the other keys.
 
-
-def unrecovered_rows_data(results: Results) -> dict[str, object]:
-    """Return the share of lanes unrecovered of each cell, a row per cell."""
-    cells, rows = results.study.cells, unrecovered_shares(results)
-    columns = {name: finite_numbers(rows[name].to_numpy(dtype=float)) for name in SHARE_COLUMNS}
+    Numbers on x are numbers; other values are places of their names.
+    """
+    values = ordered_values(cells, axes.x)
+    numbers = axes.x is not None and on_a_scale(values)
+    hues = ordered_values(cells, axes.hue)
+    looks = lines.hue_looks(axes.hue, hues)
+    scale: dict[str, object] = {"share": found.share, "log": found.log, "label": found.axis}
     return {
-        "rows": True,
+        "x": {
+            "key": axes.x,
+            "label": "" if axes.x is None else quantity(axes.x),
+            "names": None if numbers else [value_alone(axes.x, each) for each in values] if axes.x else [""],
+            "log": numbers and geometric(values),
+        },
+        "y": scale | {"name": found.name, "ends": found.ends},
+        "confidence": 100 * found.confidence,
+        "hue": None if axes.hue is None else key_name(axes.hue),
+        "looks": [
+            {"name": each.label, "color": page_colour(each.look["color"]), "place": place}
+            for place, each in enumerate(looks)
+        ],
         "panels": [
-            panel_data([number], cells[number].labels)
-            | {name: columns[name][place] for name in SHARE_COLUMNS}
-            for place, number in enumerate(map(int, rows.index))
+            panel_data((cell.number for cell in mine), labels)
+            | {
+                "series": [
+                    series_data(found, each, axes.x, None if numbers else values)
+                    for each in by_hue(mine, axes, hues)
+                ]
+            }
+            for labels, mine in panels_of(cells, axes)
         ],
     }
+
+
+def series_data(
+    found: Quantity, cells: Sequence[Cell], x: str | None, values: Sequence[Label] | None
+) -> dict[str, object]:
+    """Return the points of one series: places on x, value, interval, and numbers of the cells."""
+    if x is not None:
+        cells = sorted(cells, key=lambda cell: values.index(cell.labels[x]) if values else cell.labels[x])
+    table = found.values.reindex([cell.number for cell in cells])
+    places = [0 if x is None else values.index(c.labels[x]) if values else c.labels[x] for c in cells]
+    found_numbers = {name: finite_numbers(table[name]) for name in ("value", "low", "high")}
+    return {"x": places, "cells": [cell.number for cell in cells], **found_numbers}
+
+
+def page_colour(colour: object) -> str:
+    """Return a colour of a figure as the page's variable, else as a hexadecimal number."""
+    names = {getattr(style, name.upper()): f"--{name}" for name in PAGE_COLOURS}
+    return names.get(colour, "") if isinstance(colour, str) else to_hex(colour)  # pyright: ignore
 
 
 def tiles_data(results: Results, tiling: Tiling) -> dict[str, object]:

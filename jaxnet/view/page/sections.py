@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.naming import key_name
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
-from jaxnet.statistics import recovery
+from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
@@ -22,13 +23,13 @@ from jaxnet.statistics.curves import (
     cell_magnitudes,
     curves,
     no_magnitudes,
-    unrecovered_shares,
 )
 from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
-from jaxnet.statistics.summary import interval_basis
+from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
+from jaxnet.view import columns
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded_text, sortable_table
 from jaxnet.view.text import check, tables, worst
@@ -56,12 +57,12 @@ def page_sections(results: Results) -> list[Section]:
     """Return every section for which the folder has data."""
     found = known_or([], lambda: curves(results))
     each: list[Callable[[], Section | None]] = [
+        lambda: answer_section(results),
         lambda: findings_section(results, found),
         lambda: run_section(results),
         lambda: summary_section(results),
         lambda: ultimate_section(results, found),
         lambda: bands_section(results),
-        lambda: unrecovered_section(results, found),
         lambda: heat_section(results),
         lambda: search_section(results),
         lambda: lanes_section(results),
@@ -133,24 +134,21 @@ def run_section(results: Results) -> Section:
 
 def summary_section(results: Results) -> Section:
     """Return the section with the table of all cells."""
-    rows, over = tables.summary_rows(results), interval_basis(results.study.config)
-    sure = 100 * recovery.confidence_told(results.study.config.samples)
-    note = (
-        f"<p>Mean over lanes of the tail's mean error, with its {sure:g} % interval over {over}"
-        " (mean low, mean high), its median and 95 % quantile; worst is the greatest error of any vehicle."
-        " What is below 1e-9 of ā, or 1e-9 m where nobody is attacked, is rounding."
-        " A click on a header sorts.</p>"
+    shown, constant = columns.split_constant(columns.summary_columns(results))
+    notes = [*([constant] if constant else []), *tables.summary_notes(results, shown)]
+    count = len(results.study.cells)
+    if count > MOST_PAGE_ROWS:
+        notes.append(f"the first {MOST_PAGE_ROWS:,} of {count:,} cells; all are in cells.csv")
+    note = "".join(f"<p>{escape(each[0].upper() + each[1:])}.</p>" for each in notes)
+    magnitudes = cell_magnitudes(results)[:MOST_PAGE_ROWS]
+    rows = pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown})
+    body = sortable_table(
+        rows,
+        ([cell] for cell in rows["cell"]),
+        {each.title: magnitudes for each in shown if each.title.endswith("[m]") and each.key is None},
+        {each.title: each.intervals() for each in shown if each.ends is not None},
     )
-    notes = [*tables.greatest_lines(results), *tables.blank_interval_lines(results)]
-    notes += [*tables.caveat_lines(results.study.cells)]
-    note += "".join(f"<p>{escape(each)}.</p>" for each in notes)
-    if len(rows) > MOST_PAGE_ROWS:
-        note += f"<p>The first {MOST_PAGE_ROWS:,} of {len(rows):,} cells; all are in cells.csv.</p>"
-    shown = rows.head(MOST_PAGE_ROWS)
-    errors = dict.fromkeys(tables.SUMMARY_COLUMNS.values(), cell_magnitudes(results)[: len(shown)])
-    return Section(
-        "summary", "Summary", note + sortable_table(shown, ([cell] for cell in shown["cell"]), errors)
-    )
+    return Section("summary", "Summary", note + body)
 
 
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
@@ -206,16 +204,17 @@ def bands_section(results: Results) -> Section | None:
     )
 
 
-def unrecovered_section(results: Results, found: Sequence[Curve]) -> Section | None:
-    """Return the section on lanes that do not recover, or None without such data."""
-    if not len(unrecovered_shares(results)):
+def answer_section(results: Results) -> Section | None:
+    """Return the figure of what the study asks for, or None if no lane tells it."""
+    cells, asked = results.study.cells, asked_quantity(results.study.config)
+    found = quantity_of(results, cells, asked)
+    if not found.known.size:
         return None
-    confidence = recovery.confidence_told(results.study.config.samples)
-    note = (
-        f"<p>Share of lanes whose tail mean error exceeds τ·ā, with its {100 * confidence:g} % interval.</p>"
-    )
-    drawn = plots.unrecovered_rows_data(results) if no_magnitudes(found) else plots.unrecovered_data(found)
-    return Section("unrecovered", "Lanes that do not recover", note + PLOT_PLACE, drawn)
+    axes = choose_axes(cells)
+    over = f" against {key_name(axes.x)}" if axes.x else ""
+    title = f"{found.words[0].upper()}{found.words[1:]}{over}"
+    note = f"<p>{escape(found.notes[0].upper() + found.notes[1:])}.</p>"
+    return Section("answer", escape(title), note + PLOT_PLACE, plots.curve_data(found, axes, cells))
 
 
 def heat_section(results: Results) -> Section:

@@ -21,7 +21,7 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
 from jaxnet.theory import announced, certificate, robustness, rounds
-from jaxnet.view.text.width import TERMINAL_WIDTH, cell_title
+from jaxnet.view.text.width import cell_title, terminal_width
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_LISTED_CELLS = 20  # told one by one; of more, what is swept
@@ -76,7 +76,7 @@ def wrap_lines(text: str) -> str:
     lines = []
     for line in text.splitlines():
         under = re.match(r"  \S.*?  +|", line)
-        lines.append(fill(line, TERMINAL_WIDTH, subsequent_indent=" " * (under.end() if under else 0)))
+        lines.append(fill(line, terminal_width(), subsequent_indent=" " * (under.end() if under else 0)))
     return "\n".join(lines)
 
 
@@ -109,7 +109,7 @@ def cell_list(cells: Sequence[Cell]) -> str:
     if not cells[0].labels:
         return ""
     if len(cells) <= MOST_LISTED_CELLS:
-        return "\n".join(cell_title(cell, TERMINAL_WIDTH) for cell in cells)
+        return "\n".join(cell_title(cell, terminal_width()) for cell in cells)
     lines, longest = [], max(map(len, cells[0].labels))
     for key in cells[0].labels:
         values = list(dict.fromkeys(str(cell.labels[key]) for cell in cells))

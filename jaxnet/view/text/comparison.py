@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from jaxnet.statistics.pairs import Comparison
-from jaxnet.view.text.width import MOST_ROWS, TERMINAL_WIDTH, fit_terminal, table_notes, table_text
+from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_notes, table_text, terminal_width
 
 MOST_NAMED_LANES = 20  # lanes of a kind
 ROUNDING_DIFFERENCE = 1e-9  # [m] what two errors may differ by in arithmetic alone
@@ -48,7 +48,7 @@ def comparison_text(found: Comparison) -> str:
     table[errors] = table[errors].where(table[errors].abs() >= ROUNDING_DIFFERENCE, 0.0)
     labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
     shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
-    lines = [table_text(shown), "", fill(COMPARISON_LEGEND, TERMINAL_WIDTH)]
+    lines = [table_text(shown), "", fill(COMPARISON_LEGEND, terminal_width())]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += table_notes(left_out, is_cut, "differences.csv")
@@ -80,7 +80,7 @@ def changes_text(found: Comparison) -> str:
         both[bool(lane.unrecovered_A)].append(f"cell {lane.cell} sample {lane.sample}")
     words = {True: "saved", False: "lost"}
     return "\n".join(
-        fill(f"{words[way]}: {len(named)} lanes: {first_names(named)}", TERMINAL_WIDTH)
+        fill(f"{words[way]}: {len(named)} lanes: {first_names(named)}", terminal_width())
         for way, named in both.items()
         if named
     )
@@ -93,7 +93,7 @@ def failed_lanes_text(found: Comparison) -> str:
         f"cell {lane.cell} sample {lane.sample} ({lane.status_A} in A, {lane.status_B} in B)"
         for lane in lanes
     ]
-    return fill(f"failed: {len(named)} lanes: {first_names(named)}", TERMINAL_WIDTH) if named else ""
+    return fill(f"failed: {len(named)} lanes: {first_names(named)}", terminal_width()) if named else ""
 
 
 def first_names(named: list[str]) -> str:

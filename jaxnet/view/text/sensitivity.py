@@ -10,7 +10,7 @@ import pandas as pd
 from jaxnet.config.study import Study
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.model.wording import count
-from jaxnet.view.text.width import MOST_ROWS, TERMINAL_WIDTH, fit_terminal, table_notes, table_text
+from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_notes, table_text, terminal_width
 
 INTERVAL_SUFFIXES = ("", "_low", "_high")
 SENSITIVITY_DROP_ORDER = (("left out",),)
@@ -59,5 +59,5 @@ def indices_text(table: pd.DataFrame, study: Study, metric: str) -> str:
     if "left out" in rows:
         lines.append(f"left out: samples of which a lane failed, of {table['samples'].iloc[0]:,}")
     return "\n".join(
-        [*lines, fill(SENSITIVITY_LEGEND, TERMINAL_WIDTH), *table_notes(left_out, is_cut, SENSITIVITY_FILE)]
+        [*lines, fill(SENSITIVITY_LEGEND, terminal_width()), *table_notes(left_out, is_cut, SENSITIVITY_FILE)]
     )

@@ -15,7 +15,7 @@ from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
 from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
 from jaxnet.view.text.tables import lane_title
-from jaxnet.view.text.width import MOST_ROWS, TERMINAL_WIDTH, fit_terminal, table_notes, table_text
+from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_notes, table_text, terminal_width
 
 MOST_VIOLATIONS = 20
 LEAST_UNRECOVERED = 1e-6  # of ā; less is a transient or rounding
@@ -40,7 +40,7 @@ BOUND_COLUMNS = {
 
 def fit_text(results: Results) -> str:
     """Return fits, bounds and violations, as far as they are stored."""
-    undrawn = fill(no_magnitudes(curves(results)), TERMINAL_WIDTH)
+    undrawn = fill(no_magnitudes(curves(results)), terminal_width())
     parts = [slopes_text(results)]
     parts += [conservatism_text(results)] if (results.path / "bounds.csv").exists() else []
     parts += [violations_text(results)] if (results.path / "violations.csv").exists() else []
@@ -68,7 +68,7 @@ def slopes_text(results: Results) -> str:
         "fit.csv",
     )
     if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
-        text += f"\n{fill(NO_CURVE_INTERVAL, TERMINAL_WIDTH)}"
+        text += f"\n{fill(NO_CURVE_INTERVAL, terminal_width())}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
     if draws:
@@ -76,7 +76,7 @@ def slopes_text(results: Results) -> str:
             f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"
         )
-        text += f"\n{fill(words, TERMINAL_WIDTH)}"
+        text += f"\n{fill(words, terminal_width())}"
     return text
 
 
@@ -85,7 +85,7 @@ def group_table(
 ) -> str:
     """Return a titled table of groups, no wider than a terminal."""
     shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), list(group.labels), least_wanted)
-    lines = [fill(title, TERMINAL_WIDTH), table_text(shown)]
+    lines = [fill(title, terminal_width()), table_text(shown)]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more lines; all are in {file}")
     return "\n".join([*lines, *table_notes(left_out, is_cut, file)])
@@ -146,5 +146,6 @@ def violations_text(results: Results) -> str:
     lines = lines or ["no lane is above a bound that claims to hold for it"]
     skipped = unchecked_cells(results.study.cells)
     if skipped:
-        lines.append(fill(f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}", TERMINAL_WIDTH))
+        words = f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}"
+        lines.append(fill(words, terminal_width()))
     return "\n".join(lines)

@@ -13,20 +13,23 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics import recovery
+from jaxnet.statistics.choice import Where
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
+from jaxnet.view import columns
+from jaxnet.view.columns import Column
 from jaxnet.view.text.width import (
+    LABEL_LENGTHS,
     MOST_ROWS,
-    TERMINAL_WIDTH,
+    Lettered,
     cell_title,
     cut_text,
-    fit_terminal,
-    four_digits,
+    lettered_text,
     table_notes,
-    table_text,
+    terminal_width,
 )
 
 MOST_FAILURES = 20
@@ -35,27 +38,6 @@ FAILURE_REASONS = {
     "singular": "a vehicle stood still, where the law is singular",
     "max_steps": "more steps than engine.max_steps, or one too small to move time",
     "nonfinite": "a number that is none",
-}
-SUMMARY_COLUMNS = {
-    "tail_mean_mean": "tail mean [m]",
-    "tail_mean_low": "mean low",
-    "tail_mean_high": "mean high",
-    "tail_mean_median": "median",
-    "tail_mean_q95": "q95",
-    "tail_max_max": "worst [m]",
-}
-SUMMARY_DROP_ORDER = (
-    ("q95",),
-    ("median",),
-    ("mean low", "mean high"),
-    ("share low", "share high"),
-    ("worst [m]",),
-    ("unrecovered",),
-)
-RECOVERY_COLUMNS = {
-    "unrecovered": "unrecovered",
-    "unrecovered_low": "share low",
-    "unrecovered_high": "share high",
 }
 
 
@@ -67,34 +49,78 @@ class LaneRow(Protocol):
     sample: int
 
 
-def summary_rows(results: Results) -> pd.DataFrame:
-    """Return the summary, a row per cell."""
-    cells: Any = results.cells
-    swept = list(results.study.cells[0].labels)
-    shown = (RECOVERY_COLUMNS if "unrecovered" in cells else {}) | SUMMARY_COLUMNS
-    table = cells[[*swept, "ok", "failed", *shown]].rename(columns=shown)
-    table.insert(0, "cell", range(len(table)))
-    return table
+def summary_text(
+    results: Results, names: Sequence[str] = (), where: Where | None = None, sort: str | None = None
+) -> str:
+    """Return the summary table with notes, as many columns as the terminal holds.
 
-
-def summary_text(results: Results) -> str:
-    """Return the summary table with notes, as many columns as a terminal holds."""
-    table = summary_rows(results)
-    shown, left_out, is_cut = fit_terminal(
-        table.head(MOST_ROWS), list(results.study.cells[0].labels), SUMMARY_DROP_ORDER
-    )
-    lines = [table_text(shown)]
-    if len(table) > MOST_ROWS:
-        lines.append(f"… {len(table) - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
-    if "mean low" in shown:
-        over = interval_basis(results.study.config)
-        sure = 100 * confidence_told(results.study.config.samples)
-        lines.append(f"mean low, mean high: {sure:g} % interval of the mean over {over}")
-        lines += [fill(each, TERMINAL_WIDTH) for each in blank_interval_lines(results)]
-    if "worst [m]" in shown:
-        lines += [fill(each, TERMINAL_WIDTH) for each in greatest_lines(results)]
-    lines += [fill(each, TERMINAL_WIDTH) for each in caveat_lines(results.study.cells)]
+    `names`, `where` and `sort` are as for `columns.summary_columns`.
+    """
+    whole = columns.summary_columns(results, names, where, sort)
+    varied, constant = columns.split_constant(whole)
+    swept = 1 + sum(each.key is not None for each in varied)
+    shown, text, is_cut = fit_columns(varied, swept)
+    lines, count = [text], len(whole[0].values)
+    if count > MOST_ROWS:
+        lines.append(f"… {count - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
+    lines += [fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each]
+    left_out = [each.title for each in varied if each not in shown]
     return "\n".join([*lines, *table_notes(left_out, is_cut, "cells.csv")])
+
+
+def fit_columns(whole: Sequence[Column], first: int) -> tuple[list[Column], str, bool]:
+    """Return the columns that fit the terminal, as text, and whether labels were cut.
+
+    Beside the `first` columns, which are labels, one quantity keeps its interval. The others lose theirs,
+    then the last columns go. Then long labels lose their ends. Finally label columns go, from the last on.
+    """
+    kept = list(whole)
+    shown = [lettered(each, True) for each in kept]
+    if text_width(shown) > terminal_width():
+        shown = [lettered(each, place <= first) for place, each in enumerate(kept)]
+    while text_width(shown) > terminal_width() and len(shown) > first + 1:
+        del kept[-1], shown[-1]
+    is_cut = False
+    for room in LABEL_LENGTHS:
+        if text_width(shown) > terminal_width():
+            is_cut = True
+            shown[1:first] = [cut_column(each, room) for each in shown[1:first]]
+    while text_width(shown) > terminal_width() and first > 1:
+        first -= 1
+        del kept[first], shown[first]
+    return kept, lettered_text(shown), is_cut
+
+
+def lettered(column: Column, intervals: bool) -> Lettered:
+    """Return a column of the summary as text."""
+    return Lettered(column.title, column.texts(intervals)[:MOST_ROWS], column.numeric)
+
+
+def cut_column(column: Lettered, room: int) -> Lettered:
+    """Return a column whose title and values have at most so many letters."""
+    return column._replace(
+        title=cut_text(column.title, room), values=[cut_text(text, room) for text in column.values]
+    )
+
+
+def text_width(shown: Sequence[Lettered]) -> int:
+    """Return the width of a table in letters."""
+    return max(map(len, lettered_text(shown).splitlines()))
+
+
+def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
+    """Return what the columns leave open: which intervals they have, and what the greatest lane says."""
+    config, names = results.study.config, {each.name for each in shown}
+    notes = []
+    if any(each.ends is not None for each in shown):
+        sure = 100 * confidence_told(config.samples)
+        notes.append(f"[low, high]: {sure:g} % intervals, of a mean over {interval_basis(config)}")
+        notes += blank_interval_lines(results) if "tail_mean_mean" in names else []
+    if "unrecovered" in names and config.recovery is not None:
+        notes.append(f"unrecovered: mean error over the tail > {config.recovery.tau:g} ā")
+    if "tail_max_max" in names:
+        notes += greatest_lines(results)
+    return notes + caveat_lines(results.study.cells)
 
 
 def greatest_lines(results: Results) -> list[str]:
@@ -127,13 +153,16 @@ def caveat_lines(cells: Sequence[Cell]) -> list[str]:
 def summary_html(results: Results) -> str:
     """Return the summary for a notebook, or the reason that there is none."""
     try:
-        rows = summary_rows(results)
+        shown, constant = columns.split_constant(columns.summary_columns(results))
     except FolderError as error:
         return f"<p>{escape(str(error))}</p>"
     lanes = results.manifest["lanes"]
-    head = f"{results.path}: {lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed"
-    table = rows.to_html(index=False, max_rows=MOST_ROWS, float_format=four_digits, na_rep="-", border=0)
-    return f"<p>{escape(head)}</p>{table}"
+    name = "" if results.path.protocol == "memory" else f"{results.path}: "
+    head = f"{name}{lanes['ok']:,} of {lanes['total']:,} lanes ok, {lanes['failed']:,} failed"
+    table = pd.DataFrame({each.title: each.texts() for each in shown}).to_html(
+        index=False, max_rows=MOST_ROWS, border=0
+    )
+    return f"<p>{escape(head)}</p>{table}" + (f"<p>{escape(constant)}</p>" if constant else "")
 
 
 def written_text(results: Results) -> str:
@@ -184,7 +213,7 @@ def stop_reason(results: Results) -> str:
     else:
         why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
         words += f"the widest interval of the share unrecovered is ± {half:.2g}, {why}"
-    return f"\n{fill(words, TERMINAL_WIDTH)}"
+    return f"\n{fill(words, terminal_width())}"
 
 
 def failures_text(results: Results) -> str:
@@ -207,14 +236,16 @@ def failures_text(results: Results) -> str:
 
 def lane_title(results: Results, row: LaneRow) -> str:
     """Return cell and sample of a lane, short enough for a line with a word or two more."""
-    return f"{cell_title(results.study.cells[row.cell], TERMINAL_WIDTH - 40)}, sample {row.sample}"
+    return f"{cell_title(results.study.cells[row.cell], terminal_width() - 40)}, sample {row.sample}"
 
 
 def lane_text(results: Results, row: pd.Series) -> str:
     """Return the row of a lane, and whether the stored row equals it."""
     cell, sample = map(int, row.loc[["cell", "sample"]].tolist())
     stored = results.row(cell, sample)
-    lines = row.map(lambda value: cut_text(value, TERMINAL_WIDTH - 4 - max(map(len, row.index)))).to_string()
+    lines = row.map(
+        lambda value: cut_text(value, terminal_width() - 4 - max(map(len, row.index)))
+    ).to_string()
     if stored is None:
         return f"{lines}\nno such row is stored"
     apart = stored.compare(row, result_names=("stored", "replayed"))

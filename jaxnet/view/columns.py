@@ -1,0 +1,228 @@
+"""Columns of the summary table: swept keys, what the study asks for, metrics, and numbers of lanes.
+
+A column has a name (that of `cells.csv`), a title in words and one in LaTeX, and its values. A statistic also
+carries both ends of its interval, where `cells.csv` has them.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from jaxnet.config.keys import Config
+from jaxnet.config.naming import own_name, quantity, unit, value_alone
+from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.statistics.choice import Where, select_cells
+from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
+from jaxnet.store.folder import FolderError
+from jaxnet.store.results import Results
+
+COUNTS = ("ok", "failed", "lanes")
+STATISTIC_TITLES = {"mean": "mean", "median": "median", "q05": "q05", "q95": "q95", "max": "worst"}
+TITLES = {"tail_mean_mean": "tail mean", "tail_max_max": "worst", "unrecovered": "unrecovered"}
+LATEX_SYMBOLS = {
+    "attack.magnitude": r"$\bar a$",
+    "attack.frequency": r"$\omega$",
+    "attack.phase": r"$\varphi$",
+    "attack.vehicles.random": r"$|\mathcal A|$",
+    "gain.0": "$k_0$",
+    "gain.1": "$k_1$",
+    "gain.2": "$k_2$",
+    "tick": "$h$",
+    "vehicles": "$m$",
+    "tail_mean": r"$\tilde e$",
+    "tail_max": r"$\hat\delta$",
+}
+UNITS = {"%": r"\%", "m/s²": "m/s$^2$", "m/s³": "m/s$^3$"}
+
+
+class Column(NamedTuple):
+    """One column: values by cell as in `cells.csv`, and the ends of their intervals where there are any."""
+
+    name: str
+    title: str
+    latex: str
+    values: list[Any]
+    ends: tuple[list[float], list[float]] | None = None
+    scale: float = 1.0  # by which text multiplies the values: 100 for shares
+    key: str | None = None  # the swept key whose labels the values are
+
+    def texts(self, intervals: bool = True) -> list[str]:
+        """Return the values as text: numbers to four digits, intervals in brackets to three."""
+        texts = [self.text(value) for value in self.values]
+        if not intervals:
+            return texts
+        pairs = zip(texts, self.intervals(), strict=True)
+        return [f"{text} {interval}".rstrip() for text, interval in pairs]
+
+    def intervals(self) -> list[str]:
+        """Return the intervals as text, empty where no end is known."""
+        if self.ends is None:
+            return [""] * len(self.values)
+        pairs = zip(*self.ends, strict=True)
+        return [bracketed(self.scale * low, self.scale * high) for low, high in pairs]
+
+    def scaled(self) -> list[Any]:
+        """Return numbers in the unit of the title, and other values as text."""
+        if not self.numeric:
+            return self.texts(intervals=False)
+        return self.values if self.scale == 1.0 else [self.scale * value for value in self.values]
+
+    def text(self, value: Any) -> str:
+        """Return one value as text."""
+        if self.key is not None and not isinstance(value, int | float):
+            return value_alone(self.key, value)
+        return digits_text(self.scale * value if self.scale != 1.0 else value, 4)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers."""
+        return all(isinstance(value, int | float) for value in self.values)
+
+
+def digits_text(value: object, digits: int) -> str:
+    """Return a number to so many digits, a dash for not-a-number, other values as text."""
+    if not isinstance(value, float):
+        return str(value)
+    return "-" if math.isnan(value) else f"{value:.{digits}g}"
+
+
+def bracketed(low: float, high: float) -> str:
+    """Return [low, high] to three digits, with a dash for an end that is not known; "" if neither is."""
+    if math.isnan(low) and math.isnan(high):
+        return ""
+    return f"[{digits_text(low, 3)}, {digits_text(high, 3)}]"
+
+
+def summary_columns(
+    results: Results,
+    names: Sequence[str] = (),
+    where: Where | None = None,
+    sort: str | None = None,
+) -> list[Column]:
+    """Return columns of the summary, a value for each cell.
+
+    Parameters
+    ----------
+    results
+        Results of a finished run.
+    names
+        Names of columns of `cells.csv`; none of them: what the study asks for first, then the tail errors,
+        metrics of its own, and the numbers of lanes.
+    where
+        The wanted value or values of swept keys.
+    sort
+        Name of the column by which the cells are sorted; a minus before it reverses the order.
+
+    Returns
+    -------
+    list[Column]
+        The number of the cell and the swept keys first.
+
+    Raises
+    ------
+    FolderError
+        A column, a key or a value is unknown, or the run is unfinished.
+    """
+    table = results.cells
+    cells = select_cells(results.study.cells, where or {})
+    keys = list(results.study.cells[0].labels)
+    rows: Any = table.iloc[[cell.number for cell in cells]]
+    if sort:
+        name = known_column(sort.removeprefix("-"), table, keys)
+        values = [cell.labels[name] for cell in cells] if name in keys else rows[name].tolist()
+        order = pd.Series(values).sort_values(ascending=not sort.startswith("-"), kind="stable").index
+        cells, rows = [cells[place] for place in order], rows.iloc[list(order)]
+    numbers = Column("cell", "cell", "cell", [cell.number for cell in cells])
+    swept = [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
+    study = results.study.config
+    wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table)
+    return [numbers, *swept, *(statistic_column(each, rows, study) for each in wanted if each not in keys)]
+
+
+def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
+    """Return the name of a column of `cells.csv` or a swept key; a metric means its mean.
+
+    Raises FolderError for another name.
+    """
+    for each in (name, f"{name}_mean"):
+        if each in table or each in keys:
+            return each
+    known = ", ".join(map(str, [*keys, *table.columns.difference(list(keys), sort=False)]))
+    raise FolderError(f"no column {name} (there are {known})")
+
+
+def default_columns(study: Config, table: pd.DataFrame) -> list[str]:
+    """Return the names of the columns that are shown if nobody asks for others, the asked-for one first."""
+    asked = asked_quantity(study)
+    own = [f"{metric.name}_mean" for metric in study.measured()[len(CONTRACT) :]]
+    first = asked if asked in table else f"{asked}_mean"
+    others = ["tail_mean_mean", "tail_mean_median", "tail_mean_q95", "tail_max_max", *own, "ok", "failed"]
+    return [name for name in dict.fromkeys([first, *others]) if name in table]
+
+
+def key_column(key: str, labels: Iterable[Any]) -> Column:
+    """Return the column of a swept key."""
+    name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
+    words = latex_title(name or quantity(key).partition(" [")[0], unit(key))
+    return Column(key, quantity(key), words, list(labels), key=key)
+
+
+def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:
+    """Return a column of `cells.csv` with its interval, if it has one."""
+    if name in COUNTS:
+        return Column(name, name, name, rows[name].tolist())
+    if name.startswith("unrecovered"):
+        words = name.replace("_", ", ")
+        ends = interval_ends(rows[f"{name}_low"], rows[f"{name}_high"]) if name == "unrecovered" else None
+        return Column(name, f"{words} [%]", latex_title(words, "%"), rows[name].tolist(), ends, 100.0)
+    stem, _, end = name.rpartition("_")
+    metric, statistic = metric_and_statistic(study, stem if end in ("low", "high") else name)
+    which = STATISTIC_TITLES.get(end, end)
+    words = TITLES.get(name, f"{metric.name.replace('_', ' ')}, {which}")
+    symbol = LATEX_SYMBOLS.get(metric.name, metric.name.replace("_", r"\_"))
+    told = symbol if name in TITLES else f"{symbol}, {which}"
+    ends = None
+    if statistic == "mean" and end == "mean":
+        ends = interval_ends(rows[f"{metric.name}_low"], rows[f"{metric.name}_high"])
+    title = f"{words} [{metric.unit}]" if metric.unit else words
+    return Column(name, title, latex_title(told, metric.unit), rows[name].tolist(), ends)
+
+
+def interval_ends(low: Any, high: Any) -> tuple[list[float], list[float]] | None:
+    """Return both ends of the intervals, None if no end is known."""
+    return None if low.isna().all() and high.isna().all() else (low.tolist(), high.tolist())
+
+
+def latex_title(words: str, of: str) -> str:
+    """Return a title in LaTeX with its unit."""
+    return f"{words} [{UNITS.get(of, of)}]" if of else words
+
+
+def split_constant(columns: Sequence[Column]) -> tuple[list[Column], str]:
+    """Return the columns that differ between cells, and one line with the others.
+
+    The cell's number and the first quantity stay. A table of one cell keeps all its columns.
+    """
+    if len(columns[0].values) < 2:
+        return list(columns), ""
+    quantities = [each.name for each in columns if each.ends is not None]
+    kept, constant = [], []
+    for each in columns:
+        texts = each.texts()
+        same = all(text == texts[0] for text in texts)
+        (constant if same and each.name not in ("cell", *quantities[:1]) else kept).append(each)
+    told = ", ".join(f"{each.title} {each.texts()[0]}" for each in constant)
+    return kept, f"all cells: {told}" if told else ""
+
+
+def as_frame(columns: Sequence[Column]) -> pd.DataFrame:
+    """Return the columns as in `cells.csv`, the ends of intervals beside them."""
+    found: dict[str, Any] = {}
+    for each in columns:
+        found[each.name] = each.values
+        if each.ends is not None:
+            stem = each.name.removesuffix("_mean")
+            found[f"{stem}_low"], found[f"{stem}_high"] = each.ends
+    return pd.DataFrame(found)

@@ -1,0 +1,60 @@
+"""Names of keys and values: words, units and few digits; a config's own names come first."""
+
+import copy
+import pickle
+
+import pytest
+
+import jaxnet
+from jaxnet.config.document import ConfigError
+from jaxnet.config.naming import Key, labels_title, quantity, value_name
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("attack.frequency", "attack frequency [rad/s]"),
+        ("attack.magnitude", "attack magnitude ā [m]"),
+        ("attack.vehicles.random", "attacked vehicles"),
+        ("channel.loss.probability", "loss probability"),
+        ("gain.0", "gain k0"),
+        ("tick", "tick [s]"),
+        ("initial.speed", "initial speed [m/s]"),
+        (Key("tick", "period"), "period [s]"),
+        (Key("attack.magnitude", "strength"), "strength [m]"),
+    ],
+)
+def test_keys_have_words_and_units(key, words):
+    """From their fields; a name of the config's keeps the unit."""
+    assert quantity(key) == words
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("attack.frequency", 0.3981071705534972, "attack frequency = 0.3981 rad/s"),
+        ("defence", "w_msr", "W-MSR"),
+        ("defence", "w_msr(F=2)", "W-MSR (F 2)"),
+        ("defence", "none", "no defence"),
+        ("topology", "my own graph", "my own graph"),
+        ("topology", "random_regular(degree=4)", "random regular (degree 4)"),
+        ("attack.vehicles", "[2, 5]", "attacked vehicles = 2, 5"),
+        ("attack.vehicles", '{"random": 2}', "attacked vehicles = random 2"),
+        ("initial.speed", '{"uniform": [0.2, 0.4]}', "initial speed = uniform 0.2, 0.4 m/s"),
+    ],
+)
+def test_values_have_no_json_and_few_digits(key, value, words):
+    """Non-breaking spaces hold a number and its unit together."""
+    assert value_name(key, value).replace("\N{NO-BREAK SPACE}", " ") == words
+
+
+def test_a_config_names_its_keys_and_changes_no_row():
+    """Swept keys carry the name; the hash of the study stays; a key that is none is refused."""
+    keys = {"sweep": {"attack.frequency": [0.5, 1.0]}, "labels": {"attack.frequency": "carrier frequency"}}
+    study = jaxnet.load(keys)
+    assert labels_title(study.cells[0].labels).startswith("carrier frequency")
+    (key,) = pickle.loads(pickle.dumps(copy.deepcopy(study.cells[1].labels)))
+    assert key == "attack.frequency"
+    assert key.name == "carrier frequency"
+    with pytest.raises(ConfigError, match=r"labels.attack.frequncy: unknown key"):
+        jaxnet.load(keys, {"labels": {"attack.frequncy": "x"}})

@@ -1,0 +1,113 @@
+"""The figure by axes: what is drawn is what the cells say, and no label touches another."""
+
+import itertools
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib import text as mpl_text
+
+from jaxnet.statistics.axes import choose_axes
+from jaxnet.statistics.quantities import Quantity
+from jaxnet.view.figures import COLUMN_WIDTHS, lines, style
+from tests import systems
+
+LONG = [f"a rather long name of the graph, number {number}" for number in range(6)]
+
+
+def study_cells(**sweep):
+    """Cells of a sweep; nothing is run."""
+    attack = {"kind": "rotating", "vehicles": [2]}
+    return systems.study(vehicles=4, attack=attack, sweep=sweep).cells
+
+
+def numbered(cells, share=True):
+    """A quantity that is the number of the cell, with an interval of 2 below and 1 above."""
+    numbers = np.array([cell.number for cell in cells], float) % 97
+    values = pd.DataFrame({"value": numbers, "low": numbers - 2, "high": numbers + 1})
+    return Quantity("unrecovered", "lanes unrecovered", "%" if share else "m", share, 0.95, values)
+
+
+def labelled(graphs):
+    """Graphs with labels."""
+    return [{"kind": "cyclic", "label": name} for name in graphs]
+
+
+@pytest.mark.parametrize(
+    ("sweep", "named"),
+    [
+        ({"attack.frequency": [0.1, 0.3, 1.0], "defence": ["none", "w_msr"], "tick": [0.05, 0.1]}, {}),
+        ({"attack.frequency": [0.1, 0.3, 1.0], "defence": ["none", "w_msr"]}, {"x": "defence"}),
+        ({"topology": labelled(LONG), "attack.magnitude": [1, 2, 4]}, {"x": "topology"}),
+        ({}, {}),
+    ],
+)
+def test_every_cell_is_drawn_at_its_value(sweep, named):
+    """Markers lie at the values, whether numbers are across or names down."""
+    cells = study_cells(**sweep)
+    axes = choose_axes(cells, **named)
+    figure = lines.curve_figure(numbered(cells), axes, cells)
+    rows = axes.x is None or isinstance(cells[0].labels[axes.x], str)
+    drawn = [
+        float(value)
+        for panel in figure.axes
+        for line in panel.lines
+        if line.get_marker() in lines.MARKERS
+        for value in (line.get_xdata() if rows else line.get_ydata())
+    ]
+    assert sorted(drawn) == [cell.number for cell in cells]
+
+
+RULES = ["none", "ms_norm", "w_msr", "trust"]
+SIZES = {
+    1: {},
+    6: {"topology": labelled(LONG)},
+    36: {"defence": RULES[:3], "attack.frequency": [0.1, 0.2, 0.4], "vehicles": [3, 4, 5, 6]},
+    96: {"topology": labelled(LONG), "attack.magnitude": [1, 2, 5, 10], "defence": RULES},
+    300: {"attack.magnitude": [float(number) for number in range(1, 51)], "topology": labelled(LONG)},
+}
+
+
+@pytest.mark.parametrize("share", [True, False])
+@pytest.mark.parametrize("column", COLUMN_WIDTHS)
+@pytest.mark.parametrize("cells", SIZES)
+def test_no_label_touches_another(cells, column, share):
+    """Titles, ticks, labels, legend and notes of all panels, in both widths, within the page."""
+    found = study_cells(**SIZES[cells])
+    assert len(found) == cells
+    with mpl.rc_context(style.PRINT_STYLE):
+        figure = lines.curve_figure(numbered(found, share), choose_axes(found), found, COLUMN_WIDTHS[column])
+        figure.draw_without_rendering()
+    boxes = [(text.get_text(), text.get_window_extent()) for text in shown_texts(figure)]
+    for words, box in boxes:
+        assert box.x0 >= figure.bbox.x0 - 2, words
+        assert box.x1 <= figure.bbox.x1 + 2, words
+    for (one, first), (other, second) in itertools.combinations(boxes, 2):
+        across = min(first.x1, second.x1) - max(first.x0, second.x0)
+        up = min(first.y1, second.y1) - max(first.y0, second.y0)
+        assert min(across, up) <= 1, f"{one!r} over {other!r}"
+    assert figure.get_figheight() <= style.GREATEST_HEIGHT + 0.01
+
+
+def shown_texts(figure):
+    """Texts that are seen: matplotlib also keeps the labels of ticks beyond the ends of an axis."""
+    hidden = set()
+    for panel in figure.axes:
+        for axis, ends in ((panel.xaxis, panel.get_xlim()), (panel.yaxis, panel.get_ylim())):
+            side = "labelbottom" if axis is panel.xaxis else "labelleft"
+            told = panel.axison and axis.get_tick_params(which="major").get(side, True)
+            for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+                if not told or not min(ends) <= tick.get_loc() <= max(ends):
+                    hidden.add(id(tick.label1))
+    every = figure.findobj(mpl_text.Text)
+    return [
+        text for text in every if text.get_text().strip() and text.get_visible() and id(text) not in hidden
+    ]
+
+
+def test_more_colours_than_a_palette_has_are_a_scale():
+    """Numbers of many values are told apart by a scale of colours and by markers."""
+    many = lines.hue_looks("attack.magnitude", list(range(1, 11)))
+    assert len({str(each.look["color"]) for each in many}) == 10
+    assert [each.label for each in many] == [str(value) for value in range(1, 11)]
