@@ -149,19 +149,18 @@ CASES = {
     "both": {"noisy": True, "lossy": True},
 }
 TWO_ROUNDS = {"kind": "rounds", "rounds": 2}
-WAYS = [
-    ("exact", "exact", [0, 1, 2, 3]),
-    ("exact", "exact", [0]),  # what is received is no path with its derivatives
-    ("nonlinear", "exact", [0, 1, 2, 3]),
-    ("stacked", "exact", [0, 1, 2, 3]),
-    ("exact", TWO_ROUNDS, [0, 1, 2, 3]),
-    ("nonlinear", TWO_ROUNDS, [0, 1, 2, 3]),
-]
 
 
 @pytest.mark.parametrize(
     ("case", "engine", "law", "orders"),
-    [(case, *way) for way in WAYS for case in CASES if way[0] != "stacked" or case == "both"],
+    [
+        ("both", "exact", "exact", [0, 1, 2, 3]),
+        ("loss", "exact", "exact", [0]),  # what is received is no path with its derivatives
+        ("both", "nonlinear", "exact", [0, 1, 2, 3]),
+        ("both", "stacked", "exact", [0, 1, 2, 3]),
+        ("both", "exact", TWO_ROUNDS, [0, 1, 2, 3]),
+        ("noise", "nonlinear", TWO_ROUNDS, [0, 1, 2, 3]),
+    ],
 )
 def test_vehicles_move_as_the_plain_program(case, engine, law, orders):
     """On the ring under attack, with gains other than the default."""

@@ -1,7 +1,6 @@
 """The exact engine against the independent tick-by-tick program, and against the nonlinear engine."""
 
 import numpy as np
-import pytest
 
 from tests import systems
 from tests.engine.test_exactness import RANDOM_GRAPH, exact
@@ -9,14 +8,12 @@ from tests.engine.test_exactness import RANDOM_GRAPH, exact
 TOPOLOGIES = ["star", "cyclic", "path"]
 
 
-@pytest.mark.parametrize("kind", ["bias", "sinusoid", "rotating"])
-def test_attacked_without_trimming_is_exact(kind):
-    """O2 at every output time, to rounding; four graphs and two gains."""
-    signal = {"kind": kind, "magnitude": 4.0}
-    if kind != "rotating":
-        signal["direction"] = {"uniform": [0, 6.28]}
+def test_attacked_without_trimming_is_exact():
+    """O2 at every output time, to rounding; four graphs, two gains and three attacks."""
+    attack = [{"kind": kind, "direction": {"uniform": [0, 6.28]}} for kind in ("bias", "sinusoid")]
     sweep = {"gain": [[1, 3, 3], [6, 11, 6]], "topology": [*TOPOLOGIES, RANDOM_GRAPH]}
-    one = systems.lanes(systems.study(engine="exact", defence="none", attack=signal, sweep=sweep), 1)
+    sweep["attack"] = [each | {"magnitude": 4.0} for each in (*attack, {"kind": "rotating"})]
+    one = systems.lanes(systems.study(engine="exact", defence="none", sweep=sweep), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     for number, states in enumerate(outcome.series["state"]):
