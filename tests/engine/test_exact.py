@@ -3,22 +3,20 @@
 import numpy as np
 
 from tests import systems
-from tests.engine.test_exactness import RANDOM_GRAPH, exact
+from tests.engine.test_exactness import RANDOM_GRAPH, UNTRIMMED, exact
 
 TOPOLOGIES = ["star", "cyclic", "path"]
 
 
 def test_attacked_without_trimming_is_exact():
     """O2 at every output time, to rounding; four graphs, two gains and three attacks."""
-    attack = [{"kind": kind, "direction": {"uniform": [0, 6.28]}} for kind in ("bias", "sinusoid")]
-    sweep = {"gain": [[1, 3, 3], [6, 11, 6]], "topology": [*TOPOLOGIES, RANDOM_GRAPH]}
-    sweep["attack"] = [each | {"magnitude": 4.0} for each in (*attack, {"kind": "rotating"})]
-    one = systems.lanes(systems.study(engine="exact", defence="none", sweep=sweep), 1)
-    outcome = systems.simulate(one)
-    assert (outcome.status == 0).all()
-    for number, states in enumerate(outcome.series["state"]):
-        known = exact(one, number, 0.1, 300)["positions"]
-        assert np.abs(states[:, :, :2] - known).max() <= 1e-9
+    for keys in UNTRIMMED:
+        one = systems.lanes(systems.study(engine="exact", defence="none", **keys), 1)
+        outcome = systems.simulate(one)
+        assert (outcome.status == 0).all()
+        for number, states in enumerate(outcome.series["state"]):
+            known = exact(one, number, 0.1, 300)["positions"]
+            assert np.abs(states[:, :, :2] - known).max() <= 1e-9
 
 
 def test_trimming_at_ticks_decides_and_moves_as_the_reference():

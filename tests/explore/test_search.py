@@ -135,7 +135,7 @@ TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "truste
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A search that nobody disturbed, of two cells."""
-    over = {"sweep": {"topology": ["cyclic", "path"]}, "search": {"until": 40.0}}
+    over = {"sweep": {"gain": [[1, 3, 3], [1.2, 3, 3]]}, "search": {"until": 40.0}}
     given = study(OVER, budget=400, **over, **TRIMMED)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst, "FRESH", 48)
@@ -148,7 +148,7 @@ def test_the_worst_is_a_study_of_its_own(whole):
     for cell, row in results.worst.iterrows():
         alone = jaxnet.simulate(results.path / "worst" / f"{cell}.yaml", progress=False)
         assert alone.lanes["tail_max"].mean() == row["found"]
-        assert alone.study.cells[0].scenario.topology == given.cells[cell].scenario.topology
+        assert alone.study.cells[0].scenario.gain == given.cells[cell].scenario.gain
         longer = jaxnet.load(results.path / "worst" / f"{cell}.yaml", {"horizon": 40.0})
         again = jaxnet.simulate(longer, progress=False)
         assert again.lanes["tail_max"].mean() == row["late"]
