@@ -44,10 +44,7 @@ def box_of(given):
     return Box(scenario, source, drawn)
 
 
-CASES = ["constant, star", "constant, ring", "constant, path", "spoof, ring", "replaces, ring"]
-
-
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", ["constant, ring", "spoof, ring", "replaces, ring"])
 def test_the_worst_is_found_where_it_is_known(case):
     """To 1 %: all directions the same, of constant attacks, of spoofs, and of attacks that replace."""
     topology, attack, over, exact = KNOWN[case]
