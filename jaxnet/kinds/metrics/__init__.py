@@ -8,6 +8,7 @@ from jaxnet.kinds.protocols import FleetView
 from jaxnet.outside import modules, provenance
 
 Reduction = Literal["mean", "max", "min"]
+OverTime = Literal["mean", "max", "min", "sum", "integral"]
 
 
 @dataclass(frozen=True)
@@ -22,13 +23,15 @@ class Metric:
     name
         Name of the column.
     unit
-        Unit, such as "m/s".
+        Unit of the numbers that `of` returns, such as "m/s".
     of
         Function from an observation to one number for each vehicle, (m, lanes).
     over
         Output times: those of the whole run, or of the tail.
-    time, vehicles
-        Reductions: "mean", "max" or "min".
+    time
+        Reduction over the output times: "mean", "max", "min", "sum", or "integral" by the trapezoidal rule.
+    vehicles
+        Reduction over the vehicles: "mean", "max" or "min".
     words
         Meaning of the metric in tables and on axes.
     """
@@ -37,9 +40,16 @@ class Metric:
     unit: str
     of: Callable[["FleetView"], Any]
     over: Literal["run", "tail"] = "run"
-    time: Reduction = "max"
+    time: OverTime = "max"
     vehicles: Reduction = "max"
     words: str = ""  # meaning, for tables and axes
+
+    @property
+    def column_unit(self) -> str:
+        """Unit of the column: an integral over time has the metric's unit times seconds."""
+        if self.time != "integral":
+            return self.unit
+        return f"{self.unit}·s" if self.unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
         """Pickle the file of the metric with its hash, so that another process loads the same metric."""
