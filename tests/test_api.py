@@ -18,8 +18,11 @@ from fsspec.implementations.memory import MemoryFileSystem
 from upath import UPath
 
 import jaxnet
-from jaxnet import ConfigError, FolderError
+from jaxnet import ConfigError, FolderError, KindError
 from jaxnet.config.study import native
+from jaxnet.kinds.attacks.sinusoid import Sinusoid
+from jaxnet.kinds.defences.w_msr import WMSR
+from jaxnet.kinds.metrics import Metric
 from jaxnet.runs import cache, watched
 from jaxnet.statistics import fits
 from jaxnet.view.figures import SEARCH, SENSITIVITY, every
@@ -140,8 +143,8 @@ def test_numpy_pandas_tuples_and_paths_are_plain_values(given, plain):
 
 
 def test_what_is_wrong_in_a_mapping_is_said():
-    """As of a file; and of a value that no file can hold."""
-    with pytest.raises(ConfigError, match=r"study:2:1: horizn: unknown key \(did you mean 'horizon'"):
+    """As of a file, by the dotted key alone; and of a value that no file can hold."""
+    with pytest.raises(ConfigError, match=r"^horizn: unknown key \(did you mean 'horizon'"):
         jaxnet.load({"horizn": 3})
     with pytest.raises(ConfigError, match=r"sweep.seed.1: must be a number, .* or a mapping \(got \{1\}\)"):
         jaxnet.load({"sweep": {"seed": [2, {1}]}})
@@ -149,6 +152,26 @@ def test_what_is_wrong_in_a_mapping_is_said():
         jaxnet.load({}, {"attack": b"bias"})
     with pytest.raises(ConfigError, match=r"attack.magnitude: must be finite \(got NaN\)"):
         jaxnet.load({}, {"attack.magnitude": np.nan})
+    with pytest.raises(ConfigError, match=r"^attack\.magnitude: must be at least 0 \(got -1\)$"):
+        jaxnet.load({}, {"attack.magnitude": -1})
+    with pytest.raises(ConfigError, match=r"^defence\.F: must be at least 0 \(got -1\)$"):
+        jaxnet.load(jaxnet.load({"defence": "w_msr"}), {"defence.F": -1})
+    with pytest.raises(ConfigError, match=r"^sweep\.gian: unknown key"):
+        jaxnet.load({"sweep": {"gian": [1, 2]}})
+    with pytest.raises(ConfigError, match=r"^command line 'samples=none': samples: "):
+        jaxnet.load({}, ["samples=none"])
+
+
+def test_what_is_wrong_with_a_kind_in_python_is_said():
+    """In words of ours, key by key, also of a kind inside another and of a metric."""
+    with pytest.raises(KindError, match=r"^WMSR: F: must be at least 0 \(got -1\)$"):
+        WMSR(F=-1)
+    with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(known here: .*, F\)$"):
+        WMSR(f=1)
+    with pytest.raises(KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"):
+        Sinusoid(magnitude="big", frequency=[1.0])
+    with pytest.raises(KindError, match=r"^metric m: time is one of mean, .*, integral \(got 'median'\)$"):
+        Metric("m", "", abs, time="median")
 
 
 def test_a_study_is_shown_in_few_words():

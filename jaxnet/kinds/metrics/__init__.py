@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.outside import modules, provenance
+from jaxnet.outside.modules import KindError
 
+Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
 OverTime = Literal["mean", "max", "min", "sum", "integral"]
 
@@ -34,15 +36,27 @@ class Metric:
         Reduction over the vehicles: "mean", "max" or "min".
     words
         Meaning of the metric in tables and on axes.
+
+    Raises
+    ------
+    KindError
+        `over`, `time` or `vehicles` is none of these.
     """
 
     name: str  # name of the column
     unit: str
     of: Callable[["FleetView"], Any]
-    over: Literal["run", "tail"] = "run"
+    over: Over = "run"
     time: OverTime = "max"
     vehicles: Reduction = "max"
     words: str = ""  # meaning, for tables and axes
+
+    def __post_init__(self) -> None:
+        """Raise KindError for an unknown reduction."""
+        allowed = {"over": get_args(Over), "time": get_args(OverTime), "vehicles": get_args(Reduction)}
+        for field, known in allowed.items():
+            if (given := getattr(self, field)) not in known:
+                raise KindError(f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})")
 
     @property
     def column_unit(self) -> str:
