@@ -169,7 +169,7 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
     with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(known here: .*, F\)$"):
         WMSR(f=1)
     with pytest.raises(KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"):
-        Sinusoid(magnitude="big", frequency=[1.0])
+        Sinusoid(magnitude="big", frequency="fast")
     with pytest.raises(KindError, match=r"^metric m: time is one of mean, .*, integral \(got 'median'\)$"):
         Metric("m", "", abs, time="median")
 

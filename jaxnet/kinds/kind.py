@@ -24,10 +24,12 @@ class Fault(NamedTuple):
 AnyKind = TypeVar("AnyKind", bound="Kind")
 
 
-class KindType(type(Record)):
-    """Class of kinds: calling a kind with wrong arguments raises KindError."""
+if TYPE_CHECKING:  # a type checker knows the arguments of pydantic's own models alone
+    from pydantic._internal._model_construction import ModelMetaclass as KindType
+else:
 
-    if not TYPE_CHECKING:
+    class KindType(type(Record)):
+        """Class of kinds: a kind that is called with wrong arguments raises KindError."""
 
         def __call__(cls, *args: object, **keys: object) -> object:
             """Return a kind with these keys; raise KindError."""
