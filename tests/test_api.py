@@ -18,8 +18,10 @@ from fsspec.implementations.memory import MemoryFileSystem
 from upath import UPath
 
 import jaxnet
-from jaxnet import ConfigError, FolderError
+from jaxnet import ConfigError, FolderError, KindError
 from jaxnet.config.study import native
+from jaxnet.kinds.attacks.sinusoid import Sinusoid
+from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.runs import cache, watched
 from jaxnet.statistics import fits
 from jaxnet.view.figures import SEARCH, SENSITIVITY, every
@@ -140,8 +142,8 @@ def test_numpy_pandas_tuples_and_paths_are_plain_values(given, plain):
 
 
 def test_what_is_wrong_in_a_mapping_is_said():
-    """As of a file; and of a value that no file can hold."""
-    with pytest.raises(ConfigError, match=r"study:2:1: horizn: unknown key \(did you mean 'horizon'"):
+    """As of a file, by the dotted key alone; and of a value that no file can hold."""
+    with pytest.raises(ConfigError, match=r"^horizn: unknown key \(did you mean 'horizon'"):
         jaxnet.load({"horizn": 3})
     with pytest.raises(ConfigError, match=r"sweep.seed.1: must be a number, .* or a mapping \(got \{1\}\)"):
         jaxnet.load({"sweep": {"seed": [2, {1}]}})
@@ -149,6 +151,28 @@ def test_what_is_wrong_in_a_mapping_is_said():
         jaxnet.load({}, {"attack": b"bias"})
     with pytest.raises(ConfigError, match=r"attack.magnitude: must be finite \(got NaN\)"):
         jaxnet.load({}, {"attack.magnitude": np.nan})
+    with pytest.raises(ConfigError, match=r"^attack\.magnitude: must be at least 0 \(got -1\)$"):
+        jaxnet.load({}, {"attack.magnitude": -1})
+    with pytest.raises(ConfigError, match=r"^defence\.F: must be at least 0 \(got -1\)$"):
+        jaxnet.load(jaxnet.load({"defence": "w_msr"}), {"defence.F": -1})
+    with pytest.raises(ConfigError, match=r"^sweep\.gian: unknown key"):
+        jaxnet.load({"sweep": {"gian": [1, 2]}})
+    with pytest.raises(ConfigError, match=r"^command line 'samples=none': samples: "):
+        jaxnet.load({}, ["samples=none"])
+
+
+def test_what_is_wrong_with_a_kind_in_python_is_said():
+    """In words of ours, key by key, also of a kind inside another and of a metric."""
+    with pytest.raises(KindError, match=r"^WMSR: F: must be at least 0 \(got -1\)$"):
+        WMSR(F=-1)
+    with pytest.raises(KindError, match=r"^WMSR: f: unknown key \(known here: .*, F\)$"):
+        WMSR(f=1)
+    with pytest.raises(KindError, match=r"^Sinusoid: magnitude: must be .*\nSinusoid: frequency: must be"):
+        Sinusoid(magnitude="big", frequency="fast")
+    code = "from jaxnet.kinds.metrics import Metric, KindError\n"
+    code += "try: Metric('m', '', abs, time='median')\nexcept KindError as error: print(error)"
+    said = "metric m: time is one of mean, max, min, sum, integral (got 'median')\n"
+    assert in_process(code) == said  # where annotations are not checked
 
 
 def test_a_study_is_shown_in_few_words():
@@ -268,7 +292,9 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
     monkeypatch.setattr(fits, "RESAMPLES", 50)  # the intervals are tested elsewhere
     monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # and so are the lanes shown
-    with pytest.raises(FolderError, match=r"or Results.fit\(\)"):
+    with pytest.raises(
+        FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"
+    ):
         _ = results.bounds
     table = results.fit()
     assert {"model", "estimate"} <= set(table)
@@ -278,6 +304,31 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
     assert page.read_text().startswith("<!DOCTYPE html>")
     drawn = {path.stem for path in (results.path / "figures").iterdir()}
     assert drawn == {*every.FIGURE_NAMES} - NOT_HERE
+
+
+def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeypatch):
+    """Nothing that a user reads names a place in memory, and nothing is added there."""
+    monkeypatch.setattr(fits, "RESAMPLES", 50)
+    results = jaxnet.simulate(KEYS | {"save": {"trajectories": "none"}}, progress=False)
+    before = len(MemoryFileSystem.store)
+    page = results.report(tmp_path / "report")
+    assert page == tmp_path / "report" / "report.html"
+    assert (page.parent / "fit.csv").exists()
+    assert (page.parent / "figures" / "tails.pdf").exists()
+    film = results.animate(1, 0, tmp_path / "films")
+    assert film.parent == tmp_path / "films"
+    assert film.stem == "cell-1-sample-0"
+    assert results.animate(1, 0, tmp_path / "one.gif") == tmp_path / "one.gif"
+    assert len(MemoryFileSystem.store) == before
+    shown = [repr(results), repr(results.replay(0, 1)), results._repr_html_(), page.read_text()]
+    assert shown[:2] == [
+        "Results('study', cells=2, lanes=4, in memory)",
+        "Replay(cell=0, sample=1, status='ok')",
+    ]
+    assert not [each for each in shown if "memory:" in each]
+    other = jaxnet.simulate(KEYS | {"seed": 1}, progress=False)
+    with pytest.raises(FolderError, match="of other rows"):
+        other.report(tmp_path / "report")
 
 
 @pytest.mark.parametrize("name", sorted({*every.FIGURE_NAMES} - NOT_HERE))

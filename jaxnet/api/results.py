@@ -47,6 +47,10 @@ class Replay(NamedTuple):
     trajectory: "xarray.Dataset"
     path: UPath
 
+    def __repr__(self) -> str:
+        """Return one line that names the lane."""
+        return f"Replay(cell={self.row['cell']}, sample={self.row['sample']}, status={self.row['status']!r})"
+
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Results(stored.Results):
@@ -127,11 +131,17 @@ class Results(stored.Results):
         path, row = replays.replay(self, whole_number("cell", cell), whole_number("sample", sample), engine)
         return Replay(row, arrays_at(path), path)
 
-    def report(self) -> UPath:
+    def report(self, out: AnyPath | None = None) -> UPath:
         """Write the figures and `report.html`, a page that works offline.
 
         The method first makes missing fits. It also simulates the lanes again that the page shows: the median
         and the worst lane of up to twelve cells, and the worst lanes of a study that has `recovery`.
+
+        Parameters
+        ----------
+        out
+            Folder for the page and all that it is made of, also for results in memory; None is the results'
+            own folder.
 
         Returns
         -------
@@ -141,9 +151,20 @@ class Results(stored.Results):
         Raises
         ------
         FolderError
-            The run is unfinished, or another process writes there.
+            The run is unfinished, another process writes there, or `out` holds files that were made of other
+            rows.
+
+        Examples
+        --------
+        >>> import jaxnet, tempfile
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "attack": "none"}
+        >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     results.report(folder).name
+        'report.html'
         """
-        *_, page = writing.write_report(self)
+        written = self if out is None else stored.written_into(self, out)
+        *_, page = writing.write_report(written)
         return page
 
     def animate(self, cell: SupportsInt, sample: SupportsInt, out: AnyPath | None = None) -> UPath:
@@ -154,7 +175,7 @@ class Results(stored.Results):
         cell, sample
             Numbers of the cell and of the sample, from 0.
         out
-            File name that ends in .mp4 or .gif; None is a file in `figures/`.
+            File name that ends in .mp4 or .gif, or a folder; None is a file in `figures/`.
 
         Returns
         -------

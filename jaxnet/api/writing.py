@@ -92,8 +92,10 @@ def write_film(
 ) -> UPath:
     """Write a film of one lane and return its path; see `Results.animate`."""
     enable()
-    kind = film.film_format(None if out is None else str(out))
-    place = UPath(out) if out else results.folder.path / "figures" / f"cell-{cell}-sample-{sample}{kind}"
+    file = UPath(out) if out and UPath(out).suffix else None  # else a folder, or none given
+    kind = film.film_format(str(file) if file else None)
+    folder = UPath(out) if out else results.folder.path / "figures"
+    place = file or folder / f"cell-{cell}-sample-{sample}{kind}"
     if out:  # then nothing is written into the folder
         results = Results(results.path, in_memory())
     with results.folder.writing():

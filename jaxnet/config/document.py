@@ -29,7 +29,7 @@ NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # characters that no file nam
 
 
 class Problem(NamedTuple):
-    """An error and its place: `place` is FILE:LINE:COL, or the word on the command line."""
+    """An error and its place: FILE:LINE:COL, the word on the command line, or "" for a script's value."""
 
     place: str
     key: str
@@ -54,7 +54,8 @@ class ConfigError(ValueError):
 class Reader:
     """Converts one YAML text to plain data, and fills `places` and `problems`.
 
-    A text from the command line has no lines; `within` is then the key whose value the text is.
+    A text from the command line has no lines; `within` is then the key whose value the text is. The text of a
+    script's mapping has no `source`, and its places are "".
     """
 
     def __init__(self, source: str, within: Keys = ()):
@@ -130,7 +131,7 @@ class Reader:
 
     def at(self, line: int, column: int) -> str:
         """Return FILE:LINE:COL; lines and columns count from 1."""
-        return self.source if self.within else f"{self.source}:{line + 1}:{column + 1}"
+        return f"{self.source}:{line + 1}:{column + 1}" if self.source and not self.within else self.source
 
     def at_node(self, node: yaml.Node) -> str:
         """Return the place where a node starts."""
@@ -181,11 +182,14 @@ class Document:
                 return at
         while around and around not in self.places:
             around = around[:-1]
-        return self.places.get(around, f"{self.source}:1:1")
+        return self.places.get(around, f"{self.source}:1:1" if self.source else "")
 
-    def override(self, word: str) -> None:
-        """Set a value from `KEY=VALUE` with the value in YAML; errors are added to `problems`."""
-        source = f"command line '{word}'"
+    def override(self, word: str, written: bool = True) -> None:
+        """Set a value from `KEY=VALUE` with the value in YAML; errors are added to `problems`.
+
+        `written` says whether the user wrote the word, so that errors quote it.
+        """
+        source = f"command line '{word}'" if written else ""
         key, equals, text = word.partition("=")
         keys = split_key(key)
         if not equals or not key or "" in keys:

@@ -77,7 +77,7 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
     Raises
     ------
     ConfigError
-        With everything that is wrong. For a mapping, the places are those in its YAML.
+        With everything that is wrong. An error in a file names the line, an error in a mapping the key.
 
     Examples
     --------
@@ -85,6 +85,7 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
     >>> len(study.cells), study.lanes
     (2, 6)
     """
+    written = not isinstance(overrides, Mapping)
     if isinstance(overrides, Mapping):
         overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
     overrides = list(overrides)
@@ -92,20 +93,30 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
         if not overrides:
             return source
         with source.config.scope():
-            return load(cells.to_plain(source.config), overrides)
+            return read_mapping(cells.to_plain(source.config), overrides, written)
     if isinstance(source, Mapping):
-        with registry.Scope(known=registry.scope().known)() as scope:
-            document = Document(yaml_of(native({"name": "study", **source}), inline=False), "study")
-            return read_study(document, overrides, scope)
+        return read_mapping(source, overrides, written)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, overrides, scope)
+        return read_study(document, overrides, scope, written)
 
 
-def read_study(document: Document, overrides: Iterable[str], scope: registry.Scope) -> Study:
-    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError."""
+def read_mapping(source: Mapping[str, Any], overrides: Iterable[str], written: bool) -> Study:
+    """Return the study of a script's mapping; raise ConfigError."""
+    with registry.Scope(known=registry.scope().known)() as scope:
+        document = Document(yaml_of(native({"name": "study", **source}), inline=False), "")
+        return read_study(document, overrides, scope, written)
+
+
+def read_study(
+    document: Document, overrides: Iterable[str], scope: registry.Scope, written: bool = True
+) -> Study:
+    """Return the study of a document whose names of kinds belong to a scope; raise ConfigError.
+
+    `written` says whether the user wrote the overrides as words.
+    """
     for word in overrides:
-        document.override(str(word))
+        document.override(str(word), written)
     with scope():
         config, found = cells.read_document(document)
     return Study(config.within(scope), found)
@@ -188,4 +199,4 @@ def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:
 
 def refusal(keys: Keys, message: str) -> ConfigError:
     """Return the error for a value from a script."""
-    return ConfigError([Problem("study", dotted_key(keys), message)])
+    return ConfigError([Problem("", dotted_key(keys), message)])

@@ -124,6 +124,15 @@ class Collocation(Following[CollocationState]):
         own = tick.sensed(state.jets, decided.noise)
         return state.window.jerk_at(state.signals.time) + control.feedback(self.lane.gain, own)
 
+    def jerk(self, state: CollocationState, decided: DecisionState) -> Jerk:
+        """Return y‴ [m/s³] right after these decisions, by the law; the window ends where they change."""
+        followed, now = state.followed, state.signals
+        if followed.jerk is not None:
+            return followed.jerk
+        own = tick.sensed(state.jets, decided.noise)
+        guess = followed.guess(self.lane, now, own)
+        return law_jerk(self.lane, self.network, followed, decided, now, own, guess)
+
     @property
     def at_every_tick(self) -> bool:
         """Return whether the jerk of vehicles changes at every tick."""

@@ -106,6 +106,17 @@ class Motion(ABC, Generic[MotionState]):
         """Return the weights and attack vectors that the motion follows now."""
         return tick.drive(self.lane, decided, self.plan)
 
+    def jerk(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return y‴ [m/s³] right after these decisions, `z - P(ŷ)`."""
+        own = self.lane.vehicle.output_jets(self.seen(state)[2])
+        return self.drive_now(state, decided) - control.feedback(
+            self.lane.gain, tick.sensed(own, decided.noise)
+        )
+
+    def inputs(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
+        """Return the control inputs u of the vehicles right after these decisions."""
+        return self.lane.vehicle.inputs_for(self.seen(state)[2], self.jerk(state, decided))
+
     def steps(self, state: MotionState) -> Int[Array, " lanes"]:
         """Return the number of an integrator's steps so far; 0 without an integrator."""
         return jnp.zeros(self.lane.attack_scale.shape, int)
@@ -192,6 +203,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
         signal.combined(shown, basis[0]),
         drive.weights,
         batch.network.hearing,
+        lambda: motion.inputs(fleet.state, fleet.decided),
     )
 
 
@@ -237,9 +249,7 @@ def in_lockstep(
             name: jax.lax.dynamic_update_index_in_dim(series[name], jnp.where(ok, value, jnp.nan), number, 0)
             for name, value in metrics.series(plan.save, seen).items()
         }
-        gathered = metrics.add(
-            plan.metrics, fleet.gathered, seen, everywhere, clock.in_tail(jnp.asarray(number))
-        )
+        gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock)
         return fleet._replace(gathered=gathered), series
 
     fleet = begin(motion, batch, jnp.asarray(0))
@@ -273,7 +283,7 @@ def from_queue(
         fleet = arrive(places.state, motion, batch, lockstep=False)
         seen, number = observe(fleet, motion, batch), fleet.ticks // clock.ticks
         due = fleet.at_tick & (fleet.ticks % clock.ticks == 0) & (fleet.status == Status.ok)
-        gathered = metrics.add(plan.metrics, fleet.gathered, seen, due, clock.in_tail(number))
+        gathered = metrics.add(plan.metrics, fleet.gathered, seen, due, number, clock)
         row = jnp.where(due, number, plan.rows)
         series = {
             name: series[name].at[row, ..., places.number].set(jnp.moveaxis(value, -1, 0), mode="drop")

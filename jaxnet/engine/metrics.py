@@ -7,21 +7,54 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.engine.plan import Clock
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.plane import length
 
 
 class Observation(NamedTuple):
-    """State of the fleet at one output time, after the decision of that tick."""
+    """State of the fleet at one output time, after the decision of that tick.
 
-    error: Float[Array, "2 m *lanes"]  # y_i - y_0 [m]
+    The last axis of every array is over lanes. The vehicle's kind names the states and inputs with their
+    units.
+
+    Attributes
+    ----------
+    error
+        `y_i - y_0` [m], (2, m, lanes).
+    speed, turn_rate
+        Speed [m/s] and turn rate [rad/s] of each vehicle, (m, lanes).
+    state
+        State of each vehicle, (n, m, lanes): x [m], y [m], heading [rad], speed [m/s], and further states.
+        These are turn rate [rad/s] and force over mass [m/s²] of the two-wheeled robot.
+    attack
+        Signal of each attacked vehicle [m], (2, m, lanes).
+    weights
+        Weights in force, (axes, slots, m, lanes).
+    hearing
+        Who hears whom.
+    inputs_now
+        Function that returns `inputs`, which nobody needs in most studies.
+    """
+
+    error: Float[Array, "2 m *lanes"]
     speed: Float[Array, "m *lanes"]
     turn_rate: Float[Array, "m *lanes"]
     state: Float[Array, "n m *lanes"]
-    attack: Float[Array, "2 m *lanes"]  # [m]
-    weights: Float[Array, "axes slots m *lanes"]  # in force
+    attack: Float[Array, "2 m *lanes"]
+    weights: Float[Array, "axes slots m *lanes"]
     hearing: Hearing
+    inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
+
+    @property
+    def inputs(self) -> Float[Array, "2 m *lanes"]:
+        """Control input u of each vehicle right after the decision, (2, m, lanes).
+
+        The input of the two-wheeled robot is the rate of force over mass [m/s³] and the angular acceleration
+        [rad/s²].
+        """
+        return self.inputs_now()
 
     def errors(self) -> Float[Array, "m *lanes"]:
         """Return `‖y_i - y_0‖` [m] of each vehicle."""
@@ -44,6 +77,7 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
     "state": lambda seen: seen.state.swapaxes(0, 1),
+    "inputs": lambda seen: seen.inputs.swapaxes(0, 1),
     "attack": lambda seen: seen.attack.swapaxes(0, 1),
     "kept": lambda seen: seen.weights.mean(axis=0),
 }
@@ -62,8 +96,14 @@ def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
 
 
-NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf}
-STEP_OVER_TIME = {"mean": jnp.add, "max": jnp.maximum, "min": jnp.minimum}
+NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf, "sum": 0.0, "integral": 0.0}
+STEP_OVER_TIME = {
+    "mean": jnp.add,
+    "max": jnp.maximum,
+    "min": jnp.minimum,
+    "sum": jnp.add,
+    "integral": jnp.add,
+}
 OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 
 Gathered = Mapping[str, Float[Array, "m *lanes"]]  # by metric and vehicle, before any sum over vehicles
@@ -79,27 +119,50 @@ def add(
     gathered: Gathered,
     seen: Observation,
     there: Bool[Array, "*lanes"],
-    in_tail: Bool[Array, "*some"],
+    output: Int[Array, "*some"],
+    clock: Clock,
 ) -> Gathered:
-    """Return the metrics with one more output time, in the lanes where `there` holds.
+    """Return the metrics with the output time of number `output`, in the lanes where `there` holds.
 
-    Metrics over the tail change only where `in_tail` holds too.
+    Metrics over the tail change only at output times in the tail.
     """
     run, tail = ([metric for metric in metrics if metric.over == over] for over in ("run", "tail"))
-    counts = there & in_tail
+    counts = there & clock.in_tail(output)
     before = {metric.name: gathered[metric.name] for metric in tail}
-    after = jax.lax.cond(counts.any(), lambda: reduce_over_time(tail, gathered, seen, counts), lambda: before)
-    return reduce_over_time(run, gathered, seen, there) | after
+
+    def in_tail() -> dict[str, Float[Array, "m *lanes"]]:
+        first = clock.outputs - clock.tail_outputs + 1
+        return reduce_over_time(tail, gathered, seen, counts, trapezium(output, first, clock))
+
+    after = jax.lax.cond(counts.any(), in_tail, lambda: before)
+    weight = trapezium(output, jnp.asarray(0), clock)
+    return reduce_over_time(run, gathered, seen, there, weight) | after
+
+
+def trapezium(output: Int[Array, "*some"], first: Int[Array, ""], clock: Clock) -> Float[Array, "*some"]:
+    """Return the weight [s] of an output time in the trapezoidal rule from output `first` to the last."""
+    sides = (output > first).astype(float) + (output < clock.outputs).astype(float)
+    return sides * (clock.at(clock.ticks) / 2)
 
 
 def reduce_over_time(
-    metrics: Sequence[Metric], gathered: Gathered, seen: Observation, there: Bool[Array, "*lanes"]
+    metrics: Sequence[Metric],
+    gathered: Gathered,
+    seen: Observation,
+    there: Bool[Array, "*lanes"],
+    weight: Float[Array, "*some"],
 ) -> dict[str, Float[Array, "m *lanes"]]:
-    """Return these metrics with the observation added, in the lanes where `there` holds."""
+    """Return these metrics with the observation added, in the lanes where `there` holds.
+
+    `weight` [s] is that of the observation in an integral over time.
+    """
     found = {}
     for metric in metrics:
         known = gathered[metric.name]
-        step = STEP_OVER_TIME[metric.time](known, jnp.broadcast_to(metric.of(seen), known.shape))
+        value = jnp.broadcast_to(metric.of(seen), known.shape)
+        if metric.time == "integral":
+            value = value * jnp.broadcast_to(weight, known.shape)
+        step = STEP_OVER_TIME[metric.time](known, value)
         found[metric.name] = jnp.where(there[None], step, known)
     return found
 

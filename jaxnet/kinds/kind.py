@@ -1,14 +1,15 @@
 """The base class of all kinds: its name in a config, the draw of its numbers, its faults."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, NamedTuple, TypeVar, Unpack
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar, Unpack
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_serializer
+from pydantic import ConfigDict, Field, ValidationError, model_serializer
 from upath import UPath
 
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
+from jaxnet.kinds.refusals import refusal_of
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError as KindError
 
@@ -23,7 +24,22 @@ class Fault(NamedTuple):
 AnyKind = TypeVar("AnyKind", bound="Kind")
 
 
-class Kind(Record):
+if TYPE_CHECKING:  # a type checker knows the arguments of pydantic's own models alone
+    from pydantic._internal._model_construction import ModelMetaclass as KindType
+else:
+
+    class KindType(type(Record)):
+        """Class of kinds: a kind that is called with wrong arguments raises KindError."""
+
+        def __call__(cls, *args: object, **keys: object) -> object:
+            """Return a kind with these keys; raise KindError."""
+            try:
+                return super().__call__(*args, **keys)
+            except ValidationError as error:
+                raise KindError(refusal_of(cls.__name__, list(cls.model_fields), error)) from None
+
+
+class Kind(Record, metaclass=KindType):
     """One of several alternatives under one key of a config.
 
     A subclass declares its keys as pydantic fields. The class attribute `kind` is the name of a kind of

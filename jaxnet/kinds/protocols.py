@@ -24,7 +24,9 @@ if TYPE_CHECKING:
         SlotLinks,
         SlotNumbers,
         SlotSources,
+        VehicleInput,
         VehicleNumbers,
+        VehicleState,
         VehicleVectors,
     )
 
@@ -172,6 +174,18 @@ if TYPE_CHECKING:
         @property
         def turn_rate(self) -> VehicleNumbers:
             """Turn rate of each vehicle [rad/s]."""
+            ...
+
+        @property
+        def state(self) -> VehicleState:
+            """State of each vehicle, (n, m, lanes), as `Vehicle.states` and `Vehicle.units` tell."""
+            ...
+
+        @property
+        def inputs(self) -> VehicleInput:
+            """Control input u of each vehicle, (2, m, lanes), as `Vehicle.inputs` and `Vehicle.input_units`
+            tell.
+            """
             ...
 
         def errors(self) -> VehicleNumbers:

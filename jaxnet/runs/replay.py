@@ -50,7 +50,7 @@ def refuse_unknown(results: Results, cell: int, sample: int) -> None:
     cells, samples = len(results.study.cells), results.manifest["samples"]
     if cell >= cells or sample >= samples:
         raise FolderError(
-            f"{results.path} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"
+            f"{results.place} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"
             f" sample {sample})"
         )
 

@@ -64,7 +64,7 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
         words = (
             f"lanes of {vehicles:,} vehicles, {size / 1e6:,.2f} MB each, are too large to be put in motion"
         )
-        warnings.warn(f"{results.path}: {words}", stacklevel=2)
+        warnings.warn(f"{results.place}: {words}", stacklevel=2)
         return
     wanted: dict[tuple[int, int], str | None] = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)

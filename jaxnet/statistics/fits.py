@@ -134,7 +134,7 @@ def fitted_groups(results: Results) -> list[Group]:
     groups = [group for group in attacked_groups(results.study.cells) if group.attacked]
     if not groups:
         raise FolderError(
-            f"{results.path}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
+            f"{results.place}: no cell has an attack with ā > 0 that is fixed or swept, nothing to fit"
         )
     return groups
 

@@ -93,7 +93,7 @@ def paired_cells(first: Results, second: Results) -> list[CellPair]:
     if not pairs:
         swept = "; ".join(
             f"{key} is "
-            + ", ".join(f"{swept_values_text(results, key)} in {results.path}" for results in (first, second))
+            + ", ".join(f"{swept_values_text(each, key)} in {each.place}" for each in (first, second))
             for key in common
         )
         raise FolderError(f"sweep: no cell of one study has a like in the other: {swept}")
@@ -117,7 +117,7 @@ def by_values(results: Results, common: Sequence[str], other: Results) -> dict[t
         if values in found:
             more = ", ".join(key for key in cell.labels if key not in common)
             raise FolderError(
-                f"sweep: {more} is swept in {results.path} and not in {other.path}, so several cells of one"
+                f"sweep: {more} is swept in {results.place} and not in {other.place}, so several cells of one"
                 " would stand against one of the other: sweep it in both, or in neither"
             )
         found[values] = cell

@@ -152,7 +152,7 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     if metric.over == "tail":
         words = f"{words.partition(',')[0]} over the tail,{words.partition(',')[2]}"
     table = statistic_table(results, cells, metric, statistic)
-    return Quantity(name, words, metric.unit, False, CONFIDENCE, table)
+    return Quantity(name, words, metric.column_unit, False, CONFIDENCE, table)
 
 
 def metric_and_statistic(study: Config, name: str) -> tuple[Metric, Statistic]:

@@ -16,12 +16,13 @@ import google_crc32c
 import numpy as np
 from upath import UPath
 
+from jaxnet.config import naming
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lazy import LazyModule
 from jaxnet.store.foreign import refuse_foreign
-from jaxnet.store.layout import CellLabel, Variable, cell_variables, coordinates
+from jaxnet.store.layout import DIMENSIONS, CellLabel, Variable, cell_variables, coordinates
 
 if TYPE_CHECKING:
     import xarray
@@ -130,9 +131,8 @@ def create_arrays(
 ) -> None:
     """Create empty arrays, chunked along their first dimensions, and the coordinates of their dimensions."""
     for dim in dict.fromkeys(dim for variable in variables.values() for dim in variable.dims):
-        add_array(group, dim, (dim,), coords[dim])
-    array_in(group, "time").attrs["units"] = "s"
-    for name, (dims, dtype, meaning, _) in variables.items():
+        add_array(group, dim, (dim,), coords[dim], *DIMENSIONS[dim])
+    for name, (dims, dtype, unit, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims]
         array = group.create_array(
             name,
@@ -143,14 +143,17 @@ def create_arrays(
             fill_value=fill_value_of(dtype),
             dimension_names=dims,
         )
-        array.attrs["long_name"] = meaning
+        array.attrs.update(units=unit, long_name=meaning)
 
 
-def add_array(group: "zarr.Group", name: str, dims: tuple[str, ...], values: np.ndarray) -> None:
-    """Write a whole array at once."""
+def add_array(
+    group: "zarr.Group", name: str, dims: tuple[str, ...], values: np.ndarray, unit: str, meaning: str
+) -> None:
+    """Write a whole array at once, with the attributes `units` and `long_name`."""
     dtype: Any = str if values.dtype == object else values.dtype
     array = group.create_array(name, shape=values.shape, dtype=dtype, dimension_names=dims)
     array[...] = values
+    array.attrs.update(units=unit, long_name=meaning)
 
 
 def add_shared(
@@ -161,11 +164,10 @@ def add_shared(
 ) -> None:
     """Write the arrays that all lanes of a cell share."""
     each = [cell_values(cell, variables, coords["time"]) for cell in cells]
-    for name, (dims, dtype, meaning, _) in variables.items():
+    for name, (dims, dtype, unit, meaning, _) in variables.items():
         shape = [len(coords[dim]) for dim in dims[1:]]
         whole = np.stack([pad_slots(one[name].astype(dtype), shape) for one in each])
-        add_array(group, name, dims, whole)
-        array_in(group, name).attrs["long_name"] = meaning
+        add_array(group, name, dims, whole, unit, meaning)
 
 
 def cell_values(cell: Cell, variables: Mapping[str, Variable], time: np.ndarray) -> dict[str, np.ndarray]:
@@ -188,7 +190,9 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
     for key, given in labels.items():
         values = np.array(given)
         names.append(f"{key}_name" if key in group else key)  # a swept attack beside the signal `attack`
-        add_array(group, names[-1], (dim,), values.astype(object) if values.dtype.kind in "UO" else values)
+        values = values.astype(object) if values.dtype.kind in "UO" else values
+        told = DIMENSIONS[key] if key in ("cell", "sample") else (naming.unit(key), naming.key_name(key))
+        add_array(group, names[-1], (dim,), values, *told)
     group.attrs["coordinates"] = " ".join(names)
 
 

@@ -16,30 +16,47 @@ CellLabel = str | int | float  # value of a swept key, as tables and coordinates
 
 
 class Variable(NamedTuple):
-    """An array of a store: its dimensions, type and meaning, and the engine's series that it holds."""
+    """An array of a store: its dimensions, type, unit and meaning, and the engine's series that it holds."""
 
     dims: tuple[str, ...]
     dtype: str
+    unit: str
     meaning: str
     series: str
 
 
 LANE_TIME = ("cell", "sample", "time")
 ERRORS = {
-    "tracking": Variable(LANE_TIME, "float32", "mean over vehicles of ‖y_i - y_0‖ [m]", "tracking"),
+    "tracking": Variable(LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - y_0‖", "tracking"),
     "disagreement": Variable(
-        LANE_TIME, "float32", "mean over vehicles of ‖y_i - Σ w_ij y_j‖ [m]", "disagreement"
+        LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
     ),
 }
 TRAJECTORIES = {
-    "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "[m, m, rad, m/s, rad/s, m/s²]", "state"),
-    "attack": Variable(
-        (*LANE_TIME, "vehicle", "axis"), "float64", "signal of each attacked vehicle [m]", "attack"
+    "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"),
+    "inputs": Variable(
+        (*LANE_TIME, "vehicle", "input"), "float64", "", "control inputs u_i of the vehicles", "inputs"
     ),
-    "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "weights in force", "kept"),
+    "attack": Variable(
+        (*LANE_TIME, "vehicle", "axis"), "float64", "m", "signal of each attacked vehicle", "attack"
+    ),
+    "kept": Variable((*LANE_TIME, "slot", "vehicle"), "float32", "1", "weights in force", "kept"),
 }
-NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "y_0 [m]", "navigator")
-HEARD_SOURCES = Variable(("cell", "slot", "vehicle"), "int32", "whom a vehicle hears in a slot", "sources")
+NAVIGATOR = Variable(("cell", "time", "axis"), "float64", "m", "position y_0 of the navigator", "navigator")
+HEARD_SOURCES = Variable(
+    ("cell", "slot", "vehicle"), "int32", "1", "whom a vehicle hears in a slot", "sources"
+)
+DIMENSIONS = {  # unit and meaning of the labels along each dimension
+    "cell": ("1", "number of the cell"),
+    "sample": ("1", "number of the sample"),
+    "lane": ("1", "number of the lane in this store"),
+    "time": ("s", "time"),
+    "vehicle": ("1", "number of the vehicle"),
+    "slot": ("1", "number of the slot"),
+    "axis": ("", "axis of the plane"),
+    "state": ("", "name of the state"),
+    "input": ("", "name of the input"),
+}
 
 
 def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
@@ -54,6 +71,7 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
         "slot": np.arange(slots_of(cells)),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),
+        "input": np.array(scenario.vehicle.inputs, dtype=object),
     }
 
 
@@ -126,9 +144,17 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
-    """Return the arrays of a trajectory; `kept` only where a defence decides."""
-    decides = any(cell.scenario.defence.decides for cell in cells)
-    return {name: variable for name, variable in TRAJECTORIES.items() if decides or name != "kept"}
+    """Return the arrays of a trajectory; `kept` only where a defence decides.
+
+    States and inputs have one unit for each of their labels, separated by commas.
+    """
+    decides, vehicle = any(cell.scenario.defence.decides for cell in cells), cells[0].scenario.vehicle
+    units = {"states": ", ".join(vehicle.units), "inputs": ", ".join(vehicle.input_units)}
+    return {
+        name: variable._replace(unit=units.get(name, variable.unit))
+        for name, variable in TRAJECTORIES.items()
+        if decides or name != "kept"
+    }
 
 
 def series_of(variables: Mapping[str, Variable]) -> tuple[str, ...]:

@@ -34,8 +34,21 @@ class Results:
     config: Path | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
-        """Return one line with the path."""
-        return f"Results({str(self.path)!r})"
+        """Return one line with the path, or with the study of results in memory."""
+        if not self.in_memory:
+            return f"Results({str(self.path)!r})"
+        study = self.study
+        return f"Results({study.config.name!r}, cells={len(study.cells)}, lanes={len(self.lanes)}, in memory)"
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether the results live in the memory of this process alone."""
+        return self.path.protocol == "memory"
+
+    @property
+    def place(self) -> str:
+        """Path of the folder as messages name it; "the study in memory" without a folder."""
+        return "the study in memory" if self.in_memory else str(self.path)
 
     @cached_property
     def study(self) -> Study:
@@ -47,7 +60,7 @@ class Results:
         if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
             refuse_edited(Folder(self.path), study.config)
         for name in changed_modules(Folder(self.path), study.config):
-            warnings.warn(f"{name} was changed since the rows in {self.path} were made", stacklevel=2)
+            warnings.warn(f"{name} was changed since the rows in {self.place} were made", stacklevel=2)
         return study
 
     def code_places(self) -> Iterator[Path]:
@@ -198,7 +211,7 @@ class Results:
             The run is unfinished.
         """
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
-            raise FolderError(f"{self.path} holds an unfinished run: the command that began it goes on")
+            raise FolderError(f"{self.place} holds an unfinished run: the command that began it goes on")
         table = read_table(self.path / "cells.csv")
         if missing := {"lanes", "ok", "failed"} - {*table.columns}:
             raise FolderError(f"{self.path}/cells.csv is not a table of ours (no column {min(missing)})")
@@ -251,12 +264,14 @@ class Results:
         """
         file = self.file(name)
         if not file.exists():
-            remedy = remedy or f"jaxnet fit {self.path} makes it, or Results.fit()"
-            raise FolderError(f"{self.path} has no {name}: {remedy}")
+            made = "Results.fit() makes it"
+            if not self.in_memory:
+                made = f"jaxnet fit {self.path} makes it, or Results.fit()"
+            raise FolderError(f"{self.place} has no {name}: {remedy or made}")
         return read_table(file)
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
-        """Return the shell command that simulates one lane again.
+        """Return the shell command that simulates one lane again, or Python's call for results in memory.
 
         Parameters
         ----------
@@ -271,6 +286,8 @@ class Results:
             The command, quoted for a shell.
         """
         cell, sample = whole_number("cell", cell), whole_number("sample", sample)
+        if self.in_memory:
+            return f"results.replay({cell}, {sample}{f', {engine!r}' if engine else ''})"
         words = ["jaxnet", "replay", str(self.path), "--cell", str(cell), "--sample", str(sample)]
         return shlex.join(words + (["--engine", engine] if engine else []))
 
@@ -317,7 +334,7 @@ class Results:
             The study did not save these arrays.
         """
         if not (self.path / name).exists():
-            raise FolderError(f"{self.path} has no {name}: run it with {remedy}")
+            raise FolderError(f"{self.place} has no {name}: run it with {remedy}")
         return arrays_at(self.path / name)
 
 
@@ -388,8 +405,15 @@ def open_folder(
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
-    if out is None:
-        return Results(folder.path, None, trust, config)
+    found = Results(folder.path, None, trust, config)
+    return found if out is None else written_into(found, out)
+
+
+def written_into(results: Results, out: str | Path | UPath) -> Results:
+    """Return results whose fits, figures, replays and report are written into another folder.
+
+    Raises FolderError if the folder holds files made of other rows.
+    """
     made = Folder(out)
-    admit_made(made, folder.manifest)
-    return Results(folder.path, made, trust, config)
+    admit_made(made, results.manifest)
+    return Results(results.path, made, results.trust, results.config)

@@ -186,8 +186,8 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:
     ends = None
     if statistic == "mean" and end == "mean":
         ends = interval_ends(rows[f"{metric.name}_low"], rows[f"{metric.name}_high"])
-    title = f"{words} [{metric.unit}]" if metric.unit else words
-    return Column(name, title, latex_title(told, metric.unit), rows[name].tolist(), ends)
+    title = f"{words} [{metric.column_unit}]" if metric.column_unit else words
+    return Column(name, title, latex_title(told, metric.column_unit), rows[name].tolist(), ends)
 
 
 def interval_ends(low: Any, high: Any) -> tuple[list[float], list[float]] | None:

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from jaxnet.kinds.protocols import FleetView
 from jaxnet.outside import modules, provenance
+from jaxnet.outside.modules import KindError
 
+Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
+OverTime = Literal["mean", "max", "min", "sum", "integral"]
 
 
 @dataclass(frozen=True)
@@ -22,24 +25,45 @@ class Metric:
     name
         Name of the column.
     unit
-        Unit, such as "m/s".
+        Unit of the numbers that `of` returns, such as "m/s".
     of
         Function from an observation to one number for each vehicle, (m, lanes).
     over
         Output times: those of the whole run, or of the tail.
-    time, vehicles
-        Reductions: "mean", "max" or "min".
+    time
+        Reduction over the output times: "mean", "max", "min", "sum", or "integral" by the trapezoidal rule.
+    vehicles
+        Reduction over the vehicles: "mean", "max" or "min".
     words
         Meaning of the metric in tables and on axes.
+
+    Raises
+    ------
+    KindError
+        `over`, `time` or `vehicles` is none of these.
     """
 
     name: str  # name of the column
     unit: str
     of: Callable[["FleetView"], Any]
-    over: Literal["run", "tail"] = "run"
-    time: Reduction = "max"
+    over: Over = "run"
+    time: OverTime = "max"
     vehicles: Reduction = "max"
     words: str = ""  # meaning, for tables and axes
+
+    def __post_init__(self) -> None:
+        """Raise KindError for an unknown reduction."""
+        allowed = {"over": get_args(Over), "time": get_args(OverTime), "vehicles": get_args(Reduction)}
+        for field, known in allowed.items():
+            if (given := getattr(self, field)) not in known:
+                raise KindError(f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})")
+
+    @property
+    def column_unit(self) -> str:
+        """Unit of the column: an integral over time has the metric's unit times seconds."""
+        if self.time != "integral":
+            return self.unit
+        return f"{self.unit}·s" if self.unit else "s"
 
     def __reduce__(self) -> tuple[Callable[..., "Metric"], tuple[object, ...]]:
         """Pickle the file of the metric with its hash, so that another process loads the same metric."""

@@ -27,6 +27,8 @@ class Vehicle(Kind):
 
     states: ClassVar[tuple[str, ...]]  # names; the first four are x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
+    inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
+    input_units: ClassVar[tuple[str, str]] = ("", "")
 
     def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
         """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""

@@ -29,6 +29,8 @@ class Car(Vehicle):
     kind = "car"
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
     units = ("m", "m", "rad", "m/s", "rad", "m/s²")
+    inputs = ("acceleration_rate", "steering_rate")
+    input_units = ("m/s³", "rad/s")
 
     wheelbase: Positive = Field(default=0.5, description="[m], from axle to axle")
 

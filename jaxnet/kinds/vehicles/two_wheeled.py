@@ -22,6 +22,8 @@ class TwoWheeled(Vehicle):
     kind = "two_wheeled"
     states = ("x", "y", "heading", "speed", "turn_rate", "force")
     units = ("m", "m", "rad", "m/s", "rad/s", "m/s²")
+    inputs = ("force_rate", "angular_acceleration")
+    input_units = ("m/s³", "rad/s²")
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
         """Return position, velocity `v h` and acceleration `F h + v ω n`."""

@@ -197,7 +197,7 @@ class Plots:
 def refuse_unsearched(results: Results) -> None:
     """Raise LackingError if the folder holds no results of a search."""
     if results.study.config.search is None or not (results.path / "worst.csv").exists():
-        raise LackingError(f"{results.path} has no worst.csv: jaxnet search CONFIG makes it")
+        raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
 
 
 def cells_and_width(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:
@@ -212,7 +212,7 @@ def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], widt
     found = curves(results, cells)
     if reason := no_magnitudes(found):
         remedy = "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"
-        raise LackingError(f"{results.path}: {reason.removesuffix('.')}: {remedy}")
+        raise LackingError(f"{results.place}: {reason.removesuffix('.')}: {remedy}")
     return ultimate.ultimate_figure(found, metric, width)
 
 
@@ -234,7 +234,7 @@ def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], widt
     wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
     if not wanted.any():
         raise LackingError(
-            f"{results.path} has no {SENSITIVITY_FILE} of {metric} in these cells:"
+            f"{results.place} has no {SENSITIVITY_FILE} of {metric} in these cells:"
             " jaxnet sensitivity makes it"
         )
     return sensitivity.sensitivity_figure(table[wanted], cells, width)
@@ -247,7 +247,7 @@ def has_store(results: Results, name: str) -> bool:
 
 def lacking_error(results: Results, what: str, remedy: str) -> LackingError:
     """Return the error that names the lacking data and the remedy."""
-    return LackingError(f"{results.path} has no {what}: run the study with {remedy}")
+    return LackingError(f"{results.place} has no {what}: run the study with {remedy}")
 
 
 def draw_figures(

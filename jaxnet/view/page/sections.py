@@ -281,11 +281,15 @@ def lanes_section(results: Results) -> Section:
         row: Any = ended.loc[ended["tail_mean"].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
-    report = escape(shlex.join(["jaxnet", "report", str(results.path)]))
-    again = escape(results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0"))
+    if results.in_memory:
+        again, report = "results.replay(C, S)", "results.report(DIR)"
+    else:
+        report = escape(shlex.join(["jaxnet", "report", str(results.path)]))
+        again = escape(results.replay_command(0, 0).removesuffix(" --cell 0 --sample 0"))
+        again += " --cell C --sample S"
     note = (
         f"<p>{check.count(len(found), 'lane')} of the {many:,} whose trajectories are stored. Any other:"
-        f" <code>{again} --cell C --sample S</code>, then <code>{report}</code>. {CHOICE_OF_LANES}</p>"
+        f" <code>{again}</code>, then <code>{report}</code>. {CHOICE_OF_LANES}</p>"
     )
     return Section("lanes", name, note + PLOT_PLACE, found)
 
@@ -336,4 +340,6 @@ def lanes_listed(rows: pd.DataFrame, count: int) -> str:
 
 def fit_command(results: Results) -> str:
     """Return the command that writes fits, bounds and violations, escaped for HTML."""
+    if results.in_memory:
+        return "results.fit()"
     return escape(shlex.join(["jaxnet", "fit", str(results.path)]))

@@ -157,7 +157,7 @@ def summary_html(results: Results) -> str:
     except FolderError as error:
         return f"<p>{escape(str(error))}</p>"
     lanes = results.manifest["lanes"]
-    name = "" if results.path.protocol == "memory" else f"{results.path}: "
+    name = "" if results.in_memory else f"{results.path}: "
     head = f"{name}{lanes['ok']:,} of {lanes['total']:,} lanes ok, {lanes['failed']:,} failed"
     table = pd.DataFrame({each.title: each.texts() for each in shown}).to_html(
         index=False, max_rows=MOST_ROWS, border=0

@@ -39,7 +39,7 @@ def metric_unit(results: Results) -> str:
     """Return the unit of the maximised metric; empty for a share."""
     config = results.study.config
     assert config.search is not None
-    return {each.name: each.unit for each in config.measured()}.get(config.search.maximise, "")
+    return {each.name: each.column_unit for each in config.measured()}.get(config.search.maximise, "")
 
 
 def worst_rows(results: Results) -> pd.DataFrame:
