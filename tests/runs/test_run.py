@@ -385,7 +385,7 @@ def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
 
 def test_no_lane_to_be_chosen(config, tmp_path):
     """Where all have failed: the store is there, and has none."""
-    keys = {"initial": {"speed": 0.0}, "sweep": {}, "save.trajectories": {"worst": 1}}
+    keys = {"engine": {"max_steps": 1}, "sweep": {}, "save.trajectories": {"worst": 1}}
     results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
     assert results.trajectories["states"].shape == (0, 21, 12, 6)
     panels.panels_figure(results, results.study.cells, trajectories=True, errors=False)
