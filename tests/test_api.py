@@ -292,9 +292,7 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
     monkeypatch.setattr(fits, "RESAMPLES", 50)  # the intervals are tested elsewhere
     monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # and so are the lanes shown
-    with pytest.raises(
-        FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"
-    ):
+    with pytest.raises(FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"):
         _ = results.bounds
     table = results.fit()
     assert {"model", "estimate"} <= set(table)
@@ -376,7 +374,7 @@ def test_a_figure_without_data_says_what_gives_them(tmp_path):
 
 def test_results_are_shown_in_few_words(results):
     """In a line, and in a notebook with lanes, failures and the summary."""
-    assert repr(results) == f"Results('{results.path}')"
+    assert repr(results) == "Results('study', cells=2, lanes=4, in memory)"
     html = results._repr_html_()
     assert "4 of 4 lanes ok, 0 failed" in html
     assert html.count("<tr") == 3
