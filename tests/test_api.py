@@ -3,6 +3,7 @@
 import doctest
 import gc
 import importlib
+import inspect
 import io
 import os
 import pydoc
@@ -19,6 +20,7 @@ from upath import UPath
 
 import jaxnet
 from jaxnet import ConfigError, FolderError, KindError
+from jaxnet.cli import main
 from jaxnet.config.study import native
 from jaxnet.kinds.attacks.sinusoid import Sinusoid
 from jaxnet.kinds.defences.w_msr import WMSR
@@ -302,6 +304,14 @@ def test_results_are_fitted_and_reported(results, monkeypatch):
     assert page.read_text().startswith("<!DOCTYPE html>")
     drawn = {path.stem for path in (results.path / "figures").iterdir()}
     assert drawn == {*every.FIGURE_NAMES} - NOT_HERE
+
+
+def test_run_and_search_take_the_same_arguments():
+    """By name, order and default, in Python; options of the command line too, but for parts of a run."""
+    run, search = (inspect.signature(each).parameters.values() for each in (jaxnet.run, jaxnet.search))
+    assert [(each.name, each.default) for each in run] == [(each.name, each.default) for each in search]
+    options = [[each.name for each in main.commands[name].params] for name in ("run", "search")]
+    assert [name for name in options[0] if name not in ("strict", "shard")] == options[1]
 
 
 def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeypatch):

@@ -12,13 +12,14 @@ from jaxnet.api.writing import AnyPath
 from jaxnet.lazy import LazyModule
 from jaxnet.runs.cache import enable
 from jaxnet.store import results as stored
+from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Part, arrays_at, whole_number
 
 if TYPE_CHECKING:
     import xarray
 
     from jaxnet.runs import replay as replays
-    from jaxnet.store import matlab
+    from jaxnet.store import matlab, tidy
     from jaxnet.view.figures import every as figures
     from jaxnet.view.text import tables
 else:
@@ -26,6 +27,7 @@ else:
     matlab = LazyModule("jaxnet.store.matlab")
     replays = LazyModule("jaxnet.runs.replay")
     tables = LazyModule("jaxnet.view.text.tables")
+    tidy = LazyModule("jaxnet.store.tidy")
 
 __all__ = ["Part", "Replay", "Results", "open"]
 
@@ -189,25 +191,33 @@ class Results(stored.Results):
         """
         return writing.write_film(self, whole_number("cell", cell), whole_number("sample", sample), out)
 
-    def export(self, out: AnyPath | None = None) -> UPath:
-        """Write a file for MATLAB and Octave.
+    def export(self, out: AnyPath | None = None, form: str = "mat") -> UPath:
+        """Write a file for MATLAB and Octave, or the trajectories as CSV for pandas, R and Excel.
 
         Parameters
         ----------
         out
-            File name that ends in .mat; None is `results.mat` in the folder.
+            File name that ends in .mat, None for `results.mat` in the folder; or the folder of the CSV files,
+            None for `csv` in the folder.
+        form
+            "mat", or "csv": a file for each stored lane, with a row for each time and vehicle.
 
         Returns
         -------
         UPath
-            Path of the file.
+            Path of the file, or of the folder of the CSV files.
 
         Raises
         ------
         FolderError
-            A variable of the file would exceed 2 GB.
+            A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, or `form` is
+            another.
         """
-        return matlab.write_mat(self, out)
+        if form == "mat":
+            return matlab.write_mat(self, out)
+        if form == "csv":
+            return tidy.write_csv(self, out)
+        raise FolderError(f"form: one of mat, csv (got {form!r})")
 
     @property
     def plot(self) -> "figures.Plots":

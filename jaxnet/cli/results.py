@@ -253,14 +253,24 @@ def neighbour_of(folder: str, name: str) -> "UPath":
 @click.option(
     "--mat", is_flag=False, flag_value="", help="A file for MATLAB.  [default: results.mat in RESULTS]"
 )
-def export(results: str, mat: str | None) -> None:
-    """Write results for other programs: --mat [FILE], for MATLAB and Octave.
+@click.option(
+    "--csv",
+    metavar="DIR",
+    is_flag=False,
+    flag_value="",
+    help="A folder of CSV files of the trajectories.  [default: csv in RESULTS]",
+)
+def export(results: str, mat: str | None, csv: str | None) -> None:
+    """Write results for other programs: --mat [FILE] for MATLAB and Octave, --csv [DIR] for R and Excel.
 
-    It has a structure of columns for the lanes and one for the cells, what is swept, and errors and
-    trajectories where they are stored. Everything else is readable as it is: CSV, Parquet and Zarr.
+    The file for MATLAB has a structure of columns for the lanes and one for the cells, what is swept, and
+    errors and trajectories where they are stored. CSV has a file for each stored trajectory, with a row for
+    each time and vehicle. Everything else is readable as it is: CSV, Parquet and Zarr.
     """
-    if mat is None:
-        raise click.UsageError("say for which program: --mat")
+    chosen = {form: out for form, out in (("mat", mat), ("csv", csv)) if out is not None}
+    if not chosen:
+        raise click.UsageError("say for which program: --mat or --csv")
     with user_errors():
-        path = jaxnet.open(results).export(mat or None)
-        click.echo(f"wrote {path}", err=True)
+        opened = jaxnet.open(results)
+        for form, out in chosen.items():
+            click.echo(f"wrote {opened.export(out or None, form)}", err=True)

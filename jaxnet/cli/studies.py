@@ -52,6 +52,27 @@ def takes_config(command: C) -> C:
     return command
 
 
+machine_options = [
+    click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]"),
+    click.option(
+        "--chunk",
+        type=click.IntRange(1),
+        help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
+    ),
+    click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among."),
+    click.option(
+        "--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder."
+    ),
+]
+
+
+def takes_machines(command: C) -> C:
+    """Add the options that say where lanes are simulated."""
+    for option in reversed(machine_options):
+        command = option(command)
+    return command
+
+
 class ShardOf(click.ParamType):
     """`i/n`: shards i, i + n, i + 2n, … counted from 0."""
 
@@ -129,14 +150,7 @@ def parse_numbers(words: str) -> list[float]:
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
 @click.option("--strict", is_flag=True, help="Exit with status 3 if any lane failed.")
-@click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
-@click.option(
-    "--chunk",
-    type=click.IntRange(1),
-    help="Lanes advanced side by side; changes rows by rounding.  [default: what suits the engine]",
-)
-@click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
-@click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
+@takes_machines
 @click.option(
     "--shard",
     type=ShardOf(),
@@ -185,15 +199,14 @@ def run_command(
     "--out", metavar="DIR", type=click.Path(), help="Results folder or URL.  [default: results/NAME]"
 )
 @click.option("--fresh", is_flag=True, help="Throw away what the folder holds of earlier results.")
-@click.option("--devices", type=click.IntRange(1), help="Cores, or accelerators, to use.  [default: all]")
-@click.option("--workers", type=click.IntRange(1), help="Processes to part the cores among.")
-@click.option("--cluster", metavar="tcp://…", help="A dask scheduler whose workers see the results folder.")
+@takes_machines
 def search_command(
     config: Path,
     overrides: tuple[str, ...],
     out: str | None,
     fresh: bool,
     devices: int | None,
+    chunk: int | None,
     workers: int | None,
     cluster: str | None,
 ) -> None:
@@ -205,11 +218,10 @@ def search_command(
     """
     with user_errors():
         study = writing.with_random_lanes(jaxnet.load(config, overrides))
-        results = jaxnet.run(study, out, fresh, True, devices, None, workers, cluster)
+        machines = devices, chunk, workers, cluster
+        results = jaxnet.run(study, out, fresh, True, *machines)
         with progress.report_steps() as told:
-            files = [
-                str(file) for file in writing.write_search(results, told, devices, None, workers, cluster)
-            ]
+            files = [str(file) for file in writing.write_search(results, told, *machines)]
         click.echo(worst.search_text(results))
         click.echo("\n".join(f"wrote {file}" for file in files), err=True)
 

@@ -1,0 +1,90 @@
+"""CSV files of trajectories hold what the arrays hold, and every array tells its unit."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import jaxnet
+from jaxnet import FolderError
+from jaxnet.cli import main
+
+KEYS = {
+    "samples": 2,
+    "horizon": 0.4,
+    "tail": 0.2,
+    "engine": "exact",
+    "vehicles": 3,
+    "topology": "star",
+    "attack": {"vehicles": [2]},
+    "sweep": {"attack.magnitude": [1, 5.5], "defence": ["none", "trusted_trim"]},
+}
+ARRAYS = ("states", "state", ""), ("inputs", "input", ""), ("attack", "axis", "attack_")
+
+
+@pytest.mark.parametrize("saved", ["all", {"samples": [1]}], ids=["all", "chosen"])
+def test_csv_files_read_back_equal_the_arrays(tmp_path, saved):
+    """To the last bit, lane by lane, with the swept values in columns."""
+    results = jaxnet.simulate(KEYS | {"save": {"trajectories": saved}}, progress=False)
+    folder = results.export(tmp_path / "csv", form="csv")
+    samples = [0, 1] if saved == "all" else [1]
+    names = {f"cell-{cell}-sample-{sample}.csv" for cell in range(4) for sample in samples}
+    assert {path.name for path in folder.iterdir()} == names
+    for path in folder.iterdir():
+        table = pd.read_csv(path, keep_default_na=False)
+        (cell,), (sample,) = table["cell"].unique(), table["sample"].unique()
+        assert path.stem == f"cell-{cell}-sample-{sample}"
+        labels = results.study.cells[cell].labels
+        assert all((table[key] == value).all() for key, value in labels.items())
+        lane = lane_of(results.trajectories, cell, sample)
+        read = table.set_index(["time", "vehicle"]).to_xarray()
+        for array, dim, before in ARRAYS:
+            for label in lane[dim].values:
+                known = lane[array].sel({dim: label}).transpose("time", "vehicle").values
+                np.testing.assert_array_equal(read[f"{before}{label}"].values, known)
+        for axis in ("x", "y"):
+            known = lane["navigator"].sel(axis=axis).values
+            np.testing.assert_array_equal(read[f"navigator_{axis}"].values, np.tile(known[:, None], 3))
+
+
+def lane_of(data, cell, sample):
+    """The trajectory of a lane in a store of either layout."""
+    if "lane" not in data.dims:
+        return data.sel(cell=cell, sample=sample)
+    return data.isel(lane=int(np.flatnonzero((data["cell"] == cell) & (data["sample"] == sample))[0]))
+
+
+def test_the_command_writes_csv_and_says_what_is_missing(tmp_path):
+    """Into RESULTS/csv, or a folder; MATLAB's file as before; an unknown form is refused."""
+    results = jaxnet.run(KEYS | {"save": {"trajectories": "all"}}, tmp_path / "run", progress=False)
+    done = CliRunner().invoke(main, ["export", str(results.path), "--csv"])
+    assert done.exit_code == 0, done.output
+    assert len(list((tmp_path / "run" / "csv").glob("*.csv"))) == 8
+    done = CliRunner().invoke(main, ["export", str(results.path), "--csv", str(tmp_path / "mine"), "--mat"])
+    assert done.exit_code == 0, done.output
+    assert len(list((tmp_path / "mine").glob("*.csv"))) == 8
+    assert (tmp_path / "run" / "results.mat").exists()
+    with pytest.raises(FolderError, match=r"^form: one of mat, csv \(got 'xls'\)$"):
+        results.export(form="xls")
+    bare = jaxnet.simulate(KEYS, progress=False)
+    with pytest.raises(FolderError, match=r"the study in memory has no trajectories.zarr: run it with save"):
+        bare.export(tmp_path / "none", form="csv")
+
+
+@pytest.mark.parametrize("saved", ["all", {"worst": 1}], ids=["all", "chosen"])
+def test_every_array_tells_its_unit_and_meaning(saved):
+    """Variables, coordinates and swept keys; states and inputs one unit for each label."""
+    car = {"vehicle": "car", "save": {"errors": True, "trajectories": saved}}
+    results = jaxnet.simulate(KEYS | car, progress=False)
+    for data in (results.errors, results.trajectories):
+        for name, array in data.variables.items():
+            if name != "lane" or array.attrs:  # the index of chosen lanes is xarray's own
+                assert {"units", "long_name"} <= set(array.attrs), name
+        assert data["time"].attrs["units"] == "s"
+        assert data["attack.magnitude"].attrs == {"units": "m", "long_name": "attack magnitude"}
+    assert results.errors["tracking"].attrs["units"] == "m"
+    units = {
+        dim: results.trajectories[name].attrs["units"]
+        for name, dim in (("states", "state"), ("inputs", "input"))
+    }
+    assert units == {"state": "m, m, rad, m/s, rad, m/s²", "input": "m/s³, rad/s"}
