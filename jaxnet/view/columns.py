@@ -5,14 +5,16 @@ carries both ends of its interval, where `cells.csv` has them.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
+from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
-from jaxnet.config.naming import own_name, quantity, unit, value_alone
+from jaxnet.config.naming import MAGNITUDE, own_name, quantity, unit, value_alone
 from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
 from jaxnet.store.folder import FolderError
@@ -138,6 +140,8 @@ def summary_columns(
     swept = [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     study = results.study.config
     wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table)
+    if not names and (reduced := reduced_amplitudes(cells)):
+        swept.append(amplitude_column(cells, reduced))
     return [numbers, *swept, *(statistic_column(each, rows, study) for each in wanted if each not in keys)]
 
 
@@ -167,6 +171,12 @@ def key_column(key: str, labels: Iterable[Any]) -> Column:
     name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
     words = latex_title(name or quantity(key).partition(" [")[0], unit(key))
     return Column(key, quantity(key), words, list(labels), key=key)
+
+
+def amplitude_column(cells: Sequence[Cell], reduced: Mapping[int, float]) -> Column:
+    """Return the distance by which attacks shift positions, below ā where they are fast."""
+    values = [reduced.get(cell.number, magnitude_of(cell)) for cell in cells]
+    return Column("amplitude", "attack amplitude [m]", "amplitude [m]", values, key=MAGNITUDE)
 
 
 def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:

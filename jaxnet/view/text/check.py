@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
+from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import Situation, is_ideal, safe_in, situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
@@ -18,6 +19,7 @@ from jaxnet.model.graph import Digraph, Links, Row, dense
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
+from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
 from jaxnet.theory import announced, certificate, robustness, rounds
@@ -37,7 +39,9 @@ ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off
 
 def check_text(study: Study) -> str:
     """Return the whole report."""
-    parts = [study_head(study), cell_list(study.cells), *network_texts(study.cells), guarantees(study.cells)]
+    amplitude = wrap_lines(amplitude_note(study.cells))
+    parts = [study_head(study), cell_list(study.cells), amplitude]
+    parts += [*network_texts(study.cells), guarantees(study.cells)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -112,7 +116,7 @@ def cell_list(cells: Sequence[Cell]) -> str:
         return "\n".join(cell_title(cell, terminal_width()) for cell in cells)
     lines, longest = [], max(map(len, cells[0].labels))
     for key in cells[0].labels:
-        values = list(dict.fromkeys(str(cell.labels[key]) for cell in cells))
+        values = list(dict.fromkeys(format_value(cell.labels[key]) for cell in cells))
         if len(values) > MOST_SWEPT_VALUES:
             values = [*values[: MOST_SWEPT_VALUES - 1], f"… {values[-1]} ({len(values)} values)"]
         lines.append(f"  {key:<{longest}}  {', '.join(values)}")
@@ -368,7 +372,7 @@ def vehicles_text(vehicles: Vehicles) -> str:
 
 
 def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
-    """Return a line on attacked sets that break safety, and on the number of further attackers."""
+    """Return a line on the attacked sets, and the numbers of further attackers, that leave no proof."""
 
     def safe(attacked: list[int]) -> Vehicles:
         reasons = safe_in(scenario, graph, scenario.attack.on(attacked).attacked_links(graph))
@@ -379,12 +383,12 @@ def margin_lines(scenario: Scenario, graph: Digraph) -> dict[str, str]:
     for i, sets in zip(everyone, found.sets, strict=True):
         if any(sets):
             by.setdefault(" or ".join(map(set_text, sets)), []).append(i)
-    words = [f"{ranges(those)} by {sets} alone" for sets, those in by.items()]
+    words = [f"for {ranges(those)} with {sets} alone" for sets, those in by.items()]
     for more in np.unique(found.further[found.further > 0]).tolist():
         far = f"no {certificate.MOST_TRIED}" if more > certificate.MOST_TRIED else str(more)
-        words.append(f"{vehicles_text(found.further == more)} by {far} more")
+        words.append(f"for {vehicles_text(found.further == more)} with {far} more")
     words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
-    return {"broken": "; ".join(words)} if words else {}
+    return {"proof ends": "; ".join(words)} if words else {}
 
 
 def set_text(vehicles: Sequence[int]) -> str:

@@ -13,6 +13,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Sequential
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics import recovery
+from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
@@ -118,6 +119,8 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes += blank_interval_lines(results) if "tail_mean_mean" in names else []
     if "unrecovered" in names and config.recovery is not None:
         notes.append(f"unrecovered: mean error over the tail > {config.recovery.tau:g} ā")
+    if "amplitude" in names:
+        notes.append(amplitude_note(results.study.cells))
     if "tail_max_max" in names:
         notes += greatest_lines(results)
     return notes + caveat_lines(results.study.cells)
