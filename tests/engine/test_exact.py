@@ -1,27 +1,22 @@
 """The exact engine against the independent tick-by-tick program, and against the nonlinear engine."""
 
 import numpy as np
-import pytest
 
 from tests import systems
-from tests.engine.test_exactness import RANDOM_GRAPH, exact
+from tests.engine.test_exactness import RANDOM_GRAPH, UNTRIMMED, exact
 
 TOPOLOGIES = ["star", "cyclic", "path"]
 
 
-@pytest.mark.parametrize("kind", ["sinusoid"])
-def test_attacked_without_trimming_is_exact(kind):
-    """O2 at every output time, to rounding; four graphs and two gains."""
-    signal = {"kind": kind, "magnitude": 4.0}
-    if kind != "rotating":
-        signal["direction"] = {"uniform": [0, 6.28]}
-    sweep = {"gain": [[1, 3, 3], [6, 11, 6]], "topology": [*TOPOLOGIES, RANDOM_GRAPH]}
-    one = systems.lanes(systems.study(engine="exact", defence="none", attack=signal, sweep=sweep), 1)
-    outcome = systems.simulate(one)
-    assert (outcome.status == 0).all()
-    for number, states in enumerate(outcome.series["state"]):
-        known = exact(one, number, 0.1, 300)["positions"]
-        assert np.abs(states[:, :, :2] - known).max() <= 1e-9
+def test_attacked_without_trimming_is_exact():
+    """O2 at every output time, to rounding; four graphs, two gains and three attacks."""
+    for keys in UNTRIMMED:
+        one = systems.lanes(systems.study(engine="exact", defence="none", **keys), 1)
+        outcome = systems.simulate(one)
+        assert (outcome.status == 0).all()
+        for number, states in enumerate(outcome.series["state"]):
+            known = exact(one, number, 0.1, 300)["positions"]
+            assert np.abs(states[:, :, :2] - known).max() <= 1e-9
 
 
 def test_trimming_at_ticks_decides_and_moves_as_the_reference():

@@ -12,6 +12,25 @@ RANDOM_GRAPH = {
         [i, j, 1.0 + (5 * i + 3 * j) % 7] for i in range(1, 13) for j in {0, i % 12 + 1, (5 * i) % 13} - {i}
     ],
 }
+DIRECTION = {"uniform": [0, 6.28]}
+UNTRIMMED = [
+    {
+        "attack": {"kind": "bias", "magnitude": 4.0, "direction": DIRECTION},
+        "gain": [6, 11, 6],
+        "sweep": {"topology": ["star", "cyclic"]},
+    },
+    {
+        "attack": {"kind": "sinusoid", "magnitude": 4.0, "direction": DIRECTION},
+        "gain": [1, 3, 3],
+        "sweep": {"topology": ["path", RANDOM_GRAPH]},
+    },
+    {
+        "attack": {"kind": "rotating", "magnitude": 4.0},
+        "sweep": {"topology": ["cyclic", RANDOM_GRAPH], "gain": [[1, 3, 3], [6, 11, 6]]},
+    },
+]
+FIGURE1 = {"vehicles": 5, "topology": "figure1"}
+FIGURE1["attack"] = {"kind": "rotating", "magnitude": 4.0, "vehicles": [1, 4]}
 INSTANTS = np.arange(301) * 0.1
 
 
@@ -66,20 +85,10 @@ def test_nominal_tracking_is_exact_and_the_same_in_every_topology():
     np.testing.assert_allclose(path, star, atol=5e-6, rtol=0)
 
 
-@pytest.mark.parametrize("kind", ["bias", "sinusoid", "rotating"])
-@pytest.mark.parametrize("fleet", ["twelve", "figure1"])
-def test_attacked_without_trimming(kind, fleet):
+@pytest.mark.parametrize("keys", [*UNTRIMMED, FIGURE1])
+def test_attacked_without_trimming(keys):
     """O2: star, path, cyclic, a weighted digraph and Fig. 1, two gains, to 1e-5 m at every output time."""
-    signal = {"kind": kind, "magnitude": 4.0}
-    if kind != "rotating":
-        signal["direction"] = {"uniform": [0, 6.28]}
-    keys = {"defence": "none", "attack": signal, "sweep": {"gain": [[1, 3, 3], [6, 11, 6]]}}
-    if fleet == "figure1":
-        signal["vehicles"] = [1, 4]
-        keys |= {"topology": "figure1", "vehicles": 5}
-    else:
-        keys["sweep"]["topology"] = [*TOPOLOGIES, RANDOM_GRAPH]
-    one = systems.lanes(systems.study(**keys), 1)
+    one = systems.lanes(systems.study(defence="none", **keys), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == 0).all()
     for number, states in enumerate(outcome.series["state"]):
@@ -87,13 +96,10 @@ def test_attacked_without_trimming(kind, fleet):
         assert np.abs(states[:, :, :2] - known).max() <= 1e-5
 
 
-@pytest.fixture(scope="module", params=["bias", "rotating"])
-def trimmed(request):
+@pytest.fixture(scope="module")
+def trimmed():
     """Trimmed cyclic lanes with an output time at each tick, and the tick-by-tick reference of each."""
-    signal = {"kind": request.param, "magnitude": 5.0}
-    if request.param == "bias":
-        signal["direction"] = {"uniform": [0, 6.28]}
-    given = systems.study(attack=signal, output_step=0.05)
+    given = systems.study(attack={"kind": "rotating", "magnitude": 5.0}, output_step=0.05)
     one = systems.lanes(given, 4)
     outcome = systems.simulate(one)
     count = one.size

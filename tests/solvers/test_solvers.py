@@ -251,14 +251,14 @@ def test_the_residual_tells_a_cut_whatever_the_weights(name, seed):
     np.testing.assert_array_equal(solution[..., 0], clean[..., 0])
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 12, 24, 29, 50, 96])
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 12, 29, 96])
 def test_eliminates_as_numpy_solves(n):
     """Of every size: few rows at once, a remainder, and matrices so large that done columns wait."""
     rng = np.random.default_rng(n)
     matrix = rng.uniform(-1.0, 0.0, (n, n, 2, 3)) * (~np.eye(n, dtype=bool))[:, :, None, None]
     matrix -= np.eye(n)[:, :, None, None] * (matrix.sum(axis=1, keepdims=True) - 0.1)
     right = rng.normal(size=(n, 4, 2, 3))
-    found = elimination.eliminated(jnp.asarray(np.concatenate([matrix, right], axis=1)))
+    found = jax.jit(elimination.eliminated)(jnp.asarray(np.concatenate([matrix, right], axis=1)))
     expected = np.linalg.solve(*(np.moveaxis(each, (2, 3), (0, 1)) for each in (matrix, right)))
     np.testing.assert_allclose(found, np.moveaxis(expected, (0, 1), (2, 3)), rtol=1e-10, atol=1e-10)
 

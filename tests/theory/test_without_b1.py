@@ -12,13 +12,8 @@ RULES = [
     {"kind": "trusted_trim", "theta": {1: 1, 2: 1}, "trusted": {1: [2], 2: [1]}},
     {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "noise": 0.1},
     {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "filter": 1.0},
-    {"kind": "clipping"},
-    {"kind": "geometric_median"},
-    {"kind": "coordinate_median"},
     {"kind": "centerpoint"},
-    {"kind": "ms_norm"},
     {"kind": "w_msr"},
-    {"kind": "trust"},
 ]
 
 

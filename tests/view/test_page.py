@@ -15,10 +15,12 @@ import jaxnet
 from jaxnet.model import wording
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
+from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import all_bands
+from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.results import Results
 from jaxnet.view import page
-from jaxnet.view.figures import bands, style, ultimate, unrecovered
+from jaxnet.view.figures import bands, style, ultimate
 from jaxnet.view.figures import every as figures
 from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
@@ -39,6 +41,7 @@ def folder(tmp_path_factory):
             "attack.magnitude": [0, 1, 10],
         },
         save={"errors": True, "trajectories": "all"},
+        recovery={"tau": 0.01},
     )
     results = jaxnet.run(study, tmp_path_factory.mktemp("page") / "out")
     replay(results, 5, 2)
@@ -88,11 +91,15 @@ def rows_of(text: str) -> list[list[float]]:
 def test_the_summary_has_the_numbers_of_cells_csv(folder, html):
     """All cells, in full precision."""
     stored = pd.read_csv(folder / "cells.csv")
-    columns = ["attack.magnitude", "ok", "failed", "unrecovered", "unrecovered_low", "unrecovered_high"]
-    columns += [f"tail_mean_{name}" for name in ("mean", "low", "high", "median", "q95")] + ["tail_max_max"]
-    shown = np.array(rows_of(section(html, "summary")))
+    stored["unrecovered"] *= 100
+    columns = ["attack.magnitude", "unrecovered", "tail_mean_mean", "tail_mean_median", "tail_mean_q95"]
+    text = section(html, "summary")
+    shown = np.array(rows_of(text))
     np.testing.assert_array_equal(shown[:, 0], range(6))
-    np.testing.assert_array_equal(shown[:, 1:], stored[columns])
+    np.testing.assert_array_equal(shown[:, 1:], stored[[*columns, "tail_max_max"]])
+    low, high = stored.loc[1, ["tail_mean_low", "tail_mean_high"]]
+    assert f"<small>[{low:.3g}, {high:.3g}]</small>" in text
+    assert "All cells: ok 3, failed 0." in text
 
 
 def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str]:
@@ -118,7 +125,7 @@ def told(tmp_path, errors, failed=(), cells=(), bounds=None, **keys) -> list[str
 
 def test_the_page_begins_with_what_was_found(html):
     """Before all else, in words; names of cells are text."""
-    assert re.search(r'<section id="(.*?)"', html)[1] == "findings"
+    assert re.findall(r'<section id="(.*?)"', html)[:2] == ["answer", "findings"]
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
     assert "No lane failed, of 18." in text
     assert "least, 25 % (95 % interval 15 to 25 %) in star, ā\xa0=\xa01\xa0m (cell 1)" in text
@@ -199,10 +206,9 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     text = page.write_page(jaxnet.open(copy)).read_text()
     shown = cells_of(section(text, "summary"))
     zero = "0 (rounding)"
-    assert [row[8] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
-    assert {row[9] for row in shown} == {zero}
-    assert {row[6] for row in shown} == {"1e-12"}
-    assert rows_of(section(text, "summary"))[0][7] == 2e-10
+    assert [row[4].split(" <")[0] for row in shown] == [zero, "2e-09", zero, "2e-09", zero, "1.1e-08"]
+    assert [row[7] for row in shown][:3] == [zero] * 3
+    assert rows_of(section(text, "summary"))[0][3] == 2e-10
     star, ring = cells_of(section(text, "ultimate"))
     assert star[1:6] == [zero] * 5
     assert ring[2] == "7"
@@ -285,9 +291,6 @@ def test_figures_for_paper_show_the_same(folder):
     heights = [line.get_ydata().tolist() for line in star.lines]
     assert heights[:4] == [[7.25, 72.5], [12, 120], [40, 400], [3.5, 35]]
     assert heights[-1] == results.cells["tail_max_max"][1:3].tolist()
-    drawn = unrecovered.unrecovered_figure(results, results.study.cells, found)
-    shares = [panel.lines[0].get_ydata().tolist() for panel in drawn.axes]
-    assert shares == [[25, 50], [75, 100]]
     over_time = bands.bands_figure(results.study.cells, all_bands(results))
     assert [len(panel.lines) for panel in over_time.axes] == [6, 6]
     assert [text.get_text() for text in over_time.legends[0].get_texts()][:3] == [
@@ -297,20 +300,30 @@ def test_figures_for_paper_show_the_same(folder):
     ]
 
 
-def test_shares_of_cells_where_no_size_is_swept(folder):
-    """A row a cell that has a share, named by what is swept."""
-    drawn = plots.unrecovered_rows_data(jaxnet.open(folder))
-    assert [row["unrecovered"] for row in drawn["panels"]] == [0.25, 0.5, 0.75, 1.0]
-    assert [row["cells"] for row in drawn["panels"]] == [[1], [2], [4], [5]]
-    assert drawn["panels"][2]["title"] == f"{HOSTILE}, ā\xa0=\xa01\xa0m"
+def test_the_answer_has_the_numbers_of_the_cells(folder):
+    """A point a cell: its share in percent with its interval, numbers across, kinds in colours."""
+    results = jaxnet.open(folder)
+    cells = results.study.cells
+    drawn = plots.curve_data(quantity_of(results, cells, "unrecovered"), choose_axes(cells), cells)
+    assert (drawn["x"]["label"], drawn["hue"]) == ("attack magnitude ā [m]", "topology")
+    (panel,) = drawn["panels"]
+    points = {
+        cell: (x, value)
+        for series in panel["series"]
+        for cell, x, value in zip(series["cells"], series["x"], series["value"], strict=True)
+    }
+    assert points == {0: (0, None), 1: (1, 25), 2: (10, 50), 3: (0, None), 4: (1, 75), 5: (10, 100)}
+    rows = plots.curve_data(quantity_of(results, cells, "tail_max"), choose_axes(cells, x="topology"), cells)
+    assert rows["x"]["names"] == ["star", HOSTILE]
+    assert [each["x"] for each in rows["panels"][0]["series"]] == [[0, 1]] * 3
 
 
 def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
     with mpl.rc_context(style.PRINT_STYLE):
         results = jaxnet.open(folder)
-        drawn = unrecovered.rows_figure(results, results.study.cells)
-        paths = list(figures.save_figure(results, "shares", drawn))
+        drawn = figures.Plots(results).tails()
+        paths = list(figures.save_figure(results, "tails", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
@@ -324,7 +337,7 @@ def test_missing_files_leave_their_sections_out(folder, tmp_path):
     )
     text = page.write_page(jaxnet.open(bare)).read_text()
     assert 'id="bands"' not in text
-    assert 'id="unrecovered"' not in text
+    assert 'id="answer"' not in text
     command = unescape(section(text, "violations"))
     assert f"jaxnet fit '{bare}'" in command
     assert "jaxnet replay" in section(text, "lanes")
@@ -371,7 +384,7 @@ FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1400, "light")])
 def test_every_plot_is_drawn_and_nothing_overflows(opened, width, scheme):
-    """Two groups' curves, six cells' bands, two groups' shares, a lane's three; text is read on its own
+    """The answer, two groups' curves, six cells' bands, a lane's three; text is read on its own
     ground; nothing hinders who sees or points otherwise (axe-core).
     """
     from axe_playwright_python.sync_playwright import Axe
@@ -381,7 +394,7 @@ def test_every_plot_is_drawn_and_nothing_overflows(opened, width, scheme):
     points = shown.eval_on_selector_all(
         ".plot", "plots => plots.map(p => p.querySelectorAll('.main-svg :is(.trace path, image)').length)"
     )
-    assert len(points) == 2 + 6 + 2 + 3
+    assert len(points) == 1 + 2 + 6 + 3
     assert min(points) > 0
     assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
     assert Axe().run(shown, {"exclude": [[".main-svg"]]}).response["violations"] == []
@@ -403,7 +416,7 @@ def levels(colour: str) -> list[int]:
 def test_the_table_sorts(opened):
     """Numbers as numbers, by mouse and by keyboard, and the header says so."""
     shown = opened(1400, "light")
-    column = shown.locator("#summary th", has_text="attack.magnitude")
+    column = shown.locator("#summary th", has_text="attack magnitude")
 
     def values():
         return [float(text) for text in shown.locator("#summary td:nth-child(3)").all_inner_texts()]
@@ -415,10 +428,10 @@ def test_the_table_sorts(opened):
     column.locator("button").press("Enter")
     assert values() == [10, 10, 1, 1, 0, 0]
     assert column.get_attribute("aria-sort") == "descending"
-    share = shown.locator("#summary th", has_text="share low").locator("button")
+    share = shown.locator("#summary th", has_text="unrecovered").locator("button")
     share.click()
-    low = shown.locator("#summary td:nth-child(7)").all_inner_texts()
-    assert low[-2:] == ["–", "–"]
+    shares = shown.locator("#summary td:nth-child(4)").all_inner_texts()
+    assert shares[-2:] == ["–", "–"]
 
 
 def lane_shown(shown, path):
@@ -519,7 +532,9 @@ def test_lanes_say_why_they_are_shown(folder, monkeypatch):
     from jaxnet.runs import watched
 
     results = jaxnet.open(folder)
-    each = watched.watched(results)
+    with monkeypatch.context() as without:
+        without.setattr(watched, "worst_of", lambda results: [])
+        each = watched.watched(results)
     assert len(each) == 18  # the one that is replayed besides being stored counts once
     for cell, mine in results.lanes.sort_values("tail_mean").groupby("cell"):
         why = {one.sample: one.why for one in each if one.cell == cell}
@@ -630,7 +645,7 @@ def test_the_choice_shows_just_its_cells(opened):
     shown.reload()
     assert numbers_of(shown, "#summary") == [2]
     size.select_option("ā\xa0=\xa00\xa0m", force=True)
-    assert "nothing to draw of these cells" in shown.locator("#unrecovered output").inner_text()
+    assert "nothing to draw of these cells" in shown.locator("#ultimate output").inner_text()
     shown.locator(".filter summary").click()
     shown.locator(".filter button").click()
     assert numbers_of(shown, "#summary") == [0, 1, 2, 3, 4, 5]

@@ -83,7 +83,7 @@ function plotOf(title, figure, rows, classes = "") {
   menu.addEventListener("keydown", (event) => {
     if (event.key === "Escape") menu.open = false, menu.firstChild.focus();
   });
-  return element("div", { class: "panel" }, element("div", { class: "head" }, element("h3", {}, title), menu), place);
+  return element("div", { class: "panel" }, element("div", { class: "head" }, ...(title ? [element("h3", {}, title)] : []), menu), place);
 }
 addEventListener("click", (event) => {
   for (const menu of document.querySelectorAll(".menu[open]")) if (!menu.contains(event.target)) menu.open = false;

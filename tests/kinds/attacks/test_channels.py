@@ -20,8 +20,8 @@ ADDING = {
 REPLACING = {"replay": {"delay": DELAY}, "freeze": {}}
 LIARS, EARS = ("neighbour", "cyclic", 1), ("navigator", "cyclic", 0)  # channel, topology, sybils
 CASES = [(kind, threat, *EARS) for kind in ADDING for threat in ("adds", "replaces")]
-CASES += [(kind, "replaces", *EARS) for kind in REPLACING] + [("freeze", "replaces", "navigator", "star", 0)]
-CASES += [(kind, "replaces", *LIARS) for kind in ADDING | REPLACING]
+CASES += [("replay", "replaces", *EARS), ("freeze", "replaces", "navigator", "star", 0)]
+CASES += [(kind, "replaces", *LIARS) for kind in ("bias", "mimic", "replay")]
 
 
 def attacked_links(channel, weights):

@@ -49,9 +49,9 @@ def test_it_is_the_rule_of_the_paper(f):
                 assert decision[axis, :, i, lane].tolist() == known
 
 
-@pytest.mark.parametrize("topology", ["cyclic", {"kind": "random_regular", "degree": 5, "seed": 2}])
-def test_both_engines_agree(topology):
+def test_both_engines_agree():
     """States to 1e-6 and the same switches, and somebody is dropped on one axis alone."""
+    topology = {"kind": "random_regular", "degree": 5, "seed": 2}
     keys = {"defence": "w_msr", "topology": topology, "horizon": 5.0, "tail": 1.0, "output_step": 0.05}
     exact, nonlinear = (
         systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))

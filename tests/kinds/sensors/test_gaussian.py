@@ -18,7 +18,7 @@ def drive_variance(sizes):
     return (GAIN**2 * np.array([sizes.get(key, 0.0) for key in SIZES]) ** 2).sum()
 
 
-@pytest.mark.parametrize("sizes", [{"velocity": 0.1}, SIZES], ids=str)
+@pytest.mark.parametrize("sizes", [{"acceleration": 0.1}, SIZES], ids=str)
 def test_the_variance_of_the_error_is_that_of_the_theory(sizes):
     """Inside its 99 % interval. Vehicles tell what they sense, so that their errors are independent."""
     study = systems.study(sensing=sizes, horizon=30.0, output_step=30.0, **QUIET)
@@ -37,7 +37,7 @@ def test_noise_does_not_depend_on_the_weights():
     """Star and ring draw the same noise, and end at the same places."""
     ends = []
     for topology in ("star", "cyclic"):
-        keys = QUIET | {"topology": topology, "horizon": 3.0, "tail": 1.0}
+        keys = QUIET | {"topology": topology, "vehicles": 4, "horizon": 3.0, "tail": 1.0}
         ends.append(systems.simulate(systems.lanes(systems.study(sensing=SIZES, **keys), 2)).series["state"])
     np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
 
