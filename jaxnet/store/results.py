@@ -37,8 +37,8 @@ class Results:
         """Return one line with the path, or with the study of results in memory."""
         if not self.in_memory:
             return f"Results({str(self.path)!r})"
-        study = self.study
-        return f"Results({study.config.name!r}, cells={len(study.cells)}, lanes={len(self.lanes)}, in memory)"
+        study, lanes = self.study, self.manifest["lanes"]["total"]
+        return f"Results({study.config.name!r}, cells={len(study.cells)}, lanes={lanes}, in memory)"
 
     @property
     def in_memory(self) -> bool:

@@ -28,7 +28,7 @@ def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
     """
     folder = Folder(results.folder.path / "csv" if out is None else out)
     for cell, sample, lane in stored_lanes_of(results):
-        table = tidy_lane(results.study.cells[cell], sample, lane)
+        table = trajectory_table(results.study.cells[cell], sample, lane)
         folder.put(
             f"cell-{cell}-sample-{sample}.csv", lambda file, table=table: table.to_csv(file, index=False)
         )
@@ -48,7 +48,7 @@ def stored_lanes_of(results: Results) -> "Iterator[tuple[int, int, xr.Dataset]]"
             yield int(cell), int(sample), data.sel(cell=cell, sample=sample)
 
 
-def tidy_lane(cell: Cell, sample: int, lane: "xr.Dataset") -> pd.DataFrame:
+def trajectory_table(cell: Cell, sample: int, lane: "xr.Dataset") -> pd.DataFrame:
     """Return the trajectory of one lane as a table."""
     time, vehicles = lane["time"].values, lane["vehicle"].values
     columns: dict[str, object] = {"cell": cell.number, "sample": sample, **cell.labels}
