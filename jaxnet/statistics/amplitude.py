@@ -75,13 +75,13 @@ def reduced_amplitudes(cells: Sequence[Cell]) -> dict[int, float]:
     return {
         cell.number: found[cell.number]
         for cell in cells
-        if cell.scenario.attack.present and found[cell.number] < (1 - 1e-12) * magnitude_of(cell)
+        if found[cell.number] < (1 - 1e-12) * magnitude_of(cell)
     }
 
 
 def magnitude_of(cell: Cell) -> float:
-    """Return ā of a cell [m]; not-a-number where ā is drawn."""
-    amount = cell.scenario.attack.amplitude()
+    """Return ā of a cell [m]; not-a-number where ā is drawn or not known."""
+    amount = known_or(np.nan, lambda: cell.scenario.attack.amplitude())
     return float(amount) if isinstance(amount, int | float) else np.nan
 
 
