@@ -148,7 +148,6 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         assert {j for _, j in said} == set(wanted)
         assert len(said) == 4
     assert "attacked: 2 drawn for each lane" in networks.networks_html(study.cells)
-    assert "rotating on 2 drawn for each lane in what they transmit" in networks.study_sentences(study)
     assert "rotating on 2 drawn for each lane in what they transmit" in check.check_text(study)
 
 

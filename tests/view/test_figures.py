@@ -279,19 +279,6 @@ def test_a_large_fleet_is_shown_by_its_matrix():
     assert "densities" not in networks.networks_html(small.cells)
 
 
-def test_words_of_a_study_tell_noise_and_losses():
-    """With their numbers where there are any, and not at all where there are none."""
-    base = {"name": "words", "sensing": {"position": 0.1}, "channel": {"loss": {"kind": "bernoulli"}}}
-    base["channel"]["loss"]["probability"] = 0.2
-    sweep = {"channel.loss.probability": [0, 0.2]}
-    told = networks.study_sentences(jaxnet.load(base | {"sweep": sweep}))
-    assert "Errors of sensors: gaussian, position = 0.1." in told
-    assert "Lost messages: none or bernoulli, probability = 0.2." in told
-    plain = networks.study_sentences(jaxnet.load({"name": "words"}))
-    assert "Errors of sensors" not in plain
-    assert "Lost messages" not in plain
-
-
 def test_a_dollar_in_a_label_is_a_dollar():
     """Neither mathematics nor an error, and on the page the label itself."""
     star = {"kind": "star", "label": "costs $5_{$"}

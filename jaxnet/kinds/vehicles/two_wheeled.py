@@ -20,6 +20,7 @@ class TwoWheeled(Vehicle):
     """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v = 0."""
 
     kind = "two_wheeled"
+    words = "two-wheeled"
     states = ("x", "y", "heading", "speed", "turn_rate", "force")
     units = ("m", "m", "rad", "m/s", "rad/s", "m/s²")
     inputs = ("force_rate", "angular_acceleration")

@@ -1,78 +1,20 @@
-"""Summary of a study in words, and drawings of its networks."""
+"""Drawings of the networks of a study."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
-from jaxnet.config.study import Study
-from jaxnet.config.wording import value_text
-from jaxnet.kinds.kind import Kind
 from jaxnet.model.wording import count
-from jaxnet.statistics.curves import magnitude_words
 from jaxnet.view.figures.adjacency import too_large
-from jaxnet.view.figures.panels import attacked_vehicles, topology_name
+from jaxnet.view.figures.panels import attacked_vehicles
 from jaxnet.view.figures.topology import graph_caption, link_names, most_attacked, source_positions
 
 MOST_DRAWN = 6
-MOST_ALTERNATIVES = 6
 NODE_RADIUS = 11.0  # greatest radius, where vehicles stand on a circle of 100
 ARROW_BEND = 0.15
-
-
-def study_sentences(study: Study) -> str:
-    """Return the study in a few sentences."""
-    cells = study.cells
-
-    def among(say: Callable[[Cell], str]) -> str:
-        found = list(dict.fromkeys(map(say, cells)))
-        others = [count(len(found) - MOST_ALTERNATIVES, "other")] if len(found) > MOST_ALTERNATIVES else []
-        return " or ".join(found[:MOST_ALTERNATIVES] + others)
-
-    held = any(cell.scenario.law.holds for cell in cells)
-    law = f" Law: {among(lambda cell: str(cell.labels.get('law', cell.scenario.law.kind)))}." if held else ""
-    sensing = among(lambda cell: kind_words(cell.scenario.sensing, cell.scenario.sensing.exact()))
-    losses = among(lambda cell: kind_words(cell.scenario.channel.loss, cell.scenario.channel.loss.perfect()))
-    world = {"Errors of sensors": sensing, "Lost messages": losses}
-    told = "".join(f" {what}: {words}." for what, words in world.items() if words != "none")
-    vehicles = among(lambda cell: count(cell.scenario.vehicles, f"{cell.scenario.vehicle.kind} vehicle"))
-    return (
-        f"{vehicles} follow a {among(lambda cell: cell.scenario.navigator.kind)} navigator"
-        f" for {among(lambda cell: f'{cell.scenario.horizon:g} s')}, from random starts."
-        f" Network: {among(topology_name)}. Attack: {among(attack_words)}; {among(magnitude_words)}."
-        f" Defence: {among(defence_words)}.{law}{told}"
-        f" The {among(lambda cell: cell.scenario.engine.reference())} engine follows them, with ticks"
-        f" {among(lambda cell: f'{cell.scenario.tick:g} s')} apart. The last"
-        f" {among(lambda cell: f'{cell.scenario.tail:g} s')} are the tail, from which errors are told."
-    )
-
-
-def attack_words(cell: Cell) -> str:
-    """Return the attack, the attacked vehicles, and whether they hear or transmit falsified signals."""
-    attack = cell.scenario.attack
-    if not attack.number() or attack.amplitude() == 0:
-        return "none"
-    from_navigator = situation_of(cell.scenario).attacked[:, 0].any()
-    where = "what they hear of the navigator" if from_navigator else "what they transmit"
-    caveat = f" ({attack.caveat()})" if attack.caveat() else ""
-    return f"{attack.describe()}{caveat} on {attack.whom()} in {where}"
-
-
-def defence_words(cell: Cell) -> str:
-    """Return the name of the defence and its parameter."""
-    defence = cell.scenario.defence
-    given = {"ϑ": getattr(defence, "theta", None), "F": getattr(defence, "F", None)}
-    told = [f"{symbol} = {value}" for symbol, value in given.items() if value is not None]
-    return ", ".join([str(cell.labels.get("defence", defence.label or defence.kind)), *told])
-
-
-def kind_words(kind: Kind, absent: bool) -> str:
-    """Return the name and the given keys of a sensor or a loss, or `none`."""
-    given = kind.model_dump(exclude_defaults=True).items()
-    told = [f"{key} = {value_text(value)}" for key, value in given if key not in ("kind", "label")]
-    return "none" if absent else ", ".join([kind.label or kind.reference(), *told])
 
 
 def networks_html(cells: Sequence[Cell]) -> str:

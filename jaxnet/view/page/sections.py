@@ -32,6 +32,7 @@ from jaxnet.store.results import Results, read_table
 from jaxnet.view import columns
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded_text, sortable_table
+from jaxnet.view.page.setting import setting_rows
 from jaxnet.view.text import check, tables, worst
 from jaxnet.view.text.sensitivity import SENSITIVITY_LEGEND
 
@@ -101,17 +102,8 @@ def findings_section(results: Results, found: list[Curve]) -> Section:
 def run_section(results: Results) -> Section:
     """Return the section on the study, the versions and the networks."""
     study, manifest = results.study, results.manifest
-    swept = study.cells[0].labels
-    values = {
-        "engine": study.config.engine.kind,
-        "horizon": f"{study.config.horizon:g} s",
-        "tick": f"{study.config.tick:g} s",
-        "tail": f"the last {study.config.tail:g} s",
-    }
-    values = {key: "swept" if key in swept else value for key, value in values.items()}
     versions = ", ".join(f"{package} {version}" for package, version in manifest["versions"].items())
-    values |= {
-        "swept": ", ".join(swept) or "nothing",
+    values = known_or({}, lambda: setting_rows(study)) | {
         "samples": f"{manifest['samples']:,} of each cell",
         "seed": str(manifest["seed"]),
         "versions": versions,
@@ -121,9 +113,8 @@ def run_section(results: Results) -> Section:
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
     certificates = known_or([], lambda: check.certificates(study.cells))
     body = (
-        f"<p>{escape(known_or('', lambda: networks.study_sentences(study)))}</p>"
+        f"<dl>{rows}</dl>"
         + known_or("", lambda: networks.networks_html(study.cells))
-        + f"<dl>{rows}</dl>"
         + folded_text("The study, every default written out", (results.path / "study.yaml").read_text())
         + folded_text(
             f"Certificates of {check.count(len(certificates), 'network')}", "\n\n".join(certificates)
