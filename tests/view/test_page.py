@@ -127,9 +127,10 @@ def test_the_page_begins_with_what_was_found(html):
     """Before all else, in words; names of cells are text."""
     assert re.findall(r'<section id="(.*?)"', html)[:2] == ["answer", "findings"]
     text = unescape(re.sub("<.*?>", "", section(html, "findings").replace(HOSTILE, "ring")))
-    assert "No lane failed, of 18." in text
-    assert "least, 25 % (95 % interval 15 to 25 %) in star, ā\xa0=\xa01\xa0m (cell 1)" in text
-    assert "greatest, 100 %" in text
+    assert "All 18 lanes came to their end; none failed." in text
+    assert "from 25 % (95 % interval 15 to 25 %) with star, ā\xa0=\xa01\xa0m (cell 1)" in text
+    assert " to 100 % (95 % interval 90 to 100 %) with " in text
+    assert "by topology, as the mean over cells (range): star 37.5 % (25 to 50 %); " in text
     assert "1 lane above a bound that claims to hold" in text
 
 
@@ -137,11 +138,26 @@ def test_findings_compare_errors_by_their_size(tmp_path):
     """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
-    assert "least, <b>0.5 ā</b>, in ā\xa0=\xa010\xa0m (cell 2); greatest, <b>2 ā</b>" in extremes
+    assert "from <b>0.5 ā</b> with ā\xa0=\xa010\xa0m (cell 2) to <b>2 ā</b> with" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
-        "3 samples of each cell: the mean of the worst cell per ā is 2 m, 95 % interval 1 to 3 m,"
-        " of 3 ok lanes."
+        "Each cell has 3 lanes. The greatest mean is 2 m (95 % interval 1 to 3 m), over 3 ok lanes."
+    )
+
+
+def test_findings_compare_the_values_of_a_kind(tmp_path):
+    """By the mean over their cells, the least first; by the share unrecovered where shares differ."""
+    sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 10]}
+    told_of_errors = told(tmp_path, [4.0, 20.0, 1.0, 20.0], sweep=sweep)
+    assert told_of_errors[1] == (
+        "Mean error over the tail by defence, as the mean over cells (range):"
+        " W-MSR <b>1.5 ā</b> (1 to 2 ā); no\xa0defence <b>3 ā</b> (2 to 4 ā)."
+    )
+    shares = {key: [0.5, 0.75, 1.0, 1.0] for key in curves.SHARE_COLUMNS}
+    told_of_shares = told(tmp_path, [4.0, 20.0, 1.0, 20.0], cells=shares, recovery={"tau": 0.1}, sweep=sweep)
+    assert told_of_shares[2] == (
+        "Lanes unrecovered by defence, as the mean over cells (range):"
+        " no\xa0defence <b>62.5 %</b> (50 to 75 %); W-MSR <b>100 %</b>."
     )
 
 
@@ -149,7 +165,7 @@ def test_findings_of_a_single_cell(tmp_path):
     """The tightest bound that is one, as the printed is not; no share and no interval that is not there."""
     nothing = {"tail_mean_high": [np.nan], "unrecovered": [np.nan]}
     given = {"static": 8.0, "peak_gain": 12.0, "lyapunov_printed": 1.0, "star_norm": np.inf}
-    extremes, _, share, bounds, sure = told(
+    share, extremes, _, bounds, sure = told(
         tmp_path,
         [20.0],
         cells=nothing | {key: [np.nan] for key in curves.SHARE_COLUMNS[1:]},
@@ -157,18 +173,18 @@ def test_findings_of_a_single_cell(tmp_path):
         recovery={"tau": 0.1},
         attack={"kind": "rotating", "magnitude": 10},
     )
-    assert extremes == "The tail's mean error, per ā, is <b>2 ā</b> in all lanes."
+    assert extremes == "The mean error over the tail is <b>2 ā</b> over all lanes."
     assert share == "No share unrecovered: no attacked lane came to its end."
-    assert bounds == "The tightest bound over the worst found is <b>2</b>: static, 8 ā, over 4 ā."
-    assert "the mean is 20 m, 10 m or more with 97.5 % confidence, of 3 ok lanes; no interval" in sure
+    assert bounds == ("The tightest bound, static, is <b>2 times</b> the worst error found: 8 ā over 4 ā.")
+    assert "The mean is 20 m (at least 10 m with 97.5 % confidence), over 3 ok lanes; no upper end" in sure
 
 
 def test_findings_where_nobody_is_attacked(tmp_path):
     """Errors are in metres, and rounding is told as such."""
     extremes, _, bounds, sure = told(tmp_path, [1e-12], attack="none")
-    assert extremes == "The tail's mean error is <b>0 (rounding) m</b> in all lanes."
+    assert extremes == "The mean error over the tail is <b>0 (rounding) m</b> over all lanes."
     assert "no cell has an attack of a fixed magnitude" in bounds
-    assert "the mean is 0 (rounding) m" in sure
+    assert "The mean is 0 (rounding) m" in sure
 
 
 def test_findings_where_every_lane_failed(tmp_path):
@@ -187,7 +203,7 @@ def test_a_worst_error_of_rounding_has_no_ratio(tmp_path):
     """A bound is not millions of times nothing."""
     attack = {"kind": "rotating", "magnitude": 10}
     *_, bounds, _ = told(tmp_path, [1e-9], bounds={"static": 1.0}, attack=attack)
-    assert bounds == "In 1 group the worst found is 0 (rounding)."
+    assert bounds == "In 1 group of cells the worst error is 0 (rounding)."
 
 
 def test_rounding_is_shown_as_such(folder, tmp_path):
@@ -213,7 +229,7 @@ def test_rounding_is_shown_as_such(folder, tmp_path):
     assert star[1:6] == [zero] * 5
     assert ring[2] == "7"
     assert "tightest bound" in (found := section(text, "findings"))
-    assert "In 1 group the worst found is 0 (rounding)." in found
+    assert "In 1 group of cells the worst error is 0 (rounding)." in found
 
 
 def cells_of(text: str) -> list[list[str]]:

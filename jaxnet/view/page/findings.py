@@ -8,27 +8,29 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.naming import labels_title
+from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
-from jaxnet.statistics.summary import NO_MEAN_INTERVAL
 from jaxnet.store.results import Results
 from jaxnet.view.page.elements import ROUNDING_ERROR, error_text
 from jaxnet.view.text.width import four_digits
 
 UNSOUND_BOUND = "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight
 
-AFTER_TRANSIENT = " (it is of what stays once the transient is over)"
+AFTER_TRANSIENT = "; the bound holds once the transient is over"
+NO_UPPER_END = "no upper end is known, for theory bounds not every lane"
+MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 
 def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
     """Return each finding as HTML; `fit` is the command that computes the bounds."""
     return [
-        extremes_sentence(results),
-        failures_sentence(results),
         *unrecovered_sentences(results),
-        tightest_sentence(results, found, fit),
+        extremes_sentence(results),
+        *kinds_sentences(results),
+        failures_sentence(results),
+        bounds_sentence(results, found, fit),
         certainty_sentence(results),
     ]
 
@@ -43,11 +45,15 @@ def errors_per_size(results: Results) -> tuple[pd.Series, str]:
     return (errors / known).dropna(), "ā"
 
 
-def cells_named_first(results: Results, numbers: Sequence[int]) -> str:
-    """Return the name of the first cell, and the number of further cells."""
+def where_words(results: Results, numbers: Sequence[int]) -> str:
+    """Return the swept values of the first cell, and the number of further cells."""
     labels = results.study.cells[numbers[0]].labels
-    more = f" and {count(len(numbers) - 1, 'other')}" if len(numbers) > 1 else ""
-    return f"{escape(labels_title(labels))} (cell {numbers[0]}){more}" if labels else "all lanes"
+    if not labels:
+        return "over all lanes"
+    if len(numbers) == len(results.study.cells):
+        return "in every cell"
+    more = f" and {count(len(numbers) - 1, 'other cell')}" if len(numbers) > 1 else ""
+    return f"with {escape(labels_title(labels))} (cell {numbers[0]}){more}"
 
 
 def extremes_sentence(results: Results) -> str:
@@ -60,22 +66,56 @@ def extremes_sentence(results: Results) -> str:
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
-    least, most = f"{error_text(errors.min())} {unit}", f"{error_text(errors.max())} {unit}"
-    head = f"The tail's mean error{', per ā,' if unit == 'ā' else ''} is"
-    if errors.min() == errors.max() or len(errors) == 1:
-        return f"{head} <b>{most}</b> in {cells_named_first(results, errors.index.tolist())}.{without}"
+    least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
+    head = "The mean error over the tail"
     best, worst = (
-        cells_named_first(results, errors.index[errors == end].tolist())
-        for end in (errors.min(), errors.max())
+        where_words(results, errors.index[errors == end].tolist()) for end in (errors.min(), errors.max())
     )
-    return f"{head} least, <b>{least}</b>, in {best}; greatest, <b>{most}</b>, in {worst}.{without}"
+    if errors.min() == errors.max():
+        return f"{head} is {most} {worst}.{without}"
+    return f"{head} ranges from {least} {best} to {most} {worst}.{without}"
+
+
+def kinds_sentences(results: Results) -> list[str]:
+    """Compare the values of each swept kind: the mean over cells, then the least and the greatest cell."""
+    values, unit = compared_values(results)
+    cells = results.study.cells
+    return [
+        kind_sentence(key, by_label, unit)
+        for key in cells[0].labels
+        if is_kind(key)
+        and len(by_label := values.groupby([cells[n].labels[key] for n in values.index], sort=False)) > 1
+    ]
+
+
+def compared_values(results: Results) -> tuple[pd.Series, str]:
+    """Return what cells are compared by, with its unit: the share unrecovered, else the mean tail error."""
+    shares: Any = unrecovered_shares(results)["unrecovered"]
+    if results.study.config.recovery is not None and shares.nunique() > 1:
+        return 100 * shares.astype(float), "%"
+    return errors_per_size(results)
+
+
+def kind_sentence(key: str, by_label: Any, unit: str) -> str:
+    """Compare the values of one swept kind, the least mean first."""
+    table = by_label.agg(["mean", "min", "max"]).sort_values("mean", kind="stable")
+    what = "Lanes unrecovered" if unit == "%" else "Mean error over the tail"
+    words = [
+        f"{escape(value_name(key, label))} <b>{error_text(mean)} {unit}</b>"
+        + (f" ({error_text(least)} to {error_text(most)} {unit})" if least < most else "")
+        for label, mean, least, most in table.head(MOST_COMPARED).itertuples()
+    ]
+    left = len(table) - len(words)
+    more = [f"{count(left, 'other')} above"] if left else []
+    told = "; ".join(words + more)
+    return f"{what} by {escape(key_name(key))}, as the mean over cells (range): {told}."
 
 
 def failures_sentence(results: Results) -> str:
     """State the number of failed lanes, by the kind of failure."""
     lanes = results.manifest["lanes"]
     if not lanes["failed"]:
-        return f"No lane failed, of {lanes['total']:,}."
+        return f"All {count(lanes['total'], 'lane')} came to their end; none failed."
     kinds = sum(failed_kinds(results).values(), Counter())
     return f"<b>{count(lanes['failed'], 'lane')} of {lanes['total']:,} failed</b>: {escape(counted(kinds))}."
 
@@ -86,51 +126,48 @@ def unrecovered_sentences(results: Results) -> list[str]:
     if found.empty:
         return [] if asked is None else ["No share unrecovered: no attacked lane came to its end."]
     confidence = 100 * recovery.confidence_told(results.study.config.samples)
-    above = "" if asked is None else f" (tail mean error above {asked.tau:g} ā)"
+    above = "" if asked is None else f" (mean error over the tail above {asked.tau:g} ā)"
     share: Any = found["unrecovered"]
 
     def at(end: float) -> str:
         numbers = [int(cell) for cell in share.index[share == end]]
         _, low, high = 100 * found.loc[numbers[0]]
         interval = f"{confidence:g} % interval {four_digits(low)} to {four_digits(high)} %"
-        return f"<b>{four_digits(100 * end)} %</b> ({interval}) in {cells_named_first(results, numbers)}"
+        return f"<b>{four_digits(100 * end)} %</b> ({interval}) {where_words(results, numbers)}"
 
-    head = f"The share of lanes unrecovered{above} is"
+    head = f"Lanes unrecovered{above}"
     if share.min() == share.max():
-        return [f"{head} {at(share.max())}."]
-    return [f"{head} least, {at(share.min())}; greatest, {at(share.max())}."]
+        return [f"{head}: {at(share.max())}."]
+    return [f"{head}: from {at(share.min())} to {at(share.max())}."]
 
 
-def tightest_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
+def bounds_sentence(results: Results, found: Sequence[Curve], fit: str) -> str:
     """State the least ratio of a bound to the worst error found."""
     if not found:
-        return "No bound to compare with: no cell has an attack of a fixed magnitude."
+        return "Bounds of theory: none to compare with, for no cell has an attack of a fixed magnitude."
     if not results.file("bounds.csv").exists():
         return f"Bounds are not fitted yet: <code>{fit}</code>"
-    over, of_rounding, silent = [], 0, 0
+    over, of_rounding = [], 0
     for curve in found:
         limits = {name: s for name, s in curve.limits("tail_max").items() if name != UNSOUND_BOUND}
         if limits and curve.worst >= ROUNDING_ERROR:
             name = min(limits, key=lambda each: limits[each])
             over.append((limits[name] / curve.worst, name, limits[name], curve))
-        elif curve.worst < ROUNDING_ERROR:
-            of_rounding += 1
-        else:
-            silent += 1
+        of_rounding += curve.worst < ROUNDING_ERROR
     words = []
     if over:
         ratio, name, slope, curve = min(over, key=lambda each: each[0])
-        where = f" in {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
+        where = f" with {escape(labels_title(curve.group.labels))}" if curve.group.labels else ""
         words.append(
-            f"The tightest bound over the worst found is <b>{four_digits(ratio)}</b>{where}:"
-            f" {BOUND_NAMES[name]}, {four_digits(slope)} ā, over {four_digits(curve.worst)} ā"
+            f"The tightest bound, {BOUND_NAMES[name]}, is <b>{four_digits(ratio)} times</b> the worst error"
+            f" found: {four_digits(slope)} ā over {four_digits(curve.worst)} ā{where}"
             f"{AFTER_TRANSIENT if ratio < 1 else ''}."
         )
     if of_rounding:
-        words.append(f"In {count(of_rounding, 'group')} the worst found is 0 (rounding).")
-    if silent:
-        words.append(f"{count(silent, 'group')} with no lane, or no bound, to compare.")
-    return " ".join([*words, *violated_sentences(results)])
+        words.append(f"In {count(of_rounding, 'group')} of cells the worst error is 0 (rounding).")
+    if silent := len(found) - len(over) - of_rounding:
+        words.append(f"No bound of theory applies to {silent} of {count(len(found), 'group')} of cells.")
+    return " ".join([*words, *(violated_sentences(results) if over or of_rounding else [])])
 
 
 def violated_sentences(results: Results) -> list[str]:
@@ -146,8 +183,8 @@ def violated_sentences(results: Results) -> list[str]:
 
 
 def certainty_sentence(results: Results) -> str:
-    """State the number of samples, and the interval of the worst cell's mean."""
-    samples = f"{count(results.manifest['samples'], 'sample')} of each cell"
+    """State the number of lanes of a cell, and the interval of the worst cell's mean."""
+    samples = f"Each cell has {count(results.manifest['samples'], 'lane')}"
     errors, _ = errors_per_size(results)
     if errors.empty:
         return f"{samples}."
@@ -157,10 +194,10 @@ def certainty_sentence(results: Results) -> str:
     mean, low, high = (
         error_text(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high")
     )
-    where = "the mean of the worst cell per ā" if len(errors) > 1 else "the mean"
+    where = "The greatest mean" if len(errors) > 1 else "The mean"
     lanes = count(int(worst["ok"]), "ok lane")
     if np.isnan(worst["tail_mean_high"]):
-        least = "" if np.isnan(worst["tail_mean_low"]) else f", {low} m or more with 97.5 % confidence"
-        return f"{samples}: {where} is {mean} m{least}, of {lanes}; {NO_MEAN_INTERVAL}."
+        least = "" if np.isnan(worst["tail_mean_low"]) else f" (at least {low} m with 97.5 % confidence)"
+        return f"{samples}. {where} is {mean} m{least}, over {lanes}; {NO_UPPER_END}."
     sure = 100 * recovery.confidence_told(results.study.config.samples)
-    return f"{samples}: {where} is {mean} m, {sure:g} % interval {low} to {high} m, of {lanes}."
+    return f"{samples}. {where} is {mean} m ({sure:g} % interval {low} to {high} m), over {lanes}."
