@@ -23,8 +23,9 @@ from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
 from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
+from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
-from jaxnet.statistics.reach import scenario_gain
+from jaxnet.statistics.reach import gap_of_theory, scenario_gain
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
@@ -32,10 +33,6 @@ from jaxnet.theory.bounds import Bound
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
 MOST_LIMITS = 2**24  # in memory at a time, over vehicles, times and lanes
-UNCHECKED = (
-    "their weights or gains are drawn, ā does not bound the attack, nothing is known of whom the defence"
-    " retains, the law is not solved at every instant, vehicles sense with errors, or messages are lost"
-)
 
 
 class Violation(NamedTuple):
@@ -82,10 +79,19 @@ def bounds_of(scenario: Scenario) -> dict[str, Bound]:
     return bounds.ultimate_bounds(reach, np.array(scenario.gain))
 
 
-def unchecked_cells(cells: Sequence[Cell]) -> list[int]:
-    """Return the numbers of the attacked cells that `violations_table` leaves out."""
-    attacked = [cell for cell in cells if cell.scenario.attack.present]
-    return [cell.number for cell in attacked if scenario_gain(cell.scenario) is None]
+def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
+    """Return the numbers of the attacked cells that `violations_table` leaves out, by reason."""
+    found: dict[str, list[int]] = {}
+    for cell in cells:
+        scenario = cell.scenario
+        if scenario.attack.present and (why := gap_of_theory(scenario, situation_of(scenario))):
+            found.setdefault(why, []).append(cell.number)
+    return found
+
+
+def unchecked_words(cells: Sequence[Cell]) -> str:
+    """Return the cells for which no bound is known, with the reasons; "" if there are none."""
+    return "; ".join(f"{cells_named(numbers)}: {why}" for why, numbers in unchecked_cells(cells).items())
 
 
 def violations_table(results: Results) -> pd.DataFrame:

@@ -4,7 +4,7 @@ The module imports no JAX, so that a config is checked at once.
 """
 
 from jaxnet.config.keys import Scenario
-from jaxnet.config.scenario import differs_by_lane, situation_of
+from jaxnet.config.scenario import Situation, differs_by_lane, is_ideal, situation_of
 from jaxnet.theory import spread
 from jaxnet.theory.spread import AttackGain
 
@@ -12,16 +12,28 @@ from jaxnet.theory.spread import AttackGain
 def scenario_gain(scenario: Scenario) -> AttackGain | None:
     """Return the gains γ of a scenario's network, by which bounds multiply ā.
 
-    None if they are unknown: the retained neighbours are unknown, or differ between lanes; ā does not bound
-    the attack; sources have several identities; or the law holds a jerk. If the attacked vehicles are drawn,
-    the gains are those of an attack on all vehicles.
+    None if they are unknown (`gap_of_theory` says why). If the attacked vehicles are drawn, the gains are
+    those of an attack on all vehicles.
     """
     known = situation_of(scenario)
-    if known.retained is None or differs_by_lane(scenario):
+    if gap_of_theory(scenario, known) or known.retained is None:
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
     attack = scenario.attack
-    if not attack.bounded or attack.identities() > 1 or scenario.law.holds:
-        return None
     smooth = attack.consistent() and not attack.strategic and not attack.splits()
     return spread.attack_gain(known.retained, known.attacked, carried, smooth, attack.falsified())
+
+
+def gap_of_theory(scenario: Scenario, known: Situation) -> str:
+    """Return why no bound is known for a scenario; "" if a bound is known."""
+    if not is_ideal(scenario):
+        return "vehicles sense with errors or messages are lost"
+    if differs_by_lane(scenario):
+        return "networks, weights or gains are drawn for each lane"
+    if not scenario.attack.bounded:
+        return "ā does not bound the attack"
+    if scenario.attack.identities() > 1:
+        return "attacked vehicles have several identities"
+    if scenario.law.holds:
+        return "the law holds the jerk between ticks"
+    return "" if known.retained is not None else "the defence may retain any neighbour"

@@ -197,3 +197,24 @@ def peak_gain(gain):
         total += abs(state[0]) * 1e-3
         state = flow @ state
     return (1 + sum(gain)) * total
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"sensing": {"position": 0.1}}, "vehicles sense with errors or messages are lost"),
+        ({"gain": [{"uniform": [1, 2]}, 3, 3]}, "networks, weights or gains are drawn for each lane"),
+        ({"attack": "freeze"}, "ā does not bound the attack"),
+        ({"attack": {"kind": "rotating", "sybils": 1}}, "attacked vehicles have several identities"),
+        ({"law": "rounds"}, "the law holds the jerk between ticks"),
+        ({"defence": "w_msr"}, "the defence may retain any neighbour"),
+    ],
+)
+def test_cells_without_a_bound_have_their_own_reason(keys, why):
+    """One reason a cell, and none for the cell that has a bound or no attack."""
+    key, value = next(iter(keys.items()))
+    plain = {"gain": [1, 3, 3], "attack": "none", "defence": "none"}.get(key)
+    assert bounds.unchecked_cells(systems.study(**keys).cells) == {why: [0]}
+    assert bounds.unchecked_words(systems.study(**keys).cells) == f"cell 0: {why}"
+    if plain is not None:
+        assert bounds.unchecked_words(systems.study(sweep={key: [plain, value]}).cells) == f"cell 1: {why}"

@@ -453,7 +453,7 @@ def test_the_table_sorts(opened):
 def lane_shown(shown, path):
     """Choose the lane of cell 5 and sample 2; what its store holds."""
     chosen = shown.locator("#lanes option", has_text="sample 2").filter(has_text="cell 5")
-    shown.locator("#lanes select").select_option(chosen.first.get_attribute("value"))
+    shown.locator("#lanes .lane").select_option(chosen.first.get_attribute("value"))
     shown.locator("#lanes .stage").scroll_into_view_if_needed()
     settle(shown)
     import xarray as xr
@@ -471,6 +471,8 @@ def test_the_slider_moves_the_vehicles(opened, folder):
     """At the start and at the end vehicles stand where the store has them, and heads as it has them."""
     shown = opened(1400, "light")
     lane = lane_shown(shown, folder)
+    shown.locator("#lanes .view").select_option("plane")
+    shown.locator("#lanes input").press("End")
     states, honest = lane["states"].values, [0, 2, 3, 5, 6, 8, 9, 11]
     np.testing.assert_allclose(drawn(shown, "vehicle"), states[-1, honest, :2], rtol=1e-5)
     ahead = "plot => plot.data.find(t => t.marker?.symbol === 'diamond-tall').marker.angle"
@@ -488,10 +490,26 @@ def test_the_slider_moves_the_vehicles(opened, folder):
     )
 
 
+def test_a_lane_opens_at_its_worst_around_the_navigator(opened, folder):
+    """At the output time of the last quarter at which a vehicle is farthest off; places are differences."""
+    shown = opened(1400, "light")
+    lane = lane_shown(shown, folder)
+    off = lane["states"].values[..., :2] - lane["navigator"].values[:, None]
+    worst = 8 + np.linalg.norm(off, axis=-1).max(axis=1)[8:].argmax()
+    assert shown.locator("#lanes input").input_value() == str(worst)
+    np.testing.assert_allclose(drawn(shown, "vehicle"), off[worst, [0, 2, 3, 5, 6, 8, 9, 11]], rtol=1e-4)
+    told = off[worst, [1, 4, 7, 10]] + lane["attack"].values[worst, [1, 4, 7, 10]]
+    np.testing.assert_allclose(drawn(shown, "place that is told"), told, rtol=1e-4)
+    np.testing.assert_array_equal(drawn(shown, "navigator"), [[0.0, 0.0]])
+    reach = shown.eval_on_selector("#lanes .plane", "plot => plot.layout.xaxis.range[1]")
+    assert reach >= 1.1 * np.abs(off[5:]).max()
+
+
 def test_what_is_told_and_retained_is_the_stores(opened, folder):
     """The place told is the true one and the attack; the raster and the links are those of `kept`."""
     shown = opened(1400, "light")
     stored = lane_shown(shown, folder)
+    shown.locator("#lanes .view").select_option("plane")
     for place in (0, 4, 10):
         shown.locator("#lanes input").fill(str(place))
         settle(shown)
@@ -655,7 +673,7 @@ def test_the_choice_shows_just_its_cells(opened):
     star.select_option("star")
     assert numbers_of(shown, "#summary") == [2]
     assert titles(shown, "#ultimate") == ["star"]
-    assert shown.locator("#lanes .stage option").count() == 3
+    assert shown.locator("#lanes .lane option").count() == 3
     assert shown.locator("#violations caption").inner_text() == "No row is about these cells."
     assert "Cells shown: 1 of 6" in shown.locator(".filter summary").inner_text()
     shown.reload()

@@ -1,6 +1,6 @@
 // One lane in motion: the plane, the errors and whom vehicles retain, at one time.
 const STEP = 80; // [ms] from frame to frame
-const MOST_DOTS = 150; // frames of which each is marked on the paths
+const MOST_CURVED = 150; // frames between which paths are curves
 const LANE_KEY = [
   { name: "navigator", look: { line: { color: "--black", dash: "2 3" }, marker: { symbol: "square-open", color: "--black" } } },
   { name: "vehicle", look: { line: { color: "--sky" }, marker: { symbol: "circle", color: "--blue" } } },
@@ -17,7 +17,7 @@ function unpacked(given) {
   const navigator = ["navigator_x", "navigator_y"].map((key) => floats(given[key]));
   const signal = floats(given.attack), bits = given.kept && bytes(given.kept), links = given.links.length;
   const lane = {
-    ...given, time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
+    ...given, axes: ["x [m]", "y [m]"], time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
     all: Array.from({ length: vehicles }, (_, n) => n + 1),
     isAttacked: (vehicle) => attacked.includes(vehicle),
     retained: (frame, link) => !bits || ((bits[(frame * links + link) >> 3] >> (7 - ((frame * links + link) & 7))) & 1) === 1,
@@ -49,13 +49,13 @@ function segments(pairs) {
 const points = (places) => ({ x: places.map(([x]) => x), y: places.map(([, y]) => y) });
 
 function trails(lane, frame) {
-  const dots = lane.time.length <= MOST_DOTS ? { mode: "lines+markers", marker: { size: 3 } } : { mode: "lines" };
+  const shape = lane.time.length <= MOST_CURVED ? "spline" : "linear";
   const path = (source) => Array.from({ length: frame + 1 }, (_, n) => lane.place(n, source));
-  const trail = (name, vehicles, line) => ({ name, ...segments(vehicles.map(path)), ...dots, line, hoverinfo: "skip", showlegend: false });
+  const trail = (name, vehicles, line) => ({ name, ...segments(vehicles.map(path)), mode: "lines", line: { ...line, shape }, hoverinfo: "skip", showlegend: false });
   const [honest, attacked] = [lane.all.filter((each) => !lane.isAttacked(each)), lane.attacked];
   return [
     { name: "navigator", x: lane.navigator[0], y: lane.navigator[1], mode: "lines", hoverinfo: "skip", showlegend: false,
-      line: { color: "--black", width: 1.5, dash: "2px,3px" } },
+      line: { color: "--black", width: 1.5, dash: "2px,3px", shape } },
     trail("vehicle", honest, { color: "--sky", width: 1.2 }),
     trail("attacked vehicle", attacked, { color: "--red", width: 1.4, dash: "6px,2px" }),
   ];
@@ -109,14 +109,35 @@ function fleetNow(lane, frame) {
   ];
 }
 
-function plane(lane, frame) {
+// The lane as the navigator sees it: all places relative to its own, as far as errors reach in the second half.
+function aroundNavigator(lane) {
+  const relative = (place) => (frame, source) => {
+    const [here, origin] = [place(frame, source), lane.place(frame, 0)];
+    return here.map((value, n) => value - origin[n]);
+  };
+  const told = relative(lane.told), late = Array.from(lane.time.keys()).filter((frame) => 2 * frame >= lane.time.length - 1);
+  const far = late.flatMap((frame) => [...lane.all.map((vehicle) => lane.error(frame, vehicle)),
+    ...lane.attacked.map((vehicle) => Math.hypot(...told(frame, vehicle)))]).filter(Number.isFinite);
+  const navigator = lane.navigator.map((each) => each.map(() => 0));
+  return { ...lane, place: relative(lane.place), speaks: relative(lane.speaks), told, navigator,
+    axes: ["x − x<sub>0</sub> [m]", "y − y<sub>0</sub> [m]"], reach: far.reduce((most, each) => Math.max(most, 1.15 * each), 1e-3) };
+}
+
+// The frame of the last quarter at which a vehicle is farthest off.
+function worstFrame(lane) {
+  const off = (frame) => Math.max(...lane.all.map((vehicle) => lane.error(frame, vehicle) || 0));
+  const late = Array.from(lane.time.keys()).slice(Math.floor(0.75 * lane.time.length));
+  return late.reduce((worst, frame) => (off(frame) > off(worst) ? frame : worst));
+}
+
+function positions(lane, frame) {
   const range = [-lane.reach, lane.reach];
   return {
     data: [...linksNow(lane, frame), ...trails(lane, frame), ...toldNow(lane, frame), ...fleetNow(lane, frame)],
     layout: {
-      xaxis: { range, title: { text: "x [m]" }, constrain: "domain" },
-      yaxis: { range: [...range], title: { text: "y [m]" }, scaleanchor: "x", constrain: "domain" },
-      margin: { l: 62, r: 12, t: 6, b: 48 }, uirevision: lane.label,
+      xaxis: { range, title: { text: lane.axes[0] }, constrain: "domain" },
+      yaxis: { range: [...range], title: { text: lane.axes[1] }, scaleanchor: "x", constrain: "domain" },
+      margin: { l: 62, r: 12, t: 6, b: 48 }, uirevision: lane.label + lane.axes,
     },
   };
 }
@@ -156,7 +177,7 @@ function raster(lane, frame) {
 
 // What is saved: paths with what is told, errors, and whom vehicles retain.
 const LANE_ROWS = {
-  plane: (lane) => [["time", "vehicle", "x", "y", "told_x", "told_y"], ...Array.from(lane.time).flatMap((time, n) => [0, ...lane.all].map((source) =>
+  positions: (lane) => [["time", "vehicle", "x", "y", "told_x", "told_y"], ...Array.from(lane.time).flatMap((time, n) => [0, ...lane.all].map((source) =>
     [time, source, ...lane.place(n, source), ...(lane.isAttacked(source) && !lane.heard_from_navigator ? lane.told(n, source) : [null, null])]))],
   errors: (lane) => [["time", ...lane.all.map((vehicle) => `vehicle ${vehicle}`)],
     ...Array.from(lane.time, (time, n) => [time, ...lane.all.map((vehicle) => lane.error(n, vehicle))])],
@@ -165,8 +186,8 @@ const LANE_ROWS = {
 };
 
 function showLanes(section, lanes) {
-  let lane, timer;
-  const hidden = new Set(), select = element("select"), command = element("code"), said = element("p"), again = element("p", {}, "This lane again: ", command);
+  let lane, seen, timer;
+  const hidden = new Set(), select = element("select", { class: "lane" }), command = element("code"), said = element("p"), again = element("p", {}, "This lane again: ", command);
   const slider = element("input", { type: "range", min: 0, value: 0, step: 1, "aria-label": "time" });
   const play = element("button", { type: "button" }, "Play"), clock = element("output");
   const frame = () => +slider.value;
@@ -174,7 +195,9 @@ function showLanes(section, lanes) {
     const { data, layout: given } = figure(lane, frame());
     return { data: visible(data, hidden), layout: layout(given) };
   }, () => rows(lane), classes);
-  const inPlane = panel("In the plane", plane, LANE_ROWS.plane, "plane");
+  const around = element("select", { class: "view", change: () => look() },
+    element("option", { value: "navigator" }, "around the navigator"), element("option", { value: "plane" }, "in the plane"));
+  const inPlane = panel("Positions", (_, now) => positions(seen, now), LANE_ROWS.positions, "plane");
   const overTime = [panel("Error of each vehicle", errors, LANE_ROWS.errors, "errors"), panel("Whom vehicles retain", raster, LANE_ROWS.raster, "raster")];
   const [plot, ...cursors] = [inPlane, ...overTime].map((each) => each.querySelector(".plot"));
   const show = () => {
@@ -184,6 +207,10 @@ function showLanes(section, lanes) {
       else Plotly.relayout(each, { "shapes[0].x0": lane.time[frame()], "shapes[0].x1": lane.time[frame()] });
     clock.textContent = `t = ${lane.time[frame()].toFixed(2)} s`;
     slider.setAttribute("aria-valuetext", clock.textContent);
+  };
+  const look = () => {
+    seen = around.value === "plane" ? lane : aroundNavigator(lane);
+    show();
   };
   const stop = () => { clearInterval(timer); timer = undefined; play.textContent = "Play"; };
   const go = (place) => { slider.value = place; show(); };
@@ -202,7 +229,8 @@ function showLanes(section, lanes) {
     overTime[1].hidden = keys.children[5].hidden = !lane.kept;
     keys.children[2].hidden = keys.children[3].hidden = !lane.attacked.length;
     cursors.forEach((each) => { each.stale = true; });
-    go(slider.max);
+    slider.value = worstFrame(lane);
+    look();
   };
   const offer = () => {
     const options = lanes.flatMap((given, value) => (anyChosen(given.cells) ? [element("option", { value }, given.label)] : []));
@@ -232,7 +260,8 @@ function showLanes(section, lanes) {
   overTime[1].append(fates);
   const none = element("p", {}, "No lane of these cells is on the page; the commands above bring one.");
   const stage = element("div", { class: "stage", tabindex: 0, role: "group", "aria-label": "Lane: arrow keys step, space plays", keydown: keyboard },
-    element("div", { class: "controls" }, element("label", {}, "Lane ", select)), keys,
+    element("div", { class: "controls" }, element("label", {}, "Lane ", select),
+      element("label", {}, "Show positions ", around)), keys,
     element("div", { class: "controls" }, play, slider, clock),
     element("div", { class: "views" }, inPlane, element("div", {}, ...overTime)), said, again);
   section.querySelector(".drawn").append(none, stage);
@@ -243,7 +272,7 @@ function showLanes(section, lanes) {
 function wordsOf(lane) {
   const step = short(lane.time[1] - lane.time[0]), kept = lane.kept ? "" : " Nobody trims here: every source is retained at all times.";
   const thinned = lane.time.length < lane.outputs ? `, some of ${lane.outputs} output times` : "";
-  return `${lane.label}. Shown every ${step} s${thinned}; a path between its places is drawn straight, which need not be how a vehicle moves.` +
+  return `${lane.label}. Shown every ${step} s${thinned}; a path is a smooth curve through its places.` +
     ` A triangle points where a vehicle heads.${kept}`;
 }
 if (data.sections.lanes) showLanes(document.getElementById("lanes"), data.sections.lanes);

@@ -13,9 +13,7 @@ function bars(middle, low, high, color, width = 0) {
 
 function sizesAxis(panels) {
   const sizes = panels.flatMap((panel) => panel.size);
-  const range = [Math.log10(Math.min(...sizes) / 1.4), Math.log10(Math.max(...sizes) * 1.4)];
-  const ticks = range[1] - range[0] > 2 ? { dtick: 1 } : { nticks: 5 };
-  return { type: "log", range, ...ticks, title: { text: "attack magnitude ā [m]" } };
+  return roomyLogAxis(Math.min(...sizes), Math.max(...sizes), "attack magnitude ā [m]");
 }
 
 // δ̂(ā): what lies below the axis stands on it.
@@ -153,15 +151,7 @@ function numbersAxis(given) {
     const room = 0.04 * (greatest - least || 1);
     return { range: [least - room, greatest + room], nticks: 6, title };
   }
-  const range = [Math.log10(least / 1.15), Math.log10(greatest * 1.15)], span = range[1] - range[0];
-  const steps = span > 2 ? { dtick: 1 } : { tickvals: roundNumbers(least, greatest, span > 1 ? [1, 3] : [1, 2, 5]) };
-  return { type: "log", range, ...steps, title };
-}
-function roundNumbers(least, greatest, digits) {
-  const found = [];
-  for (let power = Math.floor(Math.log10(least)); power <= Math.log10(greatest); power++)
-    for (const digit of digits) found.push(+(digit * 10 ** power).toPrecision(1));
-  return found.filter((value) => value >= least / 1.15 && value <= greatest * 1.15);
+  return roomyLogAxis(least, greatest, title.text);
 }
 
 // The best until then, by lanes: of a search and of random lanes.
@@ -185,9 +175,8 @@ const searches = {
     return {
       data: [...bound, curve("random lanes", panel.random_lanes, panel.random_best, RANDOM_LINE),
         curve("search", panel.lanes, panel.best, SEARCH_LINE)],
-      layout: { xaxis: { type: "log", dtick: 1, title: { text: "lanes" } },
-        yaxis: { type: "log", range: [Math.log10(Math.min(...heights) / 1.2), Math.log10(Math.max(...heights) * 1.2)],
-          nticks: 5, title: { text: given.words } } },
+      layout: { xaxis: roomyLogAxis(...ends, "lanes"),
+        yaxis: roomyLogAxis(Math.min(...heights), Math.max(...heights), given.words) },
     };
   },
   rows(given, [panel]) {

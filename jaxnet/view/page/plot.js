@@ -2,6 +2,7 @@
 const coarse = matchMedia("(pointer: coarse)").matches; // a finger on a plot scrolls the page
 const LOOK = { displayModeBar: false, responsive: true };
 const plots = new Set();
+const ROOM = 1.25; // at the ends of a log axis
 
 // Colours are named by CSS variable, so that they follow the light.
 function coloured(value) {
@@ -30,9 +31,30 @@ function axis(given) {
 }
 
 // An axis between powers of ten.
-function decades([low, high], text) {
-  const range = [Math.log10(low), Math.log10(high)];
-  return { type: "log", range, dtick: range[1] - range[0] > 4 ? 2 : 1, title: { text } };
+function decades(ends, text) {
+  return { type: "log", range: ends.map(Math.log10), ...powerTicks(...ends), title: { text } };
+}
+
+// Ticks at powers of ten, in decimals where they are short.
+function powerTicks(least, greatest) {
+  const [first, last] = [Math.ceil(Math.log10(least) - 1e-9), Math.floor(Math.log10(greatest) + 1e-9)];
+  const step = last - first > 4 ? 2 : 1, powers = [];
+  for (let power = first; power <= last; power += step) powers.push(power);
+  const words = (power) => (power > -4 && power < 5 ? String(10 ** power) : `10<sup>${power}</sup>`.replace("-", "−"));
+  return { tickvals: powers.map((power) => 10 ** power), ticktext: powers.map(words) };
+}
+
+// A log axis with some room at its ends, and ticks at round numbers.
+function roomyLogAxis(least, greatest, text) {
+  const range = [least / ROOM, greatest * ROOM], span = Math.log10(range[1] / range[0]);
+  const ticks = span > 2 ? powerTicks(...range) : { tickvals: roundNumbers(...range, span > 1 ? [1, 3] : [1, 2, 5]) };
+  return { type: "log", range: range.map(Math.log10), ...ticks, title: { text } };
+}
+function roundNumbers(least, greatest, digits) {
+  const found = [];
+  for (let power = Math.floor(Math.log10(least)); power <= Math.log10(greatest); power++)
+    for (const digit of digits) found.push(+(digit * 10 ** power).toPrecision(1));
+  return found.filter((value) => value >= least && value <= greatest);
 }
 
 function layout(given) {

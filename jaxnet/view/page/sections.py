@@ -1,17 +1,16 @@
 """Sections of the page: text, tables, and places for the plots."""
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.naming import key_name
+from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
-from jaxnet.model.wording import cells_named
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
@@ -24,7 +23,7 @@ from jaxnet.statistics.curves import (
     curves,
     no_magnitudes,
 )
-from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
+from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.looking import MissingKindError, known_or
@@ -130,7 +129,7 @@ def summary_section(results: Results) -> Section:
     count = len(results.study.cells)
     if count > MOST_PAGE_ROWS:
         notes.append(f"the first {MOST_PAGE_ROWS:,} of {count:,} cells; all are in cells.csv")
-    note = "".join(f"<p>{escape(each[0].upper() + each[1:])}.</p>" for each in notes)
+    note = f"<p>{' '.join(f'{escape(sentence_case(each))}.' for each in notes)}</p>"
     magnitudes = cell_magnitudes(results)[:MOST_PAGE_ROWS]
     rows = pd.DataFrame({each.title: each.scaled()[:MOST_PAGE_ROWS] for each in shown})
     body = sortable_table(
@@ -140,6 +139,11 @@ def summary_section(results: Results) -> Section:
         {each.title: each.intervals() for each in shown if each.ends is not None},
     )
     return Section("summary", "Summary", note + body)
+
+
+def sentence_case(words: str) -> str:
+    """Return words with a capital first letter, unless a symbol comes first."""
+    return words if words[:1] in "āϑδ" else words[:1].upper() + words[1:]
 
 
 def ultimate_section(results: Results, found: list[Curve]) -> Section:
@@ -161,7 +165,7 @@ def slopes_html(found: Sequence[Curve]) -> str:
     """Return a table of errors per ā by group: worst found, fitted, and bounded."""
     rows = []
     for curve in found:
-        row = {**curve.group.labels, "worst found": curve.worst}
+        row = {**label_columns(curve.group.labels), "worst found": curve.worst}
         s, low, high = curve.fit("tail_max") or (np.nan,) * 3
         s95, *_ = curve.fit("tail_max", 0.95) or (np.nan,)
         row |= {"least squares": s, "low": low, "high": high, "95 % of lanes": s95}
@@ -169,7 +173,8 @@ def slopes_html(found: Sequence[Curve]) -> str:
             row |= {name: curve.slope(bound, "worst"), f"{name}, fleet": curve.slope(bound, "fleet")}
         rows.append(row)
     shown: Any = pd.DataFrame(rows)
-    slopes, ones = shown.columns.difference(list(found[0].group.labels)), np.ones(len(shown))
+    slopes = shown.columns.difference(list(label_columns(found[0].group.labels)))
+    ones = np.ones(len(shown))
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
     return (
@@ -179,6 +184,14 @@ def slopes_html(found: Sequence[Curve]) -> str:
             shown.drop(columns=same).dropna(axis=1, how="all"), about, dict.fromkeys(slopes, ones)
         )
     )
+
+
+def label_columns(labels: Mapping[str, object]) -> dict[str, object]:
+    """Return swept values by the names of their keys; text is a name too, numbers sort as numbers."""
+    return {
+        quantity(key): value_alone(key, value) if isinstance(value, str) else value
+        for key, value in labels.items()
+    }
 
 
 def bands_section(results: Results) -> Section | None:
@@ -204,7 +217,7 @@ def answer_section(results: Results) -> Section | None:
     axes = choose_axes(cells)
     over = f" against {key_name(axes.x)}" if axes.x else ""
     title = f"{found.words[0].upper()}{found.words[1:]}{over}"
-    note = f"<p>{escape(found.notes[0].upper() + found.notes[1:])}.</p>"
+    note = f"<p>{escape(sentence_case(found.notes))}.</p>"
     return Section("answer", escape(title), note + PLOT_PLACE, plots.curve_data(found, axes, cells))
 
 
@@ -302,10 +315,9 @@ def violations_section(results: Results) -> Section:
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
     rows = read_table(file)
     if not len(rows):
-        skipped = unchecked_cells(results.study.cells)
         words = "None: no lane is above a bound that claims to hold for it."
-        if skipped:
-            words += f" Not held to any: {cells_named(skipped)}, for {UNCHECKED}."
+        if unchecked := unchecked_words(results.study.cells):
+            words += f" No bound is known for {escape(unchecked)}."
         return Section("violations", name, f"<p>{words}</p>")
     return Section("violations", name, lanes_listed(rows.head(MOST_LISTED), len(rows)))
 

@@ -9,6 +9,7 @@ from jaxnet.config.naming import is_kind, key_name, plain_words, unit, value_alo
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.kind import Kind
+from jaxnet.model.wording import count
 from jaxnet.statistics.axes import ordered_values
 from jaxnet.statistics.curves import configured_magnitude
 
@@ -79,10 +80,13 @@ def attacked_words(cell: Cell) -> str:
     attack = cell.scenario.attack
     if not attacks(cell):
         return "none"
-    drawn = "" if attack.targets() else "drawn "
-    one = attack.number() == 1
-    whom = f"{drawn}vehicle{'' if one else 's'} {attack.whom() if attack.targets() else ''}".strip()
-    whom = whom if attack.targets() else f"{attack.number()} {whom} of each lane"
+    one = attack.number() == 1 and "attack.vehicles.random" not in cell.labels
+    if attack.targets():
+        whom = f"vehicle{'' if one else 's'} {attack.whom()}"
+    elif "attack.vehicles.random" in cell.labels:
+        whom = "drawn vehicles"
+    else:
+        whom = f"{count(attack.number(), 'drawn vehicle')} of each lane"
     heard = situation_of(cell.scenario).attacked[:, 0].any()
     caveat = f" ({attack.caveat()})" if attack.caveat() else ""
     verb = ("hear" if heard else "transmit") + ("s" if one else "")

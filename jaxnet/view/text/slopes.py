@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.model.wording import cells_named
 from jaxnet.statistics.curves import Curve, curves, group_rows, no_magnitudes, stored_table
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
-from jaxnet.statistics.limits import UNCHECKED, unchecked_cells
+from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
 from jaxnet.view.text.tables import lane_title
@@ -144,8 +143,6 @@ def violations_text(results: Results) -> str:
     if len(found) > MOST_VIOLATIONS:
         lines.append(f"… {len(found) - MOST_VIOLATIONS} more in {results.file('violations.csv')}")
     lines = lines or ["no lane is above a bound that claims to hold for it"]
-    skipped = unchecked_cells(results.study.cells)
-    if skipped:
-        words = f"not held to any bound: {cells_named(skipped)}, for {UNCHECKED}"
-        lines.append(fill(words, terminal_width()))
+    if unchecked := unchecked_words(results.study.cells):
+        lines.append(fill(f"no bound is known for {unchecked}", terminal_width()))
     return "\n".join(lines)

@@ -97,7 +97,7 @@ def test_a_bound_holds_whoever_is_drawn_to_be_replaced():
     keys = {"defence": "none", "engine": "exact", "horizon": 40.0, "tail": 1.0}
     study = systems.study(attack=attack, **keys)
     outcome = systems.simulate(systems.lanes(study, 8, ()))
-    assert limits.unchecked_cells(study.cells) == []
+    assert limits.unchecked_cells(study.cells) == {}
     assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 8))).empty
     known = limits.bounds_of(study.cells[0].scenario)
     assert np.isnan(known["static"].vehicles).all()

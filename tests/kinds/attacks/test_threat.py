@@ -63,7 +63,7 @@ def test_no_lane_is_over_a_bound(settled):
     """Neither of these, nor trimmed ones under a rotating attack; a lane 1 mm farther off would be."""
     study, _, outcome = settled
     rows = rows_of(study, outcome, 2)
-    assert limits.unchecked_cells(study.cells) == []
+    assert limits.unchecked_cells(study.cells) == {}
     assert limits.violations_table(systems.results_of(study, rows)).empty
     beyond = rows.assign(tail_max=rows["tail_max"] + 1e-3)
     assert len(limits.violations_table(systems.results_of(study, beyond)).query("bound == 'static'")) == 4
@@ -75,7 +75,7 @@ def test_no_trimmed_lane_is_over_the_peak_gain():
     study = systems.study(engine="exact", horizon=20.0, sweep={"attack": attacks})
     outcome = systems.simulate(systems.lanes(study, 4, ()))
     assert (outcome.status == 0).all()
-    assert limits.unchecked_cells(study.cells) == []
+    assert limits.unchecked_cells(study.cells) == {}
     assert limits.violations_table(systems.results_of(study, rows_of(study, outcome, 4))).empty
     reach = scenario_gain(study.cells[0].scenario)
     retains_an_attacked_one = 0.45 / (0.1 + 0.45)

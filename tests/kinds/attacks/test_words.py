@@ -54,7 +54,7 @@ def test_a_lane_moves_as_the_plain_program(kind, engine, accuracy):
 def test_no_bound_is_told_of_what_the_magnitude_does_not_bound(kind):
     study = systems.study(attack=kind, defence="none")
     assert limits.slopes_table(study.cells)["slope"].isna().all()
-    assert limits.unchecked_cells(study.cells) == [0]
+    assert limits.unchecked_cells(study.cells) == {"ā does not bound the attack": [0]}
     assert "not bounded by ā" in check.check_text(study)
 
 
