@@ -4,7 +4,7 @@
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import Number, is_drawn
-from jaxnet.statistics.groups import Group, Label, attacked_groups
+from jaxnet.statistics.groups import Group, Label, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
@@ -103,8 +103,8 @@ def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
             continue
         rows = cells.iloc[list(group.attacked)].set_axis(list(group.attacked.values()))
         lines = (
-            bound_slopes(group_rows(bounds, group.labels)),
-            proportional_slopes(group_rows(fits, group.labels)),
+            bound_slopes(bounds.of(group.labels)),
+            proportional_slopes(fits.of(group.labels)),
         )
         found.append(Curve(group, rows, *lines))
     return found
@@ -137,22 +137,30 @@ CURVE_COLUMN_TYPES: Any = dict.fromkeys(
 ) | dict.fromkeys(("slope", "quantile", "estimate", "low", "high"), float)
 
 
-def stored_table(results: Results, name: str) -> pd.DataFrame:
+class GroupTable:
+    """A table with rows of each group of cells that differ in ā alone."""
+
+    def __init__(self, rows: pd.DataFrame, keys: Iterable[str]):
+        self.rows, self.keys = rows, list(keys)
+        texts = [rows[key].map({value: canonical_value(value) for value in set(rows[key])}) for key in keys]
+        self.places: dict[tuple[str, ...], list[int]] = {}
+        for place, values in enumerate(zip(*texts, strict=True) if texts else [()] * len(rows)):
+            self.places.setdefault(values, []).append(place)
+
+    def of(self, labels: Mapping[str, Label]) -> pd.DataFrame:
+        """Return the rows whose swept keys have these values."""
+        return self.rows.iloc[self.places.get(tuple(canonical_value(labels[key]) for key in self.keys), [])]
+
+
+def stored_table(results: Results, name: str) -> GroupTable:
     """Return a table stored beside `cells.csv`, without rows if there is no file; blanks are not-a-number."""
-    file = results.file(f"{name}.csv")
+    file, keys = results.file(f"{name}.csv"), [*labels_without_magnitude(results.study.cells[0])]
     if not file.exists():
-        empty = pd.DataFrame(columns=[*results.study.cells[0].labels, *STORED_COLUMNS[name]])
-        return empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]})
+        empty = pd.DataFrame(columns=[*keys, *STORED_COLUMNS[name]])
+        return GroupTable(empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]}), keys)
     with file.open("rb") as held:
-        return pd.read_csv(held, dtype=CURVE_COLUMN_TYPES, keep_default_na=False, na_values=[""])
-
-
-def group_rows(rows: pd.DataFrame, labels: Mapping[str, Label]) -> pd.DataFrame:
-    """Return the rows whose swept keys have these values."""
-    selected = np.ones(len(rows), bool)
-    for key, label in labels.items():
-        selected &= np.array([canonical_value(value) == canonical_value(label) for value in rows[key]], bool)
-    return rows.iloc[np.flatnonzero(selected)]
+        rows = pd.read_csv(held, dtype=CURVE_COLUMN_TYPES, keep_default_na=False, na_values=[""])
+    return GroupTable(rows, keys)
 
 
 def canonical_value(value: object) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jaxnet.statistics.curves import Curve, curves, group_rows, no_magnitudes, stored_table
+from jaxnet.statistics.curves import Curve, curves, no_magnitudes, stored_table
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group
 from jaxnet.statistics.limits import unchecked_words
@@ -55,7 +55,7 @@ def slopes_text(results: Results) -> str:
             name: slope_interval_text(curve.fit(metric, quantile))
             for name, quantile in SLOPE_QUANTILES.items()
         }
-        | {"p": slope_interval_text(power_exponent(group_rows(fits, curve.group.labels), metric))}
+        | {"p": slope_interval_text(power_exponent(fits.of(curve.group.labels), metric))}
         for curve in found
         for metric in ("tail_mean", "tail_max")
     ]
@@ -66,7 +66,8 @@ def slopes_text(results: Results) -> str:
         SLOPES_DROP_ORDER,
         "fit.csv",
     )
-    if pd.isna(fits[["low", "high"]]).loc[fits["quantile"] != ENVELOPE].any(axis=None):
+    ends: Any = fits.rows.loc[fits.rows["quantile"] != ENVELOPE, ["low", "high"]]
+    if ends.isna().any(axis=None):
         text += f"\n{fill(NO_CURVE_INTERVAL, terminal_width())}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
