@@ -3,6 +3,7 @@
 `jaxnet fit` writes `bounds.csv` and `fit.csv`. Without these files the data has no bounds and no fits.
 """
 
+import functools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, cast
@@ -142,7 +143,7 @@ class GroupTable:
 
     def __init__(self, rows: pd.DataFrame, keys: Iterable[str]):
         self.rows, self.keys = rows, list(keys)
-        texts = [rows[key].map({value: canonical_value(value) for value in set(rows[key])}) for key in keys]
+        texts = [list(map(functools.cache(canonical_value), rows[key])) for key in keys]
         self.places: dict[tuple[str, ...], list[int]] = {}
         for place, values in enumerate(zip(*texts, strict=True) if texts else [()] * len(rows)):
             self.places.setdefault(values, []).append(place)
