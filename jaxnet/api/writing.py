@@ -123,19 +123,21 @@ def write_figure(
     where: Mapping[str, list[str]] | None = None,
     column: str = "two",
     axes: Mapping[str, object] | None = None,
+    plain: bool = False,
 ) -> Iterator[UPath]:
     """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
-    `where` selects cells, `column` a width, and `axes` has the arguments x, y, hue and panel, as in
-    `Results.plot`. Raises FolderError if the folder has no
-    data for the figure.
+    `where` selects cells, `column` a width, `plain` matplotlib's own style, and `axes` has the arguments x,
+    y, hue and panel, as in `Results.plot`. Raises FolderError if the folder has no data for the figure.
     """
     enable()
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         axes = axes or {}
-        drawn = getattr(figures.Plots(results), name)(where, column, **axes)
-        yield from figures.save_figure(results, figures.file_name(name, where or {}, column, axes), drawn)
+        plots = figures.Plots(results)
+        drawn = getattr(plots.plain if plain else plots, name)(where, column, **axes)
+        file = figures.file_name(name, where or {}, column, axes, plain)
+        yield from figures.save_figure(results, file, drawn)
 
 
 def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]:

@@ -172,6 +172,11 @@ def show_page(page: "UPath") -> None:
     show_default=True,
     help="Columns of a journal that it is as wide as: 3.5 or 7.16 in.",
 )
+@click.option(
+    "--plain",
+    is_flag=True,
+    help="In matplotlib's own style (matplotlibrc), not in that for print.",
+)
 @out_option
 @takes_code
 def figure_command(
@@ -179,6 +184,7 @@ def figure_command(
     name: str,
     where: tuple[str, ...],
     column: str,
+    plain: bool,
     out: str | None,
     trust: bool,
     config: Path | None,
@@ -206,7 +212,7 @@ def figure_command(
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        for path in writing.write_figure(opened, name, wanted(where), column, chosen):
+        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain):
             click.echo(f"wrote {path}", err=True)
 
 

@@ -7,9 +7,11 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.image import imread
 from upath import UPath
 
 import jaxnet
+from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
 from jaxnet.store.results import Results
 from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology
@@ -170,7 +172,7 @@ def test_log_axes_have_numbers_side_by_side(ends):
         assert not any(label.get_text() for label in axis.get_minorticklabels())
 
 
-@every.with_print_style
+@mpl.rc_context(style.PRINT_STYLE)
 def graphs_of(vehicles, attacked, topologies, **keys):
     """The figure of these graphs."""
     given = {"vehicles": vehicles, "attack": {"vehicles": attacked}, "sweep": {"topology": topologies}}
@@ -288,3 +290,18 @@ def test_a_dollar_in_a_label_is_a_dollar():
     drawn.canvas.draw()
     assert drawn.axes[0].get_title() == r"costs \$5_{\$"
     assert topology.graph_caption(cell) == "costs $5_{$"
+
+
+def test_the_style_for_print_can_be_left_out(tmp_path):
+    """A plain figure has the sizes of matplotlib's settings, drawn and saved; the other has its own."""
+    results = jaxnet.run(systems.study(samples=2, horizon=1.0, tail=0.5, engine="exact"), tmp_path / "out")
+    with mpl.rc_context({"font.size": 17.0, "savefig.dpi": 50}):
+        plain, print_ = results.plot.plain.tails(), results.plot.tails()
+        (name,) = [
+            path for path in writing.write_figure(results, "tails", plain=True) if path.suffix == ".png"
+        ]
+    assert plain.axes[0].xaxis.label.get_fontsize() == 17.0
+    assert print_.axes[0].xaxis.label.get_fontsize() == 8.0
+    assert name.name == "tails-plain.png"
+    width = imread(str(name)).shape[1]
+    assert width == pytest.approx(50 * plain.get_figwidth(), abs=1)

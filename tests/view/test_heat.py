@@ -3,6 +3,7 @@
 from collections import Counter
 from fractions import Fraction
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
@@ -145,7 +146,7 @@ def test_colours_darken_steadily_and_carry_their_ink():
     assert min(map(contrast, colours, inks)) >= 4.5
 
 
-@every.with_print_style
+@mpl.rc_context(style.PRINT_STYLE)
 def drawn(results, metric="unrecovered", where=None, column="two"):
     """The figure, laid out."""
     name = {"unrecovered": "heat", "worst": "heat_worst"}[metric]

@@ -1,10 +1,11 @@
 """The figure and the table of Sobol's indices."""
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 
-from jaxnet.view.figures import every, sensitivity
+from jaxnet.view.figures import sensitivity, style
 from jaxnet.view.text import sensitivity as words
 from tests import systems
 
@@ -28,7 +29,7 @@ def made(cells):
 
 @pytest.mark.parametrize("cells", [1, 6, 30])
 @pytest.mark.parametrize("width", [3.5, 7.16])
-@every.with_print_style
+@mpl.rc_context(style.PRINT_STYLE)
 def test_the_figure_has_what_the_table_says(cells, width):
     """Each panel the cell's numbers, beside the names of the quantities; what has no room is told."""
     study, table = made(cells)

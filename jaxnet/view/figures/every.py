@@ -1,9 +1,10 @@
 """All figures of a results folder, by name, written as PNG and PDF."""
 
+import functools
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import matplotlib as mpl
 import pandas as pd
@@ -45,7 +46,20 @@ NO_ERROR = "attacked lane that ended", "an attack of a fixed magnitude"
 NO_AXES: Mapping[str, object] = {}
 LONGEST_FILE_NAME = 100  # letters of a file's name
 
-with_print_style = mpl.rc_context(style.PRINT_STYLE)
+Drawing = TypeVar("Drawing", bound=Callable[..., Figure])
+
+
+def styled(draw: Drawing) -> Drawing:
+    """Draw, and later save, a figure in the style of its `Plots`."""
+
+    @functools.wraps(draw)
+    def drawn(self: "Plots", *given: object, **named: object) -> Figure:
+        with mpl.rc_context(self.style):
+            made = draw(self, *given, **named)
+        made.style = self.style
+        return made
+
+    return drawn  # pyright: ignore[reportReturnType]
 
 
 class LackingError(FolderError):
@@ -71,20 +85,25 @@ class Plots:
         The folder lacks the figure's data, or an argument is unknown.
     """
 
-    def __init__(self, results: Results):
-        self.results = results
+    def __init__(self, results: Results, style: style.Style = style.PRINT_STYLE):
+        self.results, self.style = results, style
 
-    @with_print_style
+    @property
+    def plain(self) -> "Plots":
+        """The same figures in the style that matplotlib has: of `matplotlibrc`, or `plt.style.use`."""
+        return Plots(self.results, style.LAYOUT)
+
+    @styled
     def topologies(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw each graph with its weights and attacked links."""
         return topology.topology_figure(*cells_and_width(self.results, where, column))
 
-    @with_print_style
+    @styled
     def tails(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the mean error over the tail: a dot per lane, a row per cell."""
         return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
 
-    @with_print_style
+    @styled
     def panels(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the paper's figure: trajectories of each topology, and the errors over time."""
         there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
@@ -94,7 +113,7 @@ class Plots:
             )
         return panels.panels_figure(self.results, *cells_and_width(self.results, where, column), **there)
 
-    @with_print_style
+    @styled
     def bands(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the tracking error over time: median, 5 to 95 % and maximum over the lanes."""
         if not has_store(self.results, "errors"):
@@ -102,7 +121,7 @@ class Plots:
         cells, width = cells_and_width(self.results, where, column)
         return bands.bands_figure(cells, all_bands(self.results, cells), width)
 
-    @with_print_style
+    @styled
     def curve(
         self,
         where: Where | None = None,
@@ -144,29 +163,29 @@ class Plots:
             raise lacking_error(self.results, *(NO_SHARE if found.name == "unrecovered" else NO_ERROR))
         return lines.curve_figure(found, axes, cells, width)
 
-    @with_print_style
+    @styled
     def heat(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
         """Draw a heat map of the share of lanes that do not recover: `x` across, `hue` down, `panel`."""
         cells, width = cells_and_width(self.results, where, column)
         return over_two_keys(self.results, "unrecovered", cells, width, **axes)
 
-    @with_print_style
+    @styled
     def heat_worst(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
         """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does."""
         cells, width = cells_and_width(self.results, where, column)
         return over_two_keys(self.results, "worst", cells, width, **axes)
 
-    @with_print_style
+    @styled
     def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the greatest tail error against ā, with stored bounds and fits."""
         return against_magnitude(self.results, "tail_max", *cells_and_width(self.results, where, column))
 
-    @with_print_style
+    @styled
     def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the mean tail error against ā, with stored bounds and fits."""
         return against_magnitude(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
-    @with_print_style
+    @styled
     def search(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
         cells, width = cells_and_width(self.results, where, column)
@@ -175,7 +194,7 @@ class Plots:
         shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
         return search.course_figure(list(search_courses(self.results, shown)), len(cells), words, width)
 
-    @with_print_style
+    @styled
     def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
         cells, width = cells_and_width(self.results, where, column)
@@ -183,12 +202,12 @@ class Plots:
         words = f"worst {worst.maximised_text(self.results)}"
         return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
 
-    @with_print_style
+    @styled
     def sensitivity(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw Sobol's indices of the mean tail error, a panel per cell."""
         return parts_of_variance(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
-    @with_print_style
+    @styled
     def sensitivity_unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
         """Draw Sobol's indices of the event that a lane does not recover."""
         return parts_of_variance(self.results, "unrecovered", *cells_and_width(self.results, where, column))
@@ -263,23 +282,25 @@ def draw_figures(
         yield from save_figure(results, name, drawn)
 
 
-def file_name(name: str, where: Where, column: str, axes: Mapping[str, object] = NO_AXES) -> str:
-    """Return the file name of a figure, without extension; cells and axes that were chosen are part of it."""
+def file_name(
+    name: str, where: Where, column: str, axes: Mapping[str, object] = NO_AXES, plain: bool = False
+) -> str:
+    """Return the file name of a figure, without extension; what was chosen is part of it."""
     chosen = [*axes.items(), *where.items()]
     words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]
-    told = "-".join([name, *words, *(["one-column"] if column == "one" else [])])
-    plain = re.sub(r"[^\w.=-]+", "_", told)
-    if plain == told and len(told) <= LONGEST_FILE_NAME:
+    told = "-".join([name, *words, *["one-column"] * (column == "one"), *["plain"] * plain])
+    safe = re.sub(r"[^\w.=-]+", "_", told)
+    if safe == told and len(told) <= LONGEST_FILE_NAME:
         return told
     digest = hashlib.sha256(told.encode()).hexdigest()[:6]  # other names may be cut to the same letters
-    return f"{plain[:LONGEST_FILE_NAME]}-{digest}"
+    return f"{safe[:LONGEST_FILE_NAME]}-{digest}"
 
 
 def save_figure(results: Results, name: str, figure: Figure) -> Iterator[UPath]:
     """Write one figure as PNG and as PDF; yield both paths."""
     layout = figure.get_layout_engine()
     if layout is not None:  # once for both, for it takes longer than drawing
-        with mpl.rc_context(style.PRINT_STYLE):
+        with mpl.rc_context(figure.style):
             layout.execute(figure)
         figure.set_layout_engine("none")
     for kind in ("png", "pdf"):

@@ -41,7 +41,10 @@ SERIES_STYLES: list[LineStyle] = [
     {"color": BLACK, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 ]
 
-PRINT_STYLE: Any = {
+Style = dict[Any, Any]  # settings of matplotlib by name
+
+LAYOUT: Style = {"figure.constrained_layout.use": True}  # what any style of a figure has
+PRINT_STYLE: Style = {
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
@@ -55,14 +58,16 @@ PRINT_STYLE: Any = {
     "axes.spines.right": False,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
-    "figure.constrained_layout.use": True,
+    **LAYOUT,
     "savefig.dpi": 300,
     "pdf.fonttype": 42,
 }
 
 
 class Figure(figure.Figure):
-    """A figure with the print style in every output, displayed by a notebook."""
+    """A figure with its style in every output, displayed by a notebook."""
+
+    style: Style = PRINT_STYLE
 
     def savefig(
         self,
@@ -71,8 +76,8 @@ class Figure(figure.Figure):
         transparent: bool | None = None,
         **options: object,
     ) -> None:
-        """Write the figure in the resolution and style for print."""
-        with mpl.rc_context(PRINT_STYLE):
+        """Write the figure in its style."""
+        with mpl.rc_context(self.style):
             super().savefig(fname, transparent=transparent, **options)
 
     def _repr_png_(self) -> bytes:
