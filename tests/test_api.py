@@ -314,6 +314,18 @@ def test_run_and_search_take_the_same_arguments():
     assert [name for name in options[0] if name not in ("strict", "shard")] == options[1]
 
 
+def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeypatch):
+    """Into `out`, with the values that are returned; nothing is added to the results' own folder."""
+    monkeypatch.setattr(fits, "RESAMPLES", 5)
+    results = jaxnet.run(KEYS, tmp_path / "results", progress=False)
+    before = sorted(results.path.rglob("*"))
+    table, lane = results.fit(tmp_path / "out"), results.replay(1, 0, out=tmp_path / "out")
+    pd.testing.assert_frame_equal(table, pd.read_csv(tmp_path / "out" / "fit.csv")[table.columns.tolist()])
+    assert lane.path == tmp_path / "out" / "replays" / "cell-1-sample-0.zarr"
+    assert (lane.path / "zarr.json").exists()
+    assert sorted(results.path.rglob("*")) == before
+
+
 def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeypatch):
     """Nothing that a user reads names a place in memory, and nothing is added there."""
     monkeypatch.setattr(fits, "RESAMPLES", 50)

@@ -84,8 +84,13 @@ class Results(stored.Results):
 
     found_all: bool = dataclasses.field(default=False, compare=False)
 
-    def fit(self) -> pd.DataFrame:
+    def fit(self, out: AnyPath | None = None) -> pd.DataFrame:
         """Fit the ultimate error against ā, compute the bounds of theory, and write both.
+
+        Parameters
+        ----------
+        out
+            Folder for the files; None is the results' own folder.
 
         Returns
         -------
@@ -97,11 +102,18 @@ class Results(stored.Results):
         FolderError
             The run is unfinished, the study neither fixes nor sweeps ā, or another process writes there.
         """
-        for _ in writing.write_fits(self):
+        written = self if out is None else stored.written_into(self, out)
+        for _ in writing.write_fits(written):
             pass
-        return self.fits
+        return written.fits
 
-    def replay(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> Replay:
+    def replay(
+        self,
+        cell: SupportsInt,
+        sample: SupportsInt,
+        engine: str | None = None,
+        out: AnyPath | None = None,
+    ) -> Replay:
         """Simulate one lane again and store its trajectory.
 
         Parameters
@@ -110,6 +122,8 @@ class Results(stored.Results):
             Numbers of the cell and of the sample, from 0.
         engine
             Name of an engine; None is the study's own engine.
+        out
+            Folder for the trajectory's store; None is the results' own folder.
 
         Returns
         -------
@@ -130,10 +144,13 @@ class Results(stored.Results):
         {'lane': 1, 'time': 11, 'vehicle': 12, 'state': 6}
         """
         enable()
-        path, row = replays.replay(self, whole_number("cell", cell), whole_number("sample", sample), engine)
+        written = self if out is None else stored.written_into(self, out)
+        path, row = replays.replay(
+            written, whole_number("cell", cell), whole_number("sample", sample), engine
+        )
         return Replay(row, arrays_at(path), path)
 
-    def report(self, out: AnyPath | None = None) -> UPath:
+    def report(self, out: AnyPath | None = None, replay: bool = True) -> UPath:
         """Write the figures and `report.html`, a page that works offline.
 
         The method first makes missing fits. It also simulates the lanes again that the page shows: the median
@@ -144,6 +161,8 @@ class Results(stored.Results):
         out
             Folder for the page and all that it is made of, also for results in memory; None is the results'
             own folder.
+        replay
+            Whether to simulate lanes again; if not, the page shows the lanes whose trajectories are stored.
 
         Returns
         -------
@@ -166,7 +185,7 @@ class Results(stored.Results):
         'report.html'
         """
         written = self if out is None else stored.written_into(self, out)
-        *_, page = writing.write_report(written)
+        *_, page = writing.write_report(written, replayed=replay)
         return page
 
     def animate(self, cell: SupportsInt, sample: SupportsInt, out: AnyPath | None = None) -> UPath:

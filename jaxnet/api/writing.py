@@ -140,8 +140,11 @@ def write_figure(
         yield from figures.save_figure(results, file, drawn)
 
 
-def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
-    """Write missing fits, the trajectories that the page shows, the figures, and the page at last."""
+def write_report(results: Results, told: Steps = no_progress, replayed: bool = True) -> Iterator[UPath]:
+    """Write missing fits, the trajectories that the page shows, the figures, and the page at last.
+
+    Without `replayed` no lane is simulated again; the page shows the lanes whose trajectories are stored.
+    """
     enable()
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
@@ -151,7 +154,7 @@ def write_report(results: Results, told: Steps = no_progress) -> Iterator[UPath]
             and not results.file("fit.csv").exists()
         ):
             yield from ultimate.write_ultimate_error(results, told)
-        if not results.missing:
+        if replayed and not results.missing:
             yield from watched.replay_watched(results, told)
         yield from figures.draw_figures(results, told=told)
         yield page.write_page(results)

@@ -135,17 +135,26 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
 @results_argument
 @out_option
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--replay/--no-replay",
+    "replayed",
+    default=True,
+    help="Whether to simulate lanes again for the page; without, it shows stored trajectories.",
+)
 @takes_code
-def report(results: str, out: str | None, shown: bool, trust: bool, config: Path | None) -> None:
+def report(
+    results: str, out: str | None, shown: bool, replayed: bool, trust: bool, config: Path | None
+) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
     Fits what is not fitted yet, and simulates lanes again that the page shows: the median and the worst of a
-    dozen cells at most, and the worst of the study if it has `recovery`.
+    dozen cells at most, and the worst of the study if it has `recovery`. Most of the time goes into these
+    lanes; --no-replay leaves them out.
     """
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
         with progress.report_steps() as told:
-            for path in writing.write_report(opened, told):
+            for path in writing.write_report(opened, told, replayed):
                 click.echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.folder.path / "report.html")

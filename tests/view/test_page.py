@@ -12,6 +12,7 @@ import pytest
 from upath import UPath
 
 import jaxnet
+from jaxnet.api import writing
 from jaxnet.model import wording
 from jaxnet.runs.replay import replay
 from jaxnet.statistics import curves
@@ -20,8 +21,7 @@ from jaxnet.statistics.bands import all_bands
 from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.results import Results
 from jaxnet.view import page
-from jaxnet.view.figures import bands, style, ultimate
-from jaxnet.view.figures import every as figures
+from jaxnet.view.figures import bands, every, style, ultimate
 from jaxnet.view.page import findings, plots, sections, trajectories
 from tests import systems
 
@@ -338,8 +338,8 @@ def test_figures_are_written_in_both_formats(folder):
     """What `report` adds to the folder."""
     with mpl.rc_context(style.PRINT_STYLE):
         results = jaxnet.open(folder)
-        drawn = figures.Plots(results).tails()
-        paths = list(figures.save_figure(results, "tails", drawn))
+        drawn = every.Plots(results).tails()
+        paths = list(every.save_figure(results, "tails", drawn))
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
@@ -594,6 +594,20 @@ def test_the_report_simulates_a_dozen_cells_again(tmp_path, monkeypatch):
     assert {path.stem for path in paths} == {f"cell-{cell}-sample-{sample}" for cell, sample in wanted}
     before = [(path / "zarr.json").stat().st_mtime_ns for path in paths]
     assert [(path / "zarr.json").stat().st_mtime_ns for path in watched.replay_watched(results)] == before
+
+
+def test_a_report_without_replays_simulates_nothing(tmp_path, monkeypatch):
+    """The page is written whole; where no trajectory is stored it names the command that replays one."""
+    from jaxnet.engine import batch
+
+    study = systems.study(engine="exact", samples=2, horizon=0.5, tail=0.1)
+    results = jaxnet.run(study, tmp_path / "out")
+    monkeypatch.setattr(every, "draw_figures", lambda *_, **__: iter(()))
+    monkeypatch.setattr(batch, "simulate", lambda *_: pytest.fail("a lane is simulated"))
+    (*_, path), out = writing.write_report(results, replayed=False), results.path
+    assert not (out / "replays").exists()
+    assert f"jaxnet replay {out} --cell 0 --sample" in section(path.read_text(), "lanes")
+    assert results.report(replay=False) == path
 
 
 def test_the_report_simulates_no_lane_again_that_is_too_large(tmp_path, monkeypatch):
