@@ -132,7 +132,8 @@ def write_figure(
     """
     enable()
     with results.folder.writing():
-        _ = results.cells  # refuses an unfinished run
+        if name not in SENSITIVITY:
+            _ = results.cells  # refuses an unfinished run
         axes = axes or {}
         plots = figures.Plots(results)
         drawn = getattr(plots.plain if plain else plots, name)(where, column, **axes)
@@ -146,6 +147,9 @@ def write_report(results: Results, told: Steps = no_progress, replayed: bool = T
     Without `replayed` no lane is simulated again; the page shows the lanes whose trajectories are stored.
     """
     enable()
+    if results.analyses and not results.has_run:
+        yield from write_analyses(results, told)
+        return
     with results.folder.writing():
         _ = results.cells  # refuses an unfinished run
         results.tell_missing("lanes simulated again, and what is told of networks and bounds, are")
@@ -157,6 +161,13 @@ def write_report(results: Results, told: Steps = no_progress, replayed: bool = T
         if replayed and not results.missing:
             yield from watched.replay_watched(results, told)
         yield from figures.draw_figures(results, told=told)
+        yield page.write_page(results)
+
+
+def write_analyses(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
+    """Write the figures and the page of a folder that holds analyses and no run."""
+    with results.folder.writing():
+        yield from figures.draw_figures(results, SENSITIVITY, told)
         yield page.write_page(results)
 
 

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from jaxnet.api import writing
     from jaxnet.store import folder as storage
     from jaxnet.view import columns as summary
-    from jaxnet.view.text import comparison, folders, formats, progress, slopes, tables
+    from jaxnet.view.text import analyses, comparison, folders, formats, progress, slopes, tables
 else:
+    analyses = LazyModule("jaxnet.view.text.analyses")
     comparison = LazyModule("jaxnet.view.text.comparison")
     folders = LazyModule("jaxnet.view.text.folders")
     formats = LazyModule("jaxnet.view.text.formats")
@@ -85,7 +86,7 @@ where_option = click.option(
 @click.option("--sort", metavar="COLUMN", help="Column to sort by; -COLUMN: the greatest first.")
 @where_option
 def show(results: str, form: str, columns: str | None, sort: str | None, where: tuple[str, ...]) -> None:
-    """Print the summary table again, a line per cell.
+    """Print the summary table again, a line per cell, and what search, sensitivity and rare found.
 
     As text it is as wide as the terminal and 60 cells long, and says what it leaves out; the other formats
     have all of it. A column that is the same in all cells is one line of text.
@@ -94,9 +95,13 @@ def show(results: str, form: str, columns: str | None, sort: str | None, where: 
     with user_errors():
         opened = jaxnet.open(results)
         if form == "text":
-            click.echo(tables.summary_text(opened, names, wanted(where), sort))
-        else:
+            whole = tables.summary_text(opened, names, wanted(where), sort) if opened.has_run else ""
+            click.echo("\n\n".join(filter(None, [whole, analyses.analyses_text(opened)])))
+        elif opened.has_run:
             click.echo(formats.in_format(summary.summary_columns(opened, names, wanted(where), sort), form))
+        else:
+            found = [getattr(opened, name) for name in opened.analyses]
+            click.echo("\n\n".join(formats.in_format(formats.columns_of(each), form) for each in found))
 
 
 @click.command("list")

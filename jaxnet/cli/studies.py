@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from jaxnet.explore import sensitivity
     from jaxnet.store import folder
     from jaxnet.store import results as stored
+    from jaxnet.view.text import analyses, progress, tables, worst
     from jaxnet.view.text import check as checks
-    from jaxnet.view.text import progress, tables, width, worst
     from jaxnet.view.text import sensitivity as indices
 else:
+    analyses = LazyModule("jaxnet.view.text.analyses")
     checks = LazyModule("jaxnet.view.text.check")
     folder = LazyModule("jaxnet.store.folder")
     indices = LazyModule("jaxnet.view.text.sensitivity")
@@ -31,7 +32,6 @@ else:
     starter = LazyModule("jaxnet.config.starter")
     stored = LazyModule("jaxnet.store.results")
     tables = LazyModule("jaxnet.view.text.tables")
-    width = LazyModule("jaxnet.view.text.width")
     worst = LazyModule("jaxnet.view.text.worst")
     writing = LazyModule("jaxnet.api.writing")
 
@@ -284,8 +284,7 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
         study = jaxnet.load(config, overrides)
         with progress.report_steps() as told:
             written = writing.write_rare(study, points, out, told)
-        rows = stored.read_table(written).drop(columns=["points", "tau"])
-        click.echo(width.table_text(rows.head(width.MOST_ROWS)))
+        click.echo(analyses.rare_text(stored.read_table(written)))
         click.echo(f"wrote {written}", err=True)
 
 

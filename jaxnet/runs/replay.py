@@ -47,6 +47,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
     """Raise FolderError if a study has no such lane."""
+    results.need_run()
     cells, samples = len(results.study.cells), results.manifest["samples"]
     if cell >= cells or sample >= samples:
         raise FolderError(

@@ -31,6 +31,7 @@ def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:
     place = results.path / "results.mat" if out is None else UPath(out)
     if place.suffix != ".mat":
         raise FolderError(f"mat: a file for MATLAB ends in .mat (got {out})")
+    results.need_run()
     content = dict(structs_of(results))
     return Folder(place.parent).put(
         place.name,

@@ -23,6 +23,8 @@ from jaxnet.store.looking import Looking, MissingKindError
 if TYPE_CHECKING:
     import xarray
 
+ANALYSES = ("sensitivity", "rare")  # what a folder may hold without a run, each with a table of its name
+
 
 @dataclass(frozen=True, repr=False)
 class Results:
@@ -36,7 +38,8 @@ class Results:
     def __repr__(self) -> str:
         """Return one line with the path, or with the study of results in memory."""
         if not self.in_memory:
-            return f"Results({str(self.path)!r})"
+            held = "" if self.has_run else "".join(f", {name}" for name in self.analyses)
+            return f"Results({str(self.path)!r}{held})"
         study, lanes = self.study, self.manifest["lanes"]["total"]
         return f"Results({study.config.name!r}, cells={len(study.cells)}, lanes={lanes}, in memory)"
 
@@ -89,6 +92,24 @@ class Results:
         """Warn that `what` is left out if the code of a kind is not available."""
         if self.missing:
             warnings.warn(f"{what} left out: {MissingKindError(', '.join(self.missing))}", stacklevel=2)
+
+    @property
+    def analyses(self) -> list[str]:
+        """Names of the analyses whose tables are in the folder: `sensitivity`, `rare`."""
+        return [name for name in ANALYSES if self.file(f"{name}.csv").exists()]
+
+    @property
+    def has_run(self) -> bool:
+        """Whether the folder holds rows of a run."""
+        return any(self.path.glob("lanes/*.parquet"))
+
+    def need_run(self) -> None:
+        """Raise FolderError if the folder holds analyses and no run."""
+        if self.analyses and not self.has_run:
+            raise FolderError(
+                f"{self.place} holds {' and '.join(self.analyses)} and no run: jaxnet run CONFIG --out"
+                f" {self.place} adds one"
+            )
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -210,6 +231,7 @@ class Results:
         FolderError
             The run is unfinished.
         """
+        self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             raise FolderError(f"{self.place} holds an unfinished run: the command that began it goes on")
         table = read_table(self.path / "cells.csv")
@@ -241,6 +263,16 @@ class Results:
     def searched(self) -> pd.DataFrame:
         """Table with a row per generation of a search; raises FolderError before a search."""
         return self.table("search.csv", "jaxnet search CONFIG makes it")
+
+    @property
+    def sensitivity(self) -> pd.DataFrame:
+        """Table of Sobol's indices; raises FolderError before `jaxnet.sensitivity`."""
+        return self.table("sensitivity.csv", "jaxnet sensitivity CONFIG makes it")
+
+    @property
+    def rare(self) -> pd.DataFrame:
+        """Table of the shares of rare failures; raises FolderError before `jaxnet.rare`."""
+        return self.table("rare.csv", "jaxnet rare CONFIG makes it")
 
     def table(self, name: str, remedy: str = "") -> pd.DataFrame:
         """Read a table that a command makes after the run.
@@ -401,11 +433,11 @@ def open_folder(
     rows_there = any(folder.path.glob("lanes/*.parquet"))
     if not folder.manifest and not rows_there:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
-    if not folder.manifest or not rows_there:
+    found = Results(folder.path, None, trust, config)
+    if not folder.manifest or not (rows_there or found.analyses):
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
-    found = Results(folder.path, None, trust, config)
     return found if out is None else written_into(found, out)
 
 

@@ -10,7 +10,6 @@ import pandas as pd
 
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
-from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
@@ -55,6 +54,9 @@ class Section(NamedTuple):
 
 def page_sections(results: Results) -> list[Section]:
     """Return every section for which the folder has data."""
+    if not results.has_run:
+        analyses = [sensitivity_section(results), rare_section(results), run_section(results)]
+        return [section for section in analyses if section is not None]
     found = known_or([], lambda: curves(results))
     each: list[Callable[[], Section | None]] = [
         lambda: answer_section(results),
@@ -68,6 +70,7 @@ def page_sections(results: Results) -> list[Section]:
         lambda: lanes_section(results),
         lambda: violations_section(results),
         lambda: sensitivity_section(results),
+        lambda: rare_section(results),
         lambda: failed_section(results),
         lambda: left_out_section(results),
     ]
@@ -85,6 +88,8 @@ def left_out_section(results: Results) -> Section | None:
 
 def lead_sentence(results: Results) -> str:
     """Return the numbers of cells and lanes as a sentence."""
+    if not results.has_run:
+        return f"{check.count(len(results.study.cells), 'cell')}; no run of the study is here."
     count = results.manifest["lanes"]
     return (
         f"{check.count(len(results.study.cells), 'cell')}, {check.count(count['total'], 'lane')}:"
@@ -102,13 +107,17 @@ def run_section(results: Results) -> Section:
     """Return the section on the study, the versions and the networks."""
     study, manifest = results.study, results.manifest
     versions = ", ".join(f"{package} {version}" for package, version in manifest["versions"].items())
-    values = known_or({}, lambda: setting_rows(study)) | {
-        "samples": f"{manifest['samples']:,} of each cell",
-        "seed": str(manifest["seed"]),
-        "versions": versions,
-        "device": manifest["device"],
-        "wall time": f"{manifest['wall_seconds']:.4g} s",
-    }
+    ran = (
+        {}
+        if not results.has_run
+        else {
+            "samples": f"{manifest['samples']:,} of each cell",
+            "device": manifest["device"],
+            "wall time": f"{manifest['wall_seconds']:.4g} s",
+        }
+    )
+    values = known_or({}, lambda: setting_rows(study)) | ran
+    values |= {"seed": str(study.config.seed), "versions": versions}
     rows = "".join(f"<dt>{key}</dt><dd>{escape(value)}</dd>" for key, value in values.items())
     certificates = known_or([], lambda: check.certificates(study.cells))
     body = (
@@ -264,13 +273,42 @@ def search_section(results: Results) -> Section | None:
 
 def sensitivity_section(results: Results) -> Section | None:
     """Return the section on Sobol's indices, or None if there are none."""
-    if not (results.path / SENSITIVITY_FILE).exists():
+    if "sensitivity" not in results.analyses:
         return None
-    rows = read_table(results.path / SENSITIVITY_FILE).dropna(subset="first").drop(columns="tau")
-    note = f"<p>Sobol's indices: {escape(SENSITIVITY_LEGEND)} A click on a header sorts.</p>"
-    return Section(
-        "sensitivity", "What matters", note + sortable_table(rows, ([cell] for cell in rows["cell"]))
+    rows: Any = results.sensitivity.dropna(subset="first")
+    labels = {key: quantity(key) for key in results.study.cells[0].labels}
+    shown = pd.DataFrame(
+        {"cell": rows["cell"]}
+        | {name: rows[key] for key, name in labels.items()}
+        | {"of": [each.replace("_", " ") for each in rows["metric"]]}
+        | {"quantity drawn": [key_name(key) for key in rows["quantity"]]}
+        | {order: rows[order] for order in ("first", "total")}
+        | {"samples": rows["samples"]}
     )
+    intervals = {
+        order: [
+            "" if np.isnan(low) else f"[{low:.2f}, {high:.2f}]"
+            for low, high in zip(rows[f"{order}_low"], rows[f"{order}_high"], strict=True)
+        ]
+        for order in ("first", "total")
+    }
+    note = f"<p>Sobol's indices: {escape(SENSITIVITY_LEGEND)} A click on a header sorts.</p>"
+    table = sortable_table(shown, ([cell] for cell in rows["cell"]), intervals=intervals)
+    return Section("sensitivity", "What matters", note + table)
+
+
+def rare_section(results: Results) -> Section | None:
+    """Return the section on rare failures, or None if they were not counted."""
+    if "rare" not in results.analyses:
+        return None
+    rows = results.rare.drop(columns=["points", "tau"])
+    note = (
+        "<p>The share of lanes unrecovered by subset simulation, with a 95 % interval over its repeats;"
+        " plain lanes: the number of random lanes with an interval as narrow.</p>"
+    )
+    labels = {key: quantity(key) for key in results.study.cells[0].labels}
+    shown = rows.rename(columns=labels | {"plain_lanes": "plain lanes"})
+    return Section("rare", "Rare failures", note + sortable_table(shown, ([cell] for cell in rows["cell"])))
 
 
 def lanes_section(results: Results) -> Section:

@@ -5,6 +5,7 @@ from upath import UPath
 
 from jaxnet.store import search
 from jaxnet.store.folder import Manifest
+from jaxnet.store.results import Results
 from jaxnet.view.text.width import table_text
 
 
@@ -25,13 +26,15 @@ def folder_row(path: UPath, manifest: Manifest) -> dict[str, object]:
     """Return the table row of a folder; a dash marks an unknown number."""
     cells = manifest.get("cells")
     finished = manifest.get("finished", False)
+    held = Results(path)
+    analyses = "" if held.has_run else ", ".join(held.analyses)
     lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
     return {
         "cells": cells or "-",
         "lanes": cells * manifest["samples"] if cells else "-",
         "ok": lanes["ok"],
         "failed": lanes["failed"],
-        "": "finished" if finished else "unfinished",
+        "": "finished" if finished else analyses or "unfinished",
         "written": last_written(path) if manifest else "-",
     }
 
