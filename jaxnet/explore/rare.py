@@ -15,7 +15,7 @@ from jaxnet.engine.batch import EVERYTHING, Machine
 from jaxnet.explore import subsets
 from jaxnet.explore.box import Box, places_of
 from jaxnet.lanes.uniforms import Keyed
-from jaxnet.statistics.recovery import threshold
+from jaxnet.statistics.recovery import same_thresholds, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
@@ -33,26 +33,26 @@ def count_rare(
     """
     if study.config.recovery is None:
         raise FolderError("needs to know what has recovered: give recovery: {tau: 0.01}")
-    tau, rows = study.config.recovery.tau, known_rare_rows(folder, points, study.config.recovery.tau)
+    rows = known_rare_rows(study, folder, points)
     known = {row["cell"] for row in rows}
     for number, cell in enumerate(study.cells):
         progress("cells", number, len(study.cells))
-        if cell.number not in known and threshold(cell, tau) > 0:
-            rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, tau, machine)})
+        if cell.number not in known and threshold(cell, study.config.recovery) > 0:
+            rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, machine)})
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
             folder.put(RARE_FILE, lambda file, table=table: table.to_csv(file, index=False))
     return folder.path / RARE_FILE
 
 
-def known_rare_rows(folder: Folder, points: int, tau: float) -> list[dict[str, object]]:
-    """Return the stored rows with the same number of points and the same τ."""
+def known_rare_rows(study: Study, folder: Folder, points: int) -> list[dict[str, object]]:
+    """Return the stored rows with the same number of points and the same thresholds."""
     if not (folder.path / RARE_FILE).exists():
         return []
     table: Any = read_table(folder.path / RARE_FILE)
-    return table[(table["points"] == points) & (table["tau"] == tau)].to_dict("records")
+    return table[(table["points"] == points) & same_thresholds(study, table)].to_dict("records")
 
 
-def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine) -> dict[str, float | int]:
+def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> dict[str, float | int]:
     """Return the share unrecovered of a cell and its interval.
 
     `plain_lanes` is the number of random lanes that give an interval as narrow. Random graphs take no fixed
@@ -67,10 +67,13 @@ def rare_row(study: Study, cell: Cell, points: int, tau: float, machine: Machine
         failed += int(np.count_nonzero(outcome.status))
         return np.where(outcome.status == 0, outcome.metrics["tail_mean"], -math.inf)
 
-    random, level = np.random.default_rng([study.config.seed, cell.number]), threshold(cell, tau)
+    random, level = (
+        np.random.default_rng([study.config.seed, cell.number]),
+        threshold(cell, study.config.recovery),
+    )
     found = subsets.estimate(height, len(box.places), float(level), points, REPEATS, random)
     half = (found.high - found.low) / 2
     plain_lanes = 1.96**2 * found.share * (1 - found.share) / half**2 if half else math.nan
     counts = {"lanes": found.evaluations, "failed": failed, "plain_lanes": plain_lanes}
     shares = {"share": found.share, "low": found.low, "high": found.high, "levels": found.levels}
-    return {**shares, **counts, "points": points, "tau": tau}
+    return {**shares, **counts, "points": points, "threshold": level}

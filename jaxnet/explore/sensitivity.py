@@ -23,7 +23,7 @@ from jaxnet.engine.status import Status
 from jaxnet.lanes.jobs import job, recorded
 from jaxnet.lanes.uniforms import Keyed, Later
 from jaxnet.statistics.indices import sobol_indices
-from jaxnet.statistics.recovery import threshold
+from jaxnet.statistics.recovery import same_thresholds, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.results import read_table
@@ -52,8 +52,7 @@ def write_indices(
     study: Study, folder: Folder, samples: int, machine: Machine = EVERYTHING, progress: Steps = no_progress
 ) -> UPath:
     """Write `sensitivity.csv` cell by cell; a stored row with as many samples is not computed again."""
-    tau = None if study.config.recovery is None else study.config.recovery.tau
-    rows = known_index_rows(folder, samples, tau)
+    rows = known_index_rows(study, folder, samples)
     known, needed = {row["cell"] for row in rows}, lanes_needed(study, samples)
     done, total = sum(lanes for cell, lanes in needed.items() if cell in known), sum(needed.values())
 
@@ -68,19 +67,18 @@ def write_indices(
             outcomes = pick_freeze_outcomes(
                 cell, Keyed(study.config.seed), names, samples, machine, load_done
             )
-            rows += index_rows(cell, names, outcomes, tau)
+            rows += index_rows(cell, names, outcomes, threshold(cell, study.config.recovery))
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
             folder.put(SENSITIVITY_FILE, lambda file, table=table: table.to_csv(file, index=False))
     return folder.path / SENSITIVITY_FILE
 
 
-def known_index_rows(folder: Folder, samples: int, tau: float | None) -> list[dict[str, object]]:
-    """Return the stored rows with the same number of samples and the same τ."""
+def known_index_rows(study: Study, folder: Folder, samples: int) -> list[dict[str, object]]:
+    """Return the stored rows with the same number of samples and the same thresholds."""
     if not (folder.path / SENSITIVITY_FILE).exists():
         return []
     table: Any = read_table(folder.path / SENSITIVITY_FILE)
-    same = (table["samples"] == samples) & (table["tau"].isna() if tau is None else table["tau"] == tau)
-    return table[same].to_dict("records")
+    return table[(table["samples"] == samples) & same_thresholds(study, table)].to_dict("records")
 
 
 def pick_freeze_outcomes(
@@ -104,9 +102,12 @@ def pick_freeze_outcomes(
 
 
 def index_rows(
-    cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], tau: float | None
+    cell: Cell, names: Sequence[str], outcomes: Sequence[Outcome], over: float
 ) -> list[dict[str, object]]:
-    """Return a cell's rows by metric and quantity; a sample with a failed lane is left out."""
+    """Return a cell's rows by metric and quantity; a sample with a failed lane is left out.
+
+    `over` is the error above which a lane is unrecovered [m], not-a-number where nothing is unrecovered.
+    """
     status = np.stack([outcome.status for outcome in outcomes])
     ok = (status == Status.ok).all(axis=0)
     warn_of_failures(cell, names, status)
@@ -114,10 +115,10 @@ def index_rows(
         metric.name: np.stack([outcome.metrics[metric.name][ok] for outcome in outcomes])
         for metric in cell.scenario.measured()
     }
-    if tau is not None and threshold(cell, tau) > 0:
-        measured["unrecovered"] = (measured["tail_mean"] > threshold(cell, tau)).astype(float)
+    if over > 0:
+        measured["unrecovered"] = (measured["tail_mean"] > over).astype(float)
     identity = {"cell": cell.number, **cell.labels}
-    counts = {"samples": len(ok), "left_out": int((~ok).sum()), "tau": tau}
+    counts = {"samples": len(ok), "left_out": int((~ok).sum()), "threshold": over}
     found = []
     for metric, (a, b, *mixed) in measured.items():
         of = sobol_indices(a, b, np.stack(mixed))

@@ -93,8 +93,7 @@ class CellSearch:
         """Return the objective of lanes with these metrics."""
         if self.settings.maximise != "unrecovered":
             return np.asarray(metrics[self.settings.maximise])
-        assert self.study.recovery is not None
-        over = recovery.threshold(self.cell, self.study.recovery.tau)
+        over = recovery.threshold(self.cell, self.study.recovery)
         return (np.asarray(metrics["tail_mean"]) > over).astype(float)
 
     def generations(self) -> Iterator[Generation]:

@@ -145,13 +145,7 @@ class Run:
             layout.filled_stores(self.cells, self.study.save),
             filled,
             self.modules,
-            self.tau,
         )
-
-    @property
-    def tau(self) -> float | None:
-        """Threshold τ of the study's recovery; None without recovery."""
-        return None if self.study.recovery is None else self.study.recovery.tau
 
     def tally(self, lanes: int) -> Tally:
         """Return a tally of this number of lanes, none of them done."""

@@ -52,7 +52,6 @@ class Assignment(NamedTuple):
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
     filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
     modules: dict[str, Provenance]  # that kinds from outside came from
-    tau: float | None  # of the study's recovery
 
     @property
     def variables(self) -> dict[str, Variable]:
@@ -87,7 +86,7 @@ class Assignment(NamedTuple):
     def done(self, shard: Shard, rows: pa.Table) -> Done:
         """Return the report on a shard with these rows."""
         wanted = rows.select(["status", "tail_mean"]).to_pandas()
-        return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.tau))
+        return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.config.recovery))
 
 
 def simulate_shards(

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
+from jaxnet.config.keys import Recovery
 from jaxnet.engine import batch
 from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
@@ -40,10 +41,10 @@ class Standing(NamedTuple):
     unrecovered: float
 
 
-def sums_of(cell: Cell, rows: pd.DataFrame, tau: float | None) -> Sums:
-    """Sum a cell's rows, by their `status` and `tail_mean`; without τ no lane counts as unrecovered."""
+def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:
+    """Sum a cell's rows, by their `status` and `tail_mean`; without a criterion none is unrecovered."""
     errors = rows["tail_mean"].to_numpy()[rows["status"].to_numpy() == "ok"]
-    over = 0 if tau is None else np.count_nonzero(errors > threshold(cell, tau))
+    over = np.count_nonzero(errors > threshold(cell, asked))
     return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 
 

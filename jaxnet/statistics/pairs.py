@@ -17,6 +17,7 @@ from jaxtyping import Bool
 from scipy import special
 
 from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.keys import Recovery
 from jaxnet.statistics import means
 from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.limits import ceilings
@@ -50,9 +51,8 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     tables = [join_lanes(first, second, pair) for pair in pairs]
     if not any(map(len, tables)):
         raise FolderError(f"{first.path} and {second.path} have no sample in common")
-    judged = [
-        mark_unrecovered(lanes, pair, taus(first, second)) for lanes, pair in zip(tables, pairs, strict=True)
-    ]
+    criteria = [results.study.config.recovery for results in (first, second)]
+    judged = [mark_unrecovered(lanes, pair, criteria) for lanes, pair in zip(tables, pairs, strict=True)]
     changed = [
         lanes.loc[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna()
         for lanes in judged
@@ -138,15 +138,17 @@ def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
     return a.merge(b, on="sample", suffixes=SIDES).sort_values("sample")
 
 
-def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float]) -> pd.DataFrame:
+def mark_unrecovered(
+    lanes: pd.DataFrame, pair: CellPair, criteria: Sequence[Recovery | None]
+) -> pd.DataFrame:
     """Return the lanes with `ok`, whether both lanes ended, and whether each lane is unrecovered.
 
-    `unrecovered` is not-a-number without a τ or an attack, and where ā is unknown because an attack's code is
-    missing.
+    `unrecovered` is not-a-number without a criterion or an attack, and where ā is unknown because an
+    attack's code is missing.
     """
     levels = [
-        known_or(np.nan, functools.partial(threshold, cell, tau))
-        for cell, tau in zip(pair, taus, strict=True)
+        known_or(np.nan, functools.partial(threshold, cell, asked))
+        for cell, asked in zip(pair, criteria, strict=True)
     ]
     known = not np.isnan(levels).any()
     judged = {
@@ -154,12 +156,6 @@ def mark_unrecovered(lanes: pd.DataFrame, pair: CellPair, taus: Sequence[float])
         for side, level in zip(SIDES, levels, strict=True)
     }
     return lanes.assign(ok=(lanes["status_A"] == "ok") & (lanes["status_B"] == "ok"), **judged)
-
-
-def taus(first: Results, second: Results) -> list[float]:
-    """Return `recovery.tau` of both studies; not-a-number for a study without `recovery`."""
-    criteria = [results.study.config.recovery for results in (first, second)]
-    return [np.nan if each is None else each.tau for each in criteria]
 
 
 def comparison_row(

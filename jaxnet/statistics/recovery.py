@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float, Int
 from scipy import special
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Criterion, Sequential
+from jaxnet.config.keys import Criterion, Recovery, Sequential
+from jaxnet.config.study import Study
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import labels_without_magnitude
 
@@ -31,9 +32,9 @@ class RecoveryCounts(NamedTuple):
     unrecovered: Int[np.ndarray, " cells"]
     ended: Int[np.ndarray, " cells"]
 
-    def add(self, cell: Cell, errors: Float[np.ndarray, " lanes"], tau: float) -> None:
+    def add(self, cell: Cell, errors: Float[np.ndarray, " lanes"], asked: Recovery) -> None:
         """Count the mean errors [m] of a cell's ok lanes."""
-        self.unrecovered[cell.number] += np.count_nonzero(errors > threshold(cell, tau))
+        self.unrecovered[cell.number] += np.count_nonzero(errors > threshold(cell, asked))
         self.ended[cell.number] += len(errors)
 
 
@@ -42,10 +43,25 @@ def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
     return RecoveryCounts(np.zeros(len(cells), int), np.zeros(len(cells), int))
 
 
-def threshold(cell: Cell, tau: float) -> float:
-    """Return `τ ā` [m], above which a lane of the cell is unrecovered; not-a-number without an attack."""
+def threshold(cell: Cell, asked: Recovery | None) -> float:
+    """Return the error above which a lane of the cell is unrecovered [m].
+
+    The threshold is not-a-number without an attack, and if a study does not ask for recovery.
+    """
+    return np.nan if asked is None else asked.tau * attack_size(cell)
+
+
+def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
+    """Return which rows of a stored table were made with the thresholds of their cells."""
+    wanted = [threshold(study.cells[number], study.config.recovery) for number in table["cell"]]
+    made = table["threshold"] if "threshold" in table else np.full(len(table), -1.0)
+    return np.isclose(wanted, made, rtol=1e-12, atol=0.0, equal_nan=True)
+
+
+def attack_size(cell: Cell) -> float:
+    """Return ā of the cell [m]; not-a-number without an attack, or if ā is drawn."""
     amplitude = cell.scenario.attack.amplitude()
-    return tau * amplitude if not is_drawn(amplitude) and amplitude > 0 else np.nan
+    return float(amplitude) if not is_drawn(amplitude) and amplitude > 0 else np.nan
 
 
 def clopper_pearson(
@@ -123,7 +139,7 @@ def widest_half_interval(
 
 def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
     """Return which cells have an attack with a known ā."""
-    return np.array([threshold(cell, 1.0) > 0 for cell in cells])
+    return np.array([attack_size(cell) > 0 for cell in cells])
 
 
 def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
@@ -141,7 +157,7 @@ def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[
     The list takes the worst lane of each group of cells that differ only in ā, then the second of each group,
     and so on. Otherwise one group would often fill the list with similar lanes.
     """
-    scale = np.array([threshold(cell, 1.0) for cell in cells])
+    scale = np.array([attack_size(cell) for cell in cells])
     groups = np.array([str(labels_without_magnitude(cell)) for cell in cells])
     lanes = pd.DataFrame(
         {

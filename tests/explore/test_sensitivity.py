@@ -135,8 +135,8 @@ def test_a_failed_lane_takes_its_sample_with_it_and_is_named():
         ]
 
     with pytest.warns(UserWarning, match="sample 7 with the later y: disconnected"):
-        found = index_rows(study.cells[0], names, outcomes(slice(None)), 0.3)
-    known = index_rows(study.cells[0], names, outcomes(np.arange(200) != 7), 0.3)
+        found = index_rows(study.cells[0], names, outcomes(slice(None)), 1.5)
+    known = index_rows(study.cells[0], names, outcomes(np.arange(200) != 7), 1.5)
     counted = {"samples": 200, "left_out": 1}
     assert found == [row | counted for row in known]
     assert np.isfinite(pd.DataFrame(found)["first"]).all()

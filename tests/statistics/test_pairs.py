@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 import jaxnet
+from jaxnet.config.keys import Recovery
 from jaxnet.statistics import pairs
 from jaxnet.store.folder import FolderError
 from jaxnet.view.page import comparison as page
@@ -103,7 +104,7 @@ def test_a_failed_lane_counts_in_no_difference_and_is_named(without, trimmed):
     pair = pairs.paired_cells(without, trimmed)[0]
     lanes = pairs.join_lanes(without, trimmed, pair)
     lanes.loc[3, ["status_B", "tail_mean_B", "tail_max_B"]] = ["max_steps", np.nan, np.nan]
-    judged = pairs.mark_unrecovered(lanes, pair, [0.3, 0.3])
+    judged = pairs.mark_unrecovered(lanes, pair, [Recovery(tau=0.3)] * 2)
     row = pairs.comparison_row(pair, judged, (without, trimmed))
     assert (row["pairs"], row["failed"]) == (9, 1)
     kept = (lanes["tail_mean_B"] - lanes["tail_mean_A"]).drop(3)
@@ -158,4 +159,6 @@ def test_lanes_without_recovery_have_no_sides(without):
 def unjudged(results):
     """A pair of cells, and its lanes judged without a threshold."""
     pair = (results.study.cells[0],) * 2
-    return pair, pairs.mark_unrecovered(pairs.join_lanes(results, results, pair), pair, [np.nan, 0.3])
+    return pair, pairs.mark_unrecovered(
+        pairs.join_lanes(results, results, pair), pair, [None, Recovery(tau=0.3)]
+    )

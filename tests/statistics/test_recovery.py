@@ -10,6 +10,7 @@ from scipy import stats
 import jaxnet
 from experiments import stopping
 from jaxnet.config import keys as config
+from jaxnet.config.keys import Recovery
 from jaxnet.engine.methods.exact import Exact
 from jaxnet.statistics import recovery
 from jaxnet.store.folder import Folder, FolderError
@@ -66,7 +67,7 @@ def test_counts():
     )
     ok, counts = rows[rows["status"] == "ok"], recovery.zero_counts(cells)
     for number, errors in ok.groupby("cell")["tail_mean"]:
-        counts.add(cells[number], errors.to_numpy(), 0.01)
+        counts.add(cells[number], errors.to_numpy(), Recovery(tau=0.01))
     assert (counts.unrecovered.tolist(), counts.ended.tolist()) == ([0, 2], [1, 3])
     table = recovery.unrecovered_columns(counts, cells, 0.95)
     assert table.loc[0].isna().all()

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 import jaxnet
+from jaxnet.config.keys import Recovery
 from jaxnet.engine import batch
 from jaxnet.runs.tally import Done, Sums, Tally, sums_of
 from jaxnet.view.text import progress, standing
@@ -97,7 +98,7 @@ def test_a_tally_has_the_mean_of_all_rows_however_they_came():
     tally = Tally(cells, 80, recovery=True)
     tally.under_way = 25
     for shard, part in ((0, rows[:10]), (1, rows[25:]), (0, rows[:25])):
-        tally.record([Done(shard, 1, sums_of(cells[1], part, tau=0.5))])
+        tally.record([Done(shard, 1, sums_of(cells[1], part, Recovery(tau=0.5)))])
     (told,) = tally.standing()
     assert (told.cell, told.lanes, tally.done, tally.failed, tally.under_way) == (1, 40, 40, 1, 0)
     ok = rows["tail_mean"].dropna()

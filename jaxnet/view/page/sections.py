@@ -301,7 +301,7 @@ def rare_section(results: Results) -> Section | None:
     """Return the section on rare failures, or None if they were not counted."""
     if "rare" not in results.analyses:
         return None
-    rows = results.rare.drop(columns=["points", "tau"])
+    rows = results.rare.drop(columns=["points", "threshold"])
     note = (
         "<p>The share of lanes unrecovered by subset simulation, with a 95 % interval over its repeats;"
         " plain lanes: the number of random lanes with an interval as narrow.</p>"

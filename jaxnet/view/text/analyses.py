@@ -18,7 +18,7 @@ def analyses_text(results: Results) -> str:
 
 def rare_text(table: pd.DataFrame) -> str:
     """Return the shares of rare failures with their intervals, a line per cell."""
-    return table_text(table.drop(columns=["points", "tau"]).head(MOST_ROWS))
+    return table_text(table.drop(columns=["points", "threshold"]).head(MOST_ROWS))
 
 
 ANALYSIS_TEXTS = {
