@@ -195,7 +195,7 @@ def test_the_page_of_commands_names_each_with_all_it_takes():
         said = "".join(words for title, words in sections.items() if name in title.split(", "))
         options = [param for param in command.params if isinstance(param, click.Option)]
         assert {option for param in options for option in param.opts if option[:2] == "--"} <= set(
-            re.findall(r"`(--\w+)", said)
+            re.findall(r"`(--[\w-]+)", said)
         ), name
         offered = [choice for param in command.params for choice in getattr(param.type, "choices", ())]
         assert all(f"`{choice}`" in said or f" {choice}`" in said for choice in offered), name
