@@ -74,9 +74,11 @@ function pointsOf(panel, metric, floor, there) {
 // ẽ(t): 5 to 95 % filled, median and maximum as lines.
 const MEDIAN_LINE = { color: "--blue", width: 2, dash: "solid" }, MAXIMUM_LINE = { color: "--red", width: 1.4, dash: "5px,3px" };
 const bands = {
-  curves: () => [
-    { name: "median of lanes", look: { line: MEDIAN_LINE } }, { name: "5 to 95 %", look: { area: "--band" } },
-    { name: "maximum", look: { line: MAXIMUM_LINE } },
+  curves: (given) => [
+    ...(given.panels.some(({ lanes }) => lanes > 1) ? [
+      { name: "median of lanes", look: { line: MEDIAN_LINE } }, { name: "5 to 95 %", look: { area: "--band" } },
+      { name: "maximum", look: { line: MAXIMUM_LINE } }] : []),
+    ...(given.panels.some(({ lanes }) => lanes === 1) ? [{ name: "one lane", look: { line: MEDIAN_LINE } }] : []),
   ],
   figure(given, [panel]) {
     const time = floats(given.time);
@@ -87,7 +89,7 @@ const bands = {
     };
     const edge = { name: "5 to 95 %", x: time, mode: "lines", line: { width: 0, color: "--blue" }, hoverinfo: "skip" };
     return {
-      data: [
+      data: panel.lanes === 1 ? [curve("one lane", "median", MEDIAN_LINE)] : [
         { ...edge, y: drawn("low"), showlegend: false }, { ...edge, y: drawn("high"), fill: "tonexty", fillcolor: "--band" },
         curve("maximum", "greatest", MAXIMUM_LINE), curve("median of lanes", "median", MEDIAN_LINE),
       ],
