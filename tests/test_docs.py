@@ -27,7 +27,17 @@ from jaxnet.view.figures import every
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
-READABLE = [*MATHEMATICAL]  # pages with short paragraphs and lines; a page joins when it is rewritten
+READABLE = [
+    *MATHEMATICAL,
+    "api",
+    "architecture",
+    "cluster",
+    "findings",
+    "results",
+    "search",
+    "sensitivity",
+    "validation",
+]  # pages with short paragraphs and lines; a page joins when it is rewritten
 
 # A fenced block with its language, or the lines of an indented one.
 CODE = re.compile(r"^```(\w*)\n(.*?)^```$|((?:^    [^\n]*\n)+)", re.M | re.S)
