@@ -9,6 +9,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import click
@@ -27,7 +28,8 @@ from jaxnet.view.figures import every
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
-READABLE = [*MATHEMATICAL]  # pages with short paragraphs and lines; a page joins when it is rewritten
+# Pages with short paragraphs and lines; a page joins when it is rewritten.
+READABLE = [*MATHEMATICAL, "install"]
 
 # A fenced block with its language, or the lines of an indented one.
 CODE = re.compile(r"^```(\w*)\n(.*?)^```$|((?:^    [^\n]*\n)+)", re.M | re.S)
@@ -163,7 +165,7 @@ def test_what_the_tutorial_shows_works(reader):
 
 
 @pytest.mark.parametrize(
-    "name", ["api", "config", "gallery", "performance", "results", "sensitivity", "validation"]
+    "name", ["api", "config", "gallery", "install", "performance", "results", "sensitivity", "validation"]
 )
 def test_what_other_pages_show_can_be_done(name, reader, tmp_path):
     """Pages with code that no other test runs."""
@@ -184,6 +186,17 @@ def test_commands_in_running_text_exist(page):
     for name, options in named_commands(page.read_text()):
         known = {option for param in main.commands[name].params for option in param.opts}
         assert set(options) <= known, name
+
+
+def test_the_install_page_names_python_versions_and_extras():
+    """Each extra of pyproject.toml, no other, and the versions that it allows."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    text = (ROOT / "docs" / "install.md").read_text()
+    extras = text.partition("## Extras")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", extras, re.M)) == set(project["optional-dependencies"])
+    versions = re.findall(r"Python :: (3\.\d+)", "".join(project["classifiers"]))
+    assert f"needs Python {', '.join(versions[:-1])} or {versions[-1]}." in text
+    assert f"distribution is `{project['name']}`" in text
 
 
 def test_the_page_of_commands_names_each_with_all_it_takes():
@@ -275,7 +288,7 @@ def test_the_site_is_searched_from_the_disk(site, browser):
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
 
 
-@pytest.mark.parametrize("words", ["packet loss", "GPU", "adjacency matrix"])
+@pytest.mark.parametrize("words", ["packet loss", "GPU", "adjacency matrix", "install"])
 def test_the_search_finds_what_readers_ask_for(words, site, browser):
     """A result has every word marked."""
     page = browser.new_page()
