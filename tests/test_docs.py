@@ -26,6 +26,8 @@ from jaxnet.statistics.families import MODELS
 from jaxnet.view.figures import every
 
 ROOT = Path(__file__).parents[1]
+NOTEBOOK_FOLDER = ROOT / "docs" / "notebooks"
+NOTEBOOKS = sorted(NOTEBOOK_FOLDER.glob("*.ipynb"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
 # Pages with short paragraphs and lines; a page joins when it is rewritten.
@@ -275,6 +277,22 @@ def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
             re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text())
             == []
         )
+
+
+@pytest.mark.parametrize("name", [path.stem for path in NOTEBOOKS])
+def test_a_notebook_is_a_page_of_the_site(name, site, browser):
+    """With its figures, tables in the site's style, and the notebook itself; links lead to the page."""
+    page = browser.new_page()
+    page.goto((site / "index.html").as_uri())
+    page.locator(f"article a[href='notebooks/{name}.html']").click()
+    for figure in page.locator("article img").all():
+        assert figure.evaluate("figure => figure.complete && figure.naturalWidth") > 100
+        assert "png" not in figure.get_attribute("alt")
+    assert page.locator("article img").count() > 0
+    assert page.locator("article table:not([class])").count() > 0
+    stored = page.locator("a[download]").get_attribute("href")
+    assert (site / "notebooks" / stored).read_bytes() == (NOTEBOOK_FOLDER / stored).read_bytes()
+    page.close()
 
 
 def test_the_site_is_searched_from_the_disk(site, browser):
