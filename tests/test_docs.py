@@ -4,6 +4,7 @@ The pages of keys and commands name all that there are, links lead somewhere, an
 """
 
 import json
+import pkgutil
 import re
 import runpy
 import shlex
@@ -271,12 +272,23 @@ def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
     """All that jaxnet exports; scripts and styles from beside the page; fonts within the styles."""
     assert set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
     page = (site / "api.html").read_text()
-    assert {name for name in jaxnet.__all__ if f'<h3 id="jaxnet.{name}"' not in page} == set()
+    headings = re.findall(r'<h3 id="([\w.]+)" class="doc.*?</h3>', page, re.S)
+    assert {f"jaxnet.{name}" for name in jaxnet.__all__} <= set(headings)
     for path in site.rglob("*.html"):
         assert (
             re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text())
             == []
         )
+
+
+def test_names_of_the_interface_can_be_imported_as_the_site_prints_them(site):
+    """A heading of the page shows the whole path of its function or class."""
+    headings = re.findall(r'<h3 id="[\w.]+" class="doc.*?</h3>', (site / "api.html").read_text(), re.S)
+    shown = [re.search(r"[\w.]+", re.sub(r"<[^>]+>", "", heading))[0] for heading in headings]
+    assert len(shown) > len(jaxnet.__all__)
+    assert [name for name in shown if not name.startswith("jaxnet.")] == []
+    for name in shown:
+        assert callable(pkgutil.resolve_name(name)), name
 
 
 @pytest.mark.parametrize("name", [path.stem for path in NOTEBOOKS])
