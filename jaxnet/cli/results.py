@@ -141,14 +141,11 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
 @out_option
 @click.option("--open", "shown", is_flag=True, help="Open the page in the browser.")
 @click.option(
-    "--replay/--no-replay",
-    "replayed",
-    default=True,
-    help="Whether to simulate lanes again for the page; without, it shows stored trajectories.",
+    "--no-replay", is_flag=True, help="Simulate no lane again: the page shows stored trajectories alone."
 )
 @takes_code
 def report(
-    results: str, out: str | None, shown: bool, replayed: bool, trust: bool, config: Path | None
+    results: str, out: str | None, shown: bool, no_replay: bool, trust: bool, config: Path | None
 ) -> None:
     """Write report.html, a page that works offline, and its figures as PNG and PDF.
 
@@ -159,7 +156,7 @@ def report(
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
         with progress.report_steps() as told:
-            for path in writing.write_report(opened, told, replayed):
+            for path in writing.write_report(opened, told, not no_replay):
                 click.echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.folder.path / "report.html")

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
 from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import Number, is_drawn, value_range
@@ -95,6 +96,19 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
         )
 
 
+def amplitude_faults(cells: Sequence[Scenario]) -> Iterator[Fault]:
+    """Yield a fault if the amplitude in force of an attack is not known, or no position is shifted."""
+    for cell in cells:
+        attack = cell.attack
+        if attack.present and attack.amplitude() > 0 and not known_amplitude(cell) > 0:
+            yield Fault(
+                ("recovery.of", "attack"),
+                f"the amplitude in force of attack {attack.reference()} is not one known number: numbers are"
+                " drawn, or ā does not bound positions; give of: magnitude",
+            )
+            return
+
+
 def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     """Yield a fault if ā is drawn, or if samples depend on recovery and no cell is attacked."""
     magnitudes = [cell.attack.amplitude() for cell in cells if cell.attack.present]
@@ -103,6 +117,8 @@ def recovery_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]
             ("recovery", "attack.magnitude"),
             "compares with ā, which is drawn here: give or sweep attack.magnitude",
         )
+    elif study.recovery is not None and study.recovery.of == "amplitude":
+        yield from amplitude_faults(cells)
     elif cells and isinstance(study.samples, Sequential) and not any(magnitudes):
         yield Fault(
             ("samples.until", "samples"),

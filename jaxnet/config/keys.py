@@ -204,7 +204,15 @@ def plain_file_name(name: str) -> str:
 class Recovery(Record):
     """The criterion by which a lane has recovered from its attack."""
 
-    tau: float = Field(default=0.01, gt=0, description="a lane with tail_mean > tau · ā has not recovered")
+    tau: float = Field(
+        default=0.01,
+        gt=0,
+        description="a lane with tail_mean > tau · ā has not recovered",
+    )
+    of: Literal["magnitude", "amplitude"] = Field(
+        default="magnitude",
+        description="what tau multiplies: ā, or the amplitude in force, by which positions are shifted",
+    )
     worst: int = Field(default=3, ge=0, description="lanes of the study that the report replays, the worst")
 
 

@@ -21,6 +21,8 @@ UNIFORMS_BLOCK = (
     32,
 )  # samples and slots of one call, wanted or not, so that one compiled program serves all draws
 
+MOST_KEPT = 2**17  # numbers of one quantity that are kept for the next cell
+
 BITS = 32  # of each coordinate of a point; with more bits, SciPy cannot start inside a sequence
 MOST_DIMENSIONS = 21_201  # dimensions with direction numbers in Joe and Kuo (2008)
 
@@ -49,6 +51,23 @@ class Source(Protocol):
         ...
 
 
+def keyed_draws(seed: int, name: str, samples: tuple[int, ...], places: tuple[Entry, ...]) -> Drawn:
+    """Return the pseudorandom numbers of `Keyed.uniforms`, not to be written into."""
+    rows, columns = (
+        draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
+        draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
+    )
+    with jax.enable_x64(True):
+        key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(name.encode()))
+        drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
+    found = ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
+    found.flags.writeable = False
+    return found
+
+
+kept_draws = functools.lru_cache(maxsize=16)(keyed_draws)  # cells share the draws of their samples
+
+
 class Keyed(NamedTuple):
     """A source of pseudorandom numbers from a seed."""
 
@@ -56,14 +75,8 @@ class Keyed(NamedTuple):
 
     def uniforms(self, name: str, samples: Sequence[int], places: Sequence[Entry]) -> Drawn:
         """Return pseudorandom numbers inside (0, 1) in steps of 2⁻⁵³."""
-        rows, columns = (
-            draw_in_blocks(samples, UNIFORMS_BLOCK[0]),
-            draw_in_blocks([slot(*place) for place in places], UNIFORMS_BLOCK[1]),
-        )
-        with jax.enable_x64(True):
-            key = jax.random.fold_in(jax.random.key(self.seed), zlib.crc32(name.encode()))
-            drawn = np.block([[np.asarray(bits(key, row, column)) for column in columns] for row in rows])
-        return ((drawn[: len(samples), : len(places)] >> 11) + 0.5) * 2.0**-53
+        draw = kept_draws if len(samples) * len(places) <= MOST_KEPT else keyed_draws
+        return draw(self.seed, name, tuple(samples), tuple(places))
 
     def generator(self, name: str, sample: int) -> np.random.Generator:
         """Return a generator seeded with the seed, the name and the sample."""

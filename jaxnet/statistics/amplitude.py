@@ -1,29 +1,20 @@
-"""The amplitude in force: how far an attack of magnitude ā shifts a position that is received.
-
-ā bounds the signal and its derivatives. A fast signal therefore has a small amplitude: a harmonic of
-frequency ω shifts positions by ā / max(1, ω³).
-"""
+"""The amplitude in force of each cell, and notes where it is below ā."""
 
 import functools
 from collections.abc import Sequence
 
 import numpy as np
 
+from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario
-from jaxnet.kinds.attacks import own_numbers, signal_scale
-from jaxnet.kinds.fields import Each
-from jaxnet.kinds.kind import AnyKind, Kind, holds_drawn
 from jaxnet.store.looking import known_or
 
 MOST_CELLS = 3_000  # whose amplitudes are worked out
 
 
 def amplitude_in_force(scenario: Scenario) -> float:
-    """Return the greatest distance by which attacked links shift a position [m].
-
-    The amplitude is not-a-number without an attack, where ā bounds nothing, and where lanes or vehicles
-    differ.
+    """Return the amplitude of `known_amplitude` [m]; not-a-number also where the attack's code is missing.
 
     Examples
     --------
@@ -33,38 +24,6 @@ def amplitude_in_force(scenario: Scenario) -> float:
     1.0
     """
     return known_or(np.nan, functools.partial(known_amplitude, scenario))
-
-
-def known_amplitude(scenario: Scenario) -> float:
-    """Return the amplitude of an attack whose code is available."""
-    attack = scenario.attack
-    if not attack.present or not attack.bounded or any(own_numbers(attack)) or draws_functions(attack):
-        return np.nan
-    if 0 not in attack.falsified():
-        return 0.0
-    alone = of_one_lane(attack)
-    sizes = np.asarray(alone.sizes(scenario.horizon))
-    return float((signal_scale(alone, sizes) * sizes[0]).ravel()[0])
-
-
-def draws_functions(kind: Kind) -> bool:
-    """Return whether numbers on which the signal's functions depend are drawn."""
-    for key, field in type(kind).model_fields.items():
-        value = getattr(kind, key)
-        if isinstance(value, Kind) and draws_functions(value):
-            return True
-        own = any(isinstance(mark, Each) for mark in field.metadata)
-        if holds_drawn(value) and not own and not isinstance(value, Kind):
-            return True
-    return False
-
-
-def of_one_lane(kind: AnyKind) -> AnyKind:
-    """Return a copy whose numbers are arrays of one lane."""
-    values = {key: getattr(kind, key) for key in type(kind).model_fields}
-    numbers = {key: np.array([value]) for key, value in values.items() if isinstance(value, float)}
-    inner = {key: of_one_lane(value) for key, value in values.items() if isinstance(value, Kind)}
-    return kind.filled(values | numbers | inner)
 
 
 def reduced_amplitudes(cells: Sequence[Cell]) -> dict[int, float]:

@@ -25,6 +25,7 @@ class Band(NamedTuple):
     median: Float[np.ndarray, " times"]
     high: Float[np.ndarray, " times"]
     greatest: Float[np.ndarray, " times"]
+    lanes: int
 
 
 def error_band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
@@ -38,7 +39,8 @@ def error_band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Ba
     values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN, dtype=float)
     if not len(values):
         return None
-    return Band(tracking["time"].values[instants], *np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0))
+    low, median, high, greatest = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
+    return Band(tracking["time"].values[instants], low, median, high, greatest, len(values))
 
 
 def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:

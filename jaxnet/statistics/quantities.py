@@ -15,11 +15,10 @@ from scipy import stats
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
-from jaxnet.config.naming import NO_BREAK
 from jaxnet.kinds.metrics import Metric
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
-from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson, confidence_told
+from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson, confidence_told, criterion_words
 from jaxnet.statistics.summary import UNBOUNDED, independent_units, metric_statistics, ranges_of
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
@@ -144,8 +143,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         shares = unrecovered_shares(results, cells).reindex([cell.number for cell in cells])
         found: Any = 100 * shares.astype(float)
         table = found.set_axis(["value", "low", "high"], axis=1)
-        note = f"unrecovered: mean error over the tail > {study.recovery.tau:g}{NO_BREAK}ā"
-        note = "; ".join(filter(None, [note, amplitude_note(cells)]))
+        reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
+        note = "; ".join(filter(None, [f"unrecovered: {criterion_words(study.recovery)}", reduced]))
         return Quantity(name, "lanes unrecovered", "%", True, confidence, table, note)
     if name == "failed":
         return Quantity(name, "lanes failed", "%", True, CONFIDENCE, failed_table(results, cells))

@@ -16,8 +16,10 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 from scipy import special
 
+from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Criterion, Recovery, Sequential
+from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.statistics.groups import labels_without_magnitude
@@ -48,7 +50,16 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
 
     The threshold is not-a-number without an attack, and if a study does not ask for recovery.
     """
-    return np.nan if asked is None else asked.tau * attack_size(cell)
+    if asked is None:
+        return np.nan
+    in_force = asked.of == "amplitude" and attack_size(cell) > 0
+    return asked.tau * (known_amplitude(cell.scenario) if in_force else attack_size(cell))
+
+
+def criterion_words(asked: Recovery) -> str:
+    """Return in words when a lane is unrecovered."""
+    size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
+    return f"mean error over the tail > {asked.tau:g}{NO_BREAK}{size}"
 
 
 def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " rows"]:

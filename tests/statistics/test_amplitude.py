@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+import jaxnet
+from jaxnet.config.keys import Recovery
 from jaxnet.statistics.amplitude import amplitude_in_force, amplitude_note
+from jaxnet.statistics.quantities import quantity_of
+from jaxnet.statistics.recovery import threshold
 from tests import systems
 
 KINDS = {
@@ -36,3 +40,38 @@ def test_it_is_known_by_formula_and_said():
     assert amplitude_note(study.cells[:2]) == ""
     drawn = systems.study(attack={"kind": "rotating", "frequency": {"uniform": [1.0, 2.0]}})
     assert np.isnan(amplitude_in_force(drawn.cells[0].scenario))
+
+
+STAR = {"topology": "star", "vehicles": 4, "defence": "none", "engine": "exact", "samples": 2, "tail": 5.0}
+FAST = {"kind": "rotating", "vehicles": [2], "frequency": 2.0, "magnitude": 8.0}
+
+
+@pytest.mark.parametrize(("of", "share"), [("magnitude", 0.0), ("amplitude", 1.0)])
+def test_recovery_compares_with_what_it_is_told_to(of, share, tmp_path):
+    """One of four vehicles follows a circle of 1 m: 0.25 m on average, between 0.1 · 1 m and 0.1 · 8 m."""
+    study = jaxnet.load({"name": "of", **STAR, "attack": FAST, "recovery": {"tau": 0.1, "of": of}})
+    results = jaxnet.run(study, tmp_path / "out", progress=False)
+    assert results.lanes["tail_mean"].to_numpy() == pytest.approx(0.25, rel=0.02)
+    assert results.cells["unrecovered"].tolist() == [share]
+    size = {"magnitude": "ā", "amplitude": "of the amplitude in force"}[of]
+    note = quantity_of(results, study.cells, "unrecovered").note
+    assert note.startswith(f"unrecovered: mean error over the tail > 0.1\N{NO-BREAK SPACE}{size}")
+    assert ("a position is shifted by less" in note) == (of == "magnitude")
+
+
+@pytest.mark.parametrize(
+    "attack",
+    [
+        FAST | {"frequency": {"uniform": [1, 2]}},
+        {"kind": "freeze", "vehicles": [2]},
+        FAST | {"orders": [1]},
+    ],
+)
+def test_recovery_of_an_amplitude_that_is_not_known_is_refused(attack):
+    """Drawn frequencies, an attack that ā does not bound, and one that shifts no position."""
+    keys = {"name": "of", **STAR, "attack": attack, "recovery": {"of": "amplitude"}}
+    with pytest.raises(jaxnet.ConfigError, match=r"recovery\.of: the amplitude in force of attack \w+ is"):
+        jaxnet.load(keys)
+    cells = jaxnet.load(keys | {"attack": FAST, "sweep": {"attack.magnitude": [0, 1]}}).cells
+    asked = Recovery(tau=0.1, of="amplitude")
+    assert [threshold(cell, asked) for cell in cells] == pytest.approx([np.nan, 0.1 / 8], nan_ok=True)

@@ -1,5 +1,7 @@
 """What `check` says of the paper's scenarios."""
 
+import pytest
+
 from jaxnet.view.text import check
 from tests import systems
 
@@ -105,3 +107,26 @@ def test_the_law_by_exchanges():
     assert "stability is told of 1,000 vehicles at most" in large
     never = check.check_text(systems.study(law="rounds", tick=0.75, output_step=0.75, tail=4.5))
     assert "no number of rounds is stable" in " ".join(never.split())
+
+
+RULES = {
+    "none: attacks are known": {"kind": "trusted_trim"},
+    "announced: by majority": {"kind": "trusted_trim", "score": "announced"},
+    "none: whoever stays within the radius": {"kind": "trust"},
+    "random: by earned trust": {"kind": "trust", "observation": "random"},
+}
+
+
+@pytest.mark.parametrize("words", RULES)
+def test_the_guarantee_is_of_the_rule_in_use(words):
+    """And of no other rule of the same kind; a sweep of both tells both."""
+    told = one_line(check.guarantees(systems.study(defence=RULES[words]).cells))
+    assert [each for each in RULES if each in told] == [words]
+    scores = {"defence.score": ["position", "announced"]}
+    told = one_line(check.guarantees(systems.study(defence="trusted_trim", sweep=scores).cells))
+    assert [each for each in RULES if each in told] == list(RULES)[:2]
+
+
+def one_line(text):
+    """A text without breaks of lines."""
+    return " ".join(text.split())

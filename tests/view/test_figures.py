@@ -13,9 +13,11 @@ from upath import UPath
 import jaxnet
 from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
+from jaxnet.statistics.bands import error_bands
 from jaxnet.store.results import Results
 from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology
 from jaxnet.view.page import networks
+from jaxnet.view.page.plots import bands_data
 from tests import systems
 
 
@@ -142,6 +144,20 @@ def test_panels_without_trajectories_name_their_rows(many, monkeypatch):
     assert titles[1] == "(b) rotating attack, ā = 2 m, attack frequency = 0.1 rad/s"
     assert len(titles) == 4
     assert figure.get_suptitle() == "4 of 60 rows and 4 of 5 topologies are drawn; all are in errors.zarr"
+
+
+def test_one_lane_is_a_line_and_no_band(results):
+    """Without quantiles and maximum, in the figure and on the page; two lanes have both."""
+    cells = results.study.cells[:1]
+    two = error_bands(results, cells)
+    alone = {number: band._replace(lanes=1) for number, band in two.items()}
+    parts = {"5 to 95 % of lanes", "maximum"}
+    for found, many in ((two, True), (alone, False)):
+        drawn = bands.bands_figure(cells, found)
+        told = {text.get_text() for text in drawn.legends[0].get_texts()}
+        assert (parts <= told, "without a band: one lane" in told) == (many, not many)
+        assert (len(drawn.axes[0].collections), len(drawn.axes[0].lines)) == ((1, 2) if many else (0, 1))
+        assert [panel["lanes"] for panel in bands_data(cells, found)["panels"]] == [2 if many else 1]
 
 
 def test_bands_say_what_they_leave_out(many, results):

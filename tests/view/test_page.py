@@ -802,3 +802,52 @@ def test_the_networks_are_drawn_with_their_own_links(html):
     kinds = ["attacked link", "trusted link", "other link", "attacked vehicle", "vehicle"]
     assert [star.count(f'class="{kind}"') for kind in kinds] == [4, 8, 0, 4, 8]
     assert [ring.count(f'class="{kind}"') for kind in kinds] == [8, 12, 16, 4, 8]
+
+
+LONG = ["the ring of the first laboratory", "a star", "chain with a shortcut from the last to the first"]
+SIZES = {36: (3, 4), 300: (10, 10)}  # frequencies and magnitudes of three networks
+TOUCHING = """plots => plots.flatMap(plot => {
+  const frame = plot.getBoundingClientRect();
+  const texts = [...plot.querySelectorAll(".main-svg text")];
+  const boxes = texts.map(text => [text.textContent, text.getBoundingClientRect()]);
+  const seen = boxes.filter(([words, box]) => words.trim() && box.width);
+  const out = seen.filter(([, box]) => Math.min(box.left - frame.left, box.top - frame.top) < -1
+    || Math.min(frame.right - box.right, frame.bottom - box.bottom) < -1);
+  const over = ([, a], [, b]) => Math.min(Math.min(a.right, b.right) - Math.max(a.left, b.left),
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top)) > 1;
+  const pairs = seen.flatMap((one, n) =>
+    seen.slice(n + 1).filter(other => over(one, other)).map(([words]) => [one[0], words]));
+  return [...out.map(([words]) => words), ...pairs];
+})"""
+
+
+@pytest.mark.parametrize("cells", SIZES)
+def test_no_label_on_the_page_touches_another(browser, tmp_path, cells):
+    """In each plot, at the widths of a phone, a tablet and a desk; none is cut off, and nothing overflows."""
+    frequencies, magnitudes = SIZES[cells]
+    sweep = {
+        "topology": [{"kind": "star", "label": label} for label in LONG],
+        "attack.frequency": {"geomspace": [0.1, 10, frequencies]},
+        "attack.magnitude": {"geomspace": [0.1, 100, magnitudes]},
+    }
+    study = systems.study(
+        engine="exact",
+        samples=1,
+        vehicles=3,
+        attack={"kind": "rotating", "vehicles": [2]},
+        horizon=0.5,
+        tail=0.1,
+        recovery={"tau": 0.01},
+        sweep=sweep,
+    )
+    assert len(study.cells) == cells
+    path = page.write_page(jaxnet.run(study, tmp_path / "out"))
+    shown = browser.new_page()
+    shown.goto(path.as_uri())
+    for width in (390, 800, 1400):
+        shown.set_viewport_size({"width": width, "height": 900})
+        read_through(shown)
+        assert shown.eval_on_selector_all(".plot", TOUCHING) == [], width
+        assert shown.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    shown.close()
+    assert path.stat().st_size < 8e6

@@ -85,6 +85,10 @@ class AnyDefence(DrawsAtTicks):
     decides: ClassVar[bool] = False
     guarantee: ClassVar[str] = "none is known"
 
+    def promise(self) -> str:
+        """Return what is guaranteed of the defence as configured, in words: by default `guarantee`."""
+        return self.guarantee
+
     def needs_ticks(self) -> bool:
         """Return whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
         return True

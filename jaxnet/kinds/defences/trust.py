@@ -22,6 +22,11 @@ from jaxnet.model.plane import length
 from jaxnet.model.retained import everybody
 from jaxnet.model.safety import Safe
 
+OF_RANDOM_TRUTHS = (
+    "random: by earned trust, almost surely in the end, however many are attacked, where nobody can be cut"
+    " off meanwhile"
+)
+
 
 class Trust(Sparing):
     """Retain the sources whose sum β of `α - 1/2` over the ticks is ≥ 0, or else the source of greatest β.
@@ -40,10 +45,7 @@ class Trust(Sparing):
     """
 
     kind = "trust"
-    guarantee = (
-        "random: by earned trust, almost surely in the end, however many are attacked, where nobody can be"
-        " cut off meanwhile; deviation: none, who stays within the radius is believed"
-    )
+    guarantee = "none: whoever stays within the radius is believed"
 
     observation: Literal["deviation", "random"] = Field(
         default="deviation", description="what is observed of a source: its deviation, or at random the truth"
@@ -52,6 +54,10 @@ class Trust(Sparing):
     accuracy: Annotated[Number, Within(gt=0.5, le=1.0)] = Field(
         default=0.8, description="of random observations: the probability that one is right"
     )
+
+    def promise(self) -> str:
+        """Return the guarantee of the observation."""
+        return OF_RANDOM_TRUTHS if self.observation == "random" else self.guarantee
 
     def draws(self) -> bool:
         """Return whether the rule has noise or random observations."""

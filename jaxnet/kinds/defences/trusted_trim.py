@@ -53,6 +53,13 @@ def theta_tag(value: object) -> str:
     return MARK + ("each" if each else "all")
 
 
+OF_ANNOUNCEMENTS = (
+    "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
+    " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
+    " it would announce unattacked"
+)
+
+
 class Trimming(NamedTuple):
     """What all lanes share: ϑ, and the slots of trusted sources.
 
@@ -90,11 +97,7 @@ class TrustedTrim(Sparing):
 
     kind = "trusted_trim"
     words = "trusted trimming"
-    guarantee = (
-        "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
-        " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
-        " it would announce unattacked; other scores: none, attacks are known that pass each of them"
-    )
+    guarantee = "none: attacks are known that pass the score of positions, of jets and of feedback"
     untraced: ClassVar[frozenset[str]] = frozenset({"label", "theta", "trusted"})
 
     theta: Annotated[
@@ -121,6 +124,10 @@ class TrustedTrim(Sparing):
     def needs_ticks(self) -> bool:
         """Return whether the score has a filter or uses announcements, which have a memory."""
         return self.filter is not None or self.announcing()
+
+    def promise(self) -> str:
+        """Return the guarantee of the score."""
+        return OF_ANNOUNCEMENTS if self.announcing() else self.guarantee
 
     def announcing(self) -> bool:
         """Return whether `score` is `announced`."""

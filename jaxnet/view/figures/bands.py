@@ -36,8 +36,12 @@ def bands_figure(
         panels[0].set(yscale="log", ylim=bands_span(bands))
         multiples.log_ticks(panels[0].yaxis)
     handles: list[Line2D | Patch] = [Line2D([], [], label=name, **look) for name, look in looks.items()]
-    handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
-    handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
+    lanes = {band.lanes for band in bands.values()}
+    if lanes - {1}:
+        handles.append(Patch(facecolor="0.8", label="5 to 95 % of lanes"))
+        handles.append(Line2D([], [], color="0.5", linewidth=0.5, label="maximum"))
+    if 1 in lanes:
+        handles.append(Line2D([], [], linestyle="none", label="without a band: one lane"))
     drawn.legend(
         handles=handles,
         loc="outside lower center",
@@ -61,8 +65,9 @@ def spread_cells(cells: Sequence[Cell]) -> list[Cell]:
 
 
 def draw_error_band(panel: Axes, band: Band, look: style.LineStyle) -> None:
-    """Draw one cell's band, clipped from below at FLOOR, the level of rounding."""
-    low, median, high, greatest = (np.maximum(LOG_FLOOR, values) for values in band[1:])
-    panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)
-    panel.plot(band.time, greatest, color=look["color"], linewidth=0.5)
+    """Draw one cell's band, clipped from below at LOG_FLOOR, the level of rounding; one lane is a line."""
+    low, median, high, greatest = (np.maximum(LOG_FLOOR, values) for values in band[1:5])
+    if band.lanes > 1:
+        panel.fill_between(band.time, low, high, color=look["color"], alpha=0.2, linewidth=0)
+        panel.plot(band.time, greatest, color=look["color"], linewidth=0.5)
     panel.plot(band.time, median, **look)

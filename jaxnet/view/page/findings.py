@@ -126,7 +126,7 @@ def unrecovered_sentences(results: Results) -> list[str]:
     if found.empty:
         return [] if asked is None else ["No share unrecovered: no attacked lane came to its end."]
     confidence = 100 * recovery.confidence_told(results.study.config.samples)
-    above = "" if asked is None else f" (mean error over the tail above {asked.tau:g} ā)"
+    above = "" if asked is None else f" ({recovery.criterion_words(asked)})"
     share: Any = found["unrecovered"]
 
     def at(end: float) -> str:

@@ -17,7 +17,7 @@ function unpacked(given) {
   const navigator = ["navigator_x", "navigator_y"].map((key) => floats(given[key]));
   const signal = floats(given.attack), bits = given.kept && bytes(given.kept), links = given.links.length;
   const lane = {
-    ...given, axes: ["x [m]", "y [m]"], time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
+    ...given, axes: ["x [m]", "y [m]"], trail: Infinity, time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
     all: Array.from({ length: vehicles }, (_, n) => n + 1),
     isAttacked: (vehicle) => attacked.includes(vehicle),
     retained: (frame, link) => !bits || ((bits[(frame * links + link) >> 3] >> (7 - ((frame * links + link) & 7))) & 1) === 1,
@@ -50,7 +50,8 @@ const points = (places) => ({ x: places.map(([x]) => x), y: places.map(([, y]) =
 
 function trails(lane, frame) {
   const shape = lane.time.length <= MOST_CURVED ? "spline" : "linear";
-  const path = (source) => Array.from({ length: frame + 1 }, (_, n) => lane.place(n, source));
+  const from = Math.max(0, frame - lane.trail);
+  const path = (source) => Array.from({ length: frame + 1 - from }, (_, n) => lane.place(from + n, source));
   const trail = (name, vehicles, line) => ({ name, ...segments(vehicles.map(path)), mode: "lines", line: { ...line, shape }, hoverinfo: "skip", showlegend: false });
   const [honest, attacked] = [lane.all.filter((each) => !lane.isAttacked(each)), lane.attacked];
   return [
@@ -120,7 +121,7 @@ function aroundNavigator(lane) {
     ...lane.attacked.map((vehicle) => Math.hypot(...told(frame, vehicle)))]).filter(Number.isFinite);
   const navigator = lane.navigator.map((each) => each.map(() => 0));
   return { ...lane, place: relative(lane.place), speaks: relative(lane.speaks), told, navigator,
-    axes: ["x − x<sub>0</sub> [m]", "y − y<sub>0</sub> [m]"], reach: far.reduce((most, each) => Math.max(most, 1.15 * each), 1e-3) };
+    trail: Math.ceil(lane.time.length / 4), axes: ["x − x<sub>0</sub> [m]", "y − y<sub>0</sub> [m]"], reach: far.reduce((most, each) => Math.max(most, 1.15 * each), 1e-3) };
 }
 
 // The frame of the last quarter at which a vehicle is farthest off.

@@ -74,9 +74,11 @@ function pointsOf(panel, metric, floor, there) {
 // ẽ(t): 5 to 95 % filled, median and maximum as lines.
 const MEDIAN_LINE = { color: "--blue", width: 2, dash: "solid" }, MAXIMUM_LINE = { color: "--red", width: 1.4, dash: "5px,3px" };
 const bands = {
-  curves: () => [
-    { name: "median of lanes", look: { line: MEDIAN_LINE } }, { name: "5 to 95 %", look: { area: "--band" } },
-    { name: "maximum", look: { line: MAXIMUM_LINE } },
+  curves: (given) => [
+    ...(given.panels.some(({ lanes }) => lanes > 1) ? [
+      { name: "median of lanes", look: { line: MEDIAN_LINE } }, { name: "5 to 95 %", look: { area: "--band" } },
+      { name: "maximum", look: { line: MAXIMUM_LINE } }] : []),
+    ...(given.panels.some(({ lanes }) => lanes === 1) ? [{ name: "one lane", look: { line: MEDIAN_LINE } }] : []),
   ],
   figure(given, [panel]) {
     const time = floats(given.time);
@@ -87,7 +89,7 @@ const bands = {
     };
     const edge = { name: "5 to 95 %", x: time, mode: "lines", line: { width: 0, color: "--blue" }, hoverinfo: "skip" };
     return {
-      data: [
+      data: panel.lanes === 1 ? [curve("one lane", "median", MEDIAN_LINE)] : [
         { ...edge, y: drawn("low"), showlegend: false }, { ...edge, y: drawn("high"), fill: "tonexty", fillcolor: "--band" },
         curve("maximum", "greatest", MAXIMUM_LINE), curve("median of lanes", "median", MEDIAN_LINE),
       ],
@@ -106,10 +108,12 @@ const DASHES = ["solid", "6px,2px", "2px,2px", "5px,2px,1px,2px", "9px,3px", "4p
 const lookOf = ({ color, place }) => ({
   line: { color, width: 1.6, dash: DASHES[place % DASHES.length] }, marker: { color, size: 6, symbol: SYMBOLS[place % SYMBOLS.length] },
 });
+const ALONE = 340; // [px], height of the only panel
 const curve = {
   curves: (given) => (given.hue === null ? [] : given.looks.map((each) => ({ name: each.name, look: lookOf(each) }))),
   title: (given) => given.hue,
-  height: (given) => given.x.names && 70 + Math.max(26, 13 * given.looks.length) * given.x.names.length,
+  height: (given) => (given.x.names ? 70 + Math.max(26, 13 * given.looks.length) * given.x.names.length
+    : given.panels.length === 1 && ALONE),
   figure(given, [panel]) {
     const rows = given.x.names !== null, unit = given.y.share ? " %" : "";
     const cut = (value) => (value !== null && given.y.log ? Math.max(given.y.ends[0], value) : value);
@@ -128,7 +132,7 @@ const curve = {
       return rows ? { ...common, x: middle, y: places, error_x: error, mode: "markers" }
         : { ...common, x: places, y: middle, error_y: error, mode: "lines+markers" };
     });
-    const title = { text: escaped(given.y.label) }, [first, last] = given.y.ends, room = 0.04 * (last - first);
+    const title = { text: wrapped(given.y.label) }, [first, last] = given.y.ends, room = 0.04 * (last - first);
     const values = given.y.log ? decades(given.y.ends, title.text) : { range: [first - room, last + room], title };
     if (!rows) return { data, layout: { xaxis: numbersAxis(given), yaxis: values } };
     return { data, layout: { xaxis: values, yaxis: { range: [given.x.names.length - 0.5, -0.5],

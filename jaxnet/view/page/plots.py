@@ -217,6 +217,7 @@ def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, ob
         "panels": [
             panel_data([number], cells[number].labels)
             | {name: pack_numbers(getattr(each, name)) for name in ("low", "median", "high", "greatest")}
+            | {"lanes": each.lanes}
             for number, each in found.items()
         ],
     }

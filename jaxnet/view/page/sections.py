@@ -258,9 +258,10 @@ def search_section(results: Results) -> Section | None:
     note = (
         f"<p>{escape(worst.maximised_text(results))}, over {chosen}. Found: the choice at the horizon. Late:"
         f" the same choice at {worst.late_times(results)}, where what is transient has died away. Greatest:"
-        " any choice at the horizon. The best of as many random lanes, the bound"
-        " of theory where one is known, and the same choice from 10,000 other starts, and by the nonlinear"
-        " engine. Below, the best until then, by lanes; Lanes in motion shows what was found.</p>"
+        " any choice at the horizon. Then the greatest of as many random lanes, the bound of theory if one is"
+        " known, and the same choice from 10,000 other starts, and by the nonlinear engine. Below, the best"
+        " until then, by lanes; Lanes in motion shows what was found.</p>"
+        f"<p>{escape(sentence_case(worst.starts_text(results)))}.</p>"
     )
     drawn = plots.searches_data(
         search_courses(results, results.study.cells),

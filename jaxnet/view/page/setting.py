@@ -15,7 +15,7 @@ from jaxnet.statistics.curves import configured_magnitude
 
 MOST_ALTERNATIVES = 8
 TOLD_ELSEWHERE = ("kind", "label", "edges", "content", "vehicles", "links", "magnitude")  # keys of kinds
-SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
+PARAMETER_SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
 OWN_ROWS = ("vehicles", "attack.magnitude", "horizon", "tail", "tick")  # swept keys with a row below
 
 
@@ -111,9 +111,9 @@ def kind_words(key: str, kind: Kind, cell: Cell) -> str:
     given = kind.model_dump()
     default = kind.model_dump(exclude_defaults=True)
     told = [
-        f"{SYMBOLS.get(name, name.replace('_', ' '))} = {plain_words(value)}"
+        f"{PARAMETER_SYMBOLS.get(name, name.replace('_', ' '))} = {plain_words(value)}"
         for name, value in given.items()
-        if (name in default or name in SYMBOLS)
+        if (name in default or name in PARAMETER_SYMBOLS)
         and name not in TOLD_ELSEWHERE
         and f"{key}.{name}" not in cell.labels
     ]

@@ -124,8 +124,11 @@ def cell_list(cells: Sequence[Cell]) -> str:
 
 
 def guarantees(cells: Sequence[Cell]) -> str:
-    """Return the guarantee of each kind of defence, in words."""
-    rows = {cell.scenario.defence.kind: cell.scenario.defence.guarantee for cell in cells}
+    """Return the guarantee of each defence as it is configured, in words."""
+    found: dict[str, list[str]] = {}
+    for defence in (cell.scenario.defence for cell in cells):
+        found.setdefault(defence.kind, []).append(defence.promise())
+    rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if cell.scenario.law.holds}
     return wrap_lines(network_text("guarantees", rows))
 

@@ -118,7 +118,7 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
         notes.append(f"[low, high]: {sure:g} % intervals, of a mean over {interval_basis(config)}")
         notes += blank_interval_lines(results) if "tail_mean_mean" in names else []
     if "unrecovered" in names and config.recovery is not None:
-        notes.append(f"unrecovered: mean error over the tail > {config.recovery.tau:g} ā")
+        notes.append(f"unrecovered: {recovery.criterion_words(config.recovery)}")
     if "amplitude" in names:
         notes.append(amplitude_note(results.study.cells))
     if "tail_max_max" in names:

@@ -1,9 +1,11 @@
 """Output of `jaxnet search`: the worst choice found in each cell, beside random lanes and bounds."""
 
+from textwrap import fill
+
 import pandas as pd
 
 from jaxnet.store.results import Results
-from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text
+from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
 
 SEARCH_DROP_ORDER = (("lanes",), ("fresh least 5 %",), ("greatest",), ("nonlinear",), ("bound / found",))
 
@@ -14,7 +16,19 @@ def search_text(results: Results) -> str:
     shown, left_out, is_cut = fit_terminal(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
     head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
-    return "\n".join(filter(None, [head, table_text(shown), tail]))
+    notes = fill(starts_text(results), terminal_width())
+    return "\n".join(filter(None, [head, table_text(shown), notes, tail]))
+
+
+def starts_text(results: Results) -> str:
+    """Return from how many starts a choice is tried, beside those of random lanes."""
+    asked = results.study.config.search
+    assert asked is not None
+    same = "the same start" if asked.starts == 1 else f"the same {asked.starts:,} starts, their mean"
+    return (
+        f"found: every choice from {same}; random lanes: each a choice and a start of its own, the greatest"
+        " lane; so random lanes may be above what was found, from a worse start"
+    )
 
 
 def late_times(results: Results) -> str:
