@@ -2,14 +2,15 @@
 
 import doctest
 import gc
-import importlib
 import inspect
 import io
 import os
+import pkgutil
 import pydoc
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -42,6 +43,8 @@ KEYS = {
 }
 NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
 EDGES = {"kind": "edges"}
+PAGE = (Path(__file__).parents[1] / "docs" / "api.md").read_text()
+PUBLIC = re.findall(r"^::: (\S+)$", PAGE, re.M)
 
 
 @pytest.fixture(scope="module")
@@ -67,14 +70,29 @@ def test_the_package_says_what_there_is():
         assert re.search(rf"^    (class )?{name}\(", text, re.MULTILINE), name
 
 
-@pytest.mark.parametrize("name", sorted(jaxnet.HOMES))
-def test_the_examples_of_the_interface_run(name):
-    """Each Examples section of a public function, or of a class and its methods, prints what it shows."""
-    module = importlib.import_module(jaxnet.HOMES[name])
-    runner = doctest.DocTestRunner()
-    for example in doctest.DocTestFinder().find(getattr(jaxnet, name), name, module):
+def examples(name):
+    """Return the doctests of a public name and of its methods. An example imports what it uses."""
+    found = pkgutil.resolve_name(name)
+    finder = doctest.DocTestFinder(exclude_empty=False)
+    return finder.find(found, name, sys.modules[found.__module__], {"__name__": "__main__"})
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_has_an_example_that_runs(name):
+    """Each name of docs/api.md; the examples of its methods run too, and print what they show."""
+    found, runner = examples(name), doctest.DocTestRunner()
+    assert next(each for each in found if each.name == name).examples, "no example"
+    for example in found:
         runner.run(example)
     assert runner.failures == 0
+
+
+def test_the_page_of_the_interface_has_every_public_name():
+    """And every method that `Results` has beyond the stored tables has an example."""
+    assert {f"jaxnet.{name}" for name in jaxnet.__all__} <= set(PUBLIC)
+    lacking = [each.name for each in examples("jaxnet.Results") if not each.examples]
+    methods = [name for name, each in vars(jaxnet.Results).items() if inspect.isfunction(each)]
+    assert [name for name in methods if name[0] != "_" and f"jaxnet.Results.{name}" in lacking] == []
 
 
 def test_loading_imports_nothing_that_simulates_or_reads():

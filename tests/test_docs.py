@@ -4,11 +4,13 @@ The pages of keys and commands name all that there are, links lead somewhere, an
 """
 
 import json
+import pkgutil
 import re
 import runpy
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import click
@@ -25,6 +27,8 @@ from jaxnet.statistics.families import MODELS
 from jaxnet.view.figures import every
 
 ROOT = Path(__file__).parents[1]
+NOTEBOOK_FOLDER = ROOT / "docs" / "notebooks"
+NOTEBOOKS = sorted(NOTEBOOK_FOLDER.glob("*.ipynb"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
 READABLE = [
@@ -33,6 +37,7 @@ READABLE = [
     "architecture",
     "cluster",
     "findings",
+    "install",
     "results",
     "search",
     "sensitivity",
@@ -173,7 +178,7 @@ def test_what_the_tutorial_shows_works(reader):
 
 
 @pytest.mark.parametrize(
-    "name", ["api", "config", "gallery", "performance", "results", "sensitivity", "validation"]
+    "name", ["api", "config", "gallery", "install", "performance", "results", "sensitivity", "validation"]
 )
 def test_what_other_pages_show_can_be_done(name, reader, tmp_path):
     """Pages with code that no other test runs."""
@@ -194,6 +199,17 @@ def test_commands_in_running_text_exist(page):
     for name, options in named_commands(page.read_text()):
         known = {option for param in main.commands[name].params for option in param.opts}
         assert set(options) <= known, name
+
+
+def test_the_install_page_names_python_versions_and_extras():
+    """Each extra of pyproject.toml, no other, and the versions that it allows."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    text = (ROOT / "docs" / "install.md").read_text()
+    extras = text.partition("## Extras")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", extras, re.M)) == set(project["optional-dependencies"])
+    versions = re.findall(r"Python :: (3\.\d+)", "".join(project["classifiers"]))
+    assert f"needs Python {', '.join(versions[:-1])} or {versions[-1]}." in text
+    assert f"distribution is `{project['name']}`" in text
 
 
 def test_the_page_of_commands_names_each_with_all_it_takes():
@@ -266,12 +282,39 @@ def test_the_site_has_the_interface_and_asks_nothing_of_the_network(site):
     """All that jaxnet exports; scripts and styles from beside the page; fonts within the styles."""
     assert set(re.findall(r"url\((?!data:)", (site / "site/katex/katex.min.css").read_text())) == set()
     page = (site / "api.html").read_text()
-    assert {name for name in jaxnet.__all__ if f'<h3 id="jaxnet.{name}"' not in page} == set()
+    headings = re.findall(r'<h3 id="([\w.]+)" class="doc.*?</h3>', page, re.S)
+    assert {f"jaxnet.{name}" for name in jaxnet.__all__} <= set(headings)
     for path in site.rglob("*.html"):
         assert (
             re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"?(?:https?:)?//[^>]*>", path.read_text())
             == []
         )
+
+
+def test_names_of_the_interface_can_be_imported_as_the_site_prints_them(site):
+    """A heading of the page shows the whole path of its function or class."""
+    headings = re.findall(r'<h3 id="[\w.]+" class="doc.*?</h3>', (site / "api.html").read_text(), re.S)
+    shown = [re.search(r"[\w.]+", re.sub(r"<[^>]+>", "", heading))[0] for heading in headings]
+    assert len(shown) > len(jaxnet.__all__)
+    assert [name for name in shown if not name.startswith("jaxnet.")] == []
+    for name in shown:
+        assert callable(pkgutil.resolve_name(name)), name
+
+
+@pytest.mark.parametrize("name", [path.stem for path in NOTEBOOKS])
+def test_a_notebook_is_a_page_of_the_site(name, site, browser):
+    """With its figures, tables in the site's style, and the notebook itself; links lead to the page."""
+    page = browser.new_page()
+    page.goto((site / "index.html").as_uri())
+    page.locator(f"article a[href='notebooks/{name}.html']").click()
+    for figure in page.locator("article img").all():
+        assert figure.evaluate("figure => figure.complete && figure.naturalWidth") > 100
+        assert "png" not in figure.get_attribute("alt")
+    assert page.locator("article img").count() > 0
+    assert page.locator("article table:not([class])").count() > 0
+    stored = page.locator("a[download]").get_attribute("href")
+    assert (site / "notebooks" / stored).read_bytes() == (NOTEBOOK_FOLDER / stored).read_bytes()
+    page.close()
 
 
 def test_the_site_is_searched_from_the_disk(site, browser):
@@ -285,7 +328,7 @@ def test_the_site_is_searched_from_the_disk(site, browser):
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
 
 
-@pytest.mark.parametrize("words", ["packet loss", "GPU", "adjacency matrix"])
+@pytest.mark.parametrize("words", ["packet loss", "GPU", "adjacency matrix", "install"])
 def test_the_search_finds_what_readers_ask_for(words, site, browser):
     """A result has every word marked."""
     page = browser.new_page()

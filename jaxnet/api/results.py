@@ -43,6 +43,14 @@ class Replay(NamedTuple):
         States, attack signals, weights in force and errors over (lane, time, …), with one lane.
     path
         Path of the store that holds the trajectory.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+    >>> results.replay(cell=0, sample=0)
+    Replay(cell=0, sample=0, status='ok')
     """
 
     row: pd.Series
@@ -101,6 +109,15 @@ class Results(stored.Results):
         ------
         FolderError
             The run is unfinished, the study neither fixes nor sweeps ā, or another process writes there.
+
+        Examples
+        --------
+        >>> import jaxnet
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"attack.magnitude": [1, 10]}}
+        >>> results = jaxnet.simulate(keys, samples=3, progress=False)
+        >>> fits = results.fit()
+        >>> fits["model"].unique().tolist()
+        ['proportional', 'affine', 'power', 'saturating']
         """
         written = self if out is None else stored.written_into(self, out)
         for _ in writing.write_fits(written):
@@ -207,6 +224,15 @@ class Results(stored.Results):
         ------
         FolderError
             The study has no such lane, or the film is an .mp4 and ffmpeg is not installed.
+
+        Examples
+        --------
+        >>> import jaxnet, tempfile
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     results.animate(cell=0, sample=0, out=f"{folder}/lane.gif").name
+        'lane.gif'
         """
         return writing.write_film(self, whole_number("cell", cell), whole_number("sample", sample), out)
 
@@ -231,6 +257,17 @@ class Results(stored.Results):
         FolderError
             A variable of MATLAB's file would exceed 2 GB, no trajectories are stored for CSV, or `form` is
             another.
+
+        Examples
+        --------
+        >>> import jaxnet, tempfile
+        >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "save": {"trajectories": "all"}}
+        >>> results = jaxnet.simulate(keys, samples=1, progress=False)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     results.export(f"{folder}/study.mat").name
+        ...     results.export(f"{folder}/csv", form="csv").name
+        'study.mat'
+        'csv'
         """
         if form == "mat":
             return matlab.write_mat(self, out)

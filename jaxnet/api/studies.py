@@ -149,6 +149,17 @@ def run_part(
         The study is not valid.
     FolderError
         There is no such part, the folder holds another study, or it cannot be written.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     part = jaxnet.run_part(keys, part=0, parts=1, out=folder, progress=False)
+    ...     len(jaxnet.run(keys, folder, progress=False).lanes)
+    2
+    >>> part.shards, part.simulated, part.failed
+    (1, 1, 0)
     """
     if not 0 <= part < parts:
         raise FolderError(f"there are parts 0 to {parts - 1} of {parts} (got {part})")
@@ -311,6 +322,15 @@ def sensitivity(study: StudySource, samples: SupportsInt = 1024, out: AnyPath | 
         The study is not valid.
     FolderError
         The folder holds another study, or cannot be written.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     indices = jaxnet.sensitivity(keys, samples=16, out=folder)
+    >>> indices.loc[indices["metric"] == "tail_mean", "quantity"].to_list()
+    ['initial.position', 'initial.heading', 'initial.speed', 'attack.phase']
     """
     study = load(study)
     table, *_ = write_sensitivity(study, whole_number("samples", samples), out)
@@ -342,6 +362,16 @@ def rare(study: StudySource, points: SupportsInt = 1000, out: AnyPath | None = N
         The study is not valid.
     FolderError
         The study has no `recovery`, the folder holds another study, or it cannot be written.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "recovery": {"tau": 0.01}}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     estimate = jaxnet.rare(keys, points=20, out=folder)
+    >>> estimate[["cell", "share", "levels", "lanes"]]  # one second is too short to recover
+       cell  share  levels  lanes
+    0     0    1.0       1    200
     """
     return read_table(write_rare(load(study), whole_number("points", points), out))
 
@@ -380,6 +410,18 @@ def search(
         The folder holds another study, or cannot be written.
     ClusterError
         The workers are lost or do not answer.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 20.0, "tail": 5.0, "vehicles": 3, "defence": "none"}
+    >>> keys["attack"] = {"kind": "rotating", "vehicles": [2], "magnitude": 10.0}
+    >>> keys["search"] = {"over": {"attack.frequency": [0.1, 4]}, "budget": 100, "until": 20.0}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     results = jaxnet.search(keys, folder, progress=False)
+    ...     worst = results.worst
+    >>> list(worst.columns[:3]), bool((worst["greatest"] >= worst["found"]).all())
+    (['cell', 'found', 'late'], True)
     """
     results = run(with_random_lanes(study), out, fresh, progress, devices, chunk, workers, cluster)
     with contextlib.nullcontext(no_progress) if progress is False else reports.report_steps() as told:

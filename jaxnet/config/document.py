@@ -44,7 +44,17 @@ class Problem(NamedTuple):
 
 
 class ConfigError(ValueError):
-    """A config that cannot be run, with all its problems."""
+    """A config that cannot be run, with all its problems.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> try:
+    ...     jaxnet.load({"horizn": 3})
+    ... except jaxnet.ConfigError as error:
+    ...     print(error)
+    horizn: unknown key (did you mean 'horizon'?)
+    """
 
     def __init__(self, problems: list[Problem]):
         self.problems = problems

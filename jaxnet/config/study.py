@@ -29,7 +29,24 @@ MOST_VALUES = 1_000_000  # values in a script's mapping
 
 @dataclass(frozen=True, repr=False)
 class Study:
-    """A validated config and the cells that its sweep spans."""
+    """A validated config and the cells that its sweep spans.
+
+    Attributes
+    ----------
+    config
+        All keys of the study, with the defaults of keys that were left out.
+    cells
+        One cell for each combination of swept values, in the order of the sweep.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> study = jaxnet.load({"samples": 3, "sweep": {"attack.magnitude": [1, 5]}})
+    >>> study
+    Study('study', cells=2, lanes=6)
+    >>> study.config.horizon, study.cells[1].labels
+    (30.0, {'attack.magnitude': 5})
+    """
 
     config: Config
     cells: tuple[Cell, ...]
@@ -81,7 +98,8 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
 
     Examples
     --------
-    >>> study = load({"samples": 3, "sweep": {"attack.magnitude": [1, 5]}})
+    >>> import jaxnet
+    >>> study = jaxnet.load({"samples": 3, "sweep": {"attack.magnitude": [1, 5]}})
     >>> len(study.cells), study.lanes
     (2, 6)
     """

@@ -36,6 +36,16 @@ class Observation(NamedTuple):
         Who hears whom.
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.metrics import Metric
+    >>> apart = Metric("apart", "m", lambda seen: seen.disagreements(), "tail", "mean", "mean")
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "metrics": [apart]}
+    >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> bool((results.lanes["apart"] == results.lanes["tail_disagreement"]).all())
+    True
     """
 
     error: Float[Array, "2 m *lanes"]

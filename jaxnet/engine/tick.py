@@ -71,17 +71,61 @@ class Drive(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """View of a strategic attacker at a tick: everything."""
+    """View of a strategic attacker at a tick: everything.
+
+    Attributes
+    ----------
+    errors
+        Jets of the vehicles relative to the navigator [m, m/s, m/s²], each (2, m, lanes).
+    decision
+        Decision of the tick before.
+    weights
+        Weights of the graph, (slots, m, lanes).
+    sources
+        Numbers of the sources, (slots, m).
+    attacked
+        Whether a slot is attacked, (slots, m).
+    basis
+        Scalar functions of the attack at this tick.
+    time
+        Time [s], (lanes,).
+    amplitude
+        ā [m], the factor of unit vectors, (lanes,).
+    in_force
+        Function from vectors, as `aim` returns them, to the weights that they would put in force.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet, numpy as np
+    >>> from jaxnet.kinds.attacks import Attack, constant_basis
+    >>> class Outward(Attack):
+    ...     '''Send an offset along each vehicle's own error.'''
+    ...
+    ...     strategic = True
+    ...
+    ...     def basis(self, time):
+    ...         return constant_basis(time)
+    ...
+    ...     def sizes(self, horizon):
+    ...         return np.eye(4, 1)
+    ...
+    ...     def aim(self, seen, memory):
+    ...         error = seen.errors[0]
+    ...         return (error / jnp.hypot(*error)[None])[:, :, None], memory
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "attack": Outward()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
+    """
 
     errors: Jets
-    decision: Decision  # of the tick before
+    decision: Decision
     weights: Float[Array, "slots m lanes"]
     sources: Int[Array, "slots m"]
     attacked: Bool[Array, "slots m"]
     basis: Basis
     time: Instants
-    amplitude: Instants  # ā, the factor of unit vectors [m]
-    in_force: Callable[[Vectors], AxisWeights]  # from vectors, as `aim` returns them
+    amplitude: Instants
+    in_force: Callable[[Vectors], AxisWeights]
 
 
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:

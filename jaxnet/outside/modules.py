@@ -28,7 +28,18 @@ PRIVATE = re.compile(rf"{PREFIX}\w+?\.")
 
 
 class KindError(ValueError):
-    """A kind from outside that cannot be loaded, or that failed. The message names the kind and the place."""
+    """A kind from outside that cannot be loaded, or that failed. The message names the kind and the place.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.attacks.rotating import Rotating
+    >>> try:
+    ...     Rotating(magnitude=-1)
+    ... except jaxnet.KindError as error:
+    ...     print(error)
+    Rotating: magnitude: must be at least 0 (got -1)
+    """
 
 
 class Origin(NamedTuple):

@@ -64,7 +64,18 @@ Connect = Callable[[], contextlib.AbstractContextManager["distributed.Client"]]
 
 
 class ClusterError(RuntimeError):
-    """Workers that are lost, do not answer, or cannot do the task."""
+    """Workers that are lost, do not answer, or cannot do the task.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     try:
+    ...         jaxnet.run({}, folder, cluster="nowhere")
+    ...     except jaxnet.ClusterError as error:
+    ...         print(error)
+    no scheduler answers at nowhere: missing port number in address 'nowhere'
+    """
 
 
 class Answer(NamedTuple):

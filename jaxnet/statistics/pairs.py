@@ -34,14 +34,40 @@ CellPair = tuple[Cell, Cell]
 
 
 class Comparison(NamedTuple):
-    """Comparison of a study B with a study A; all differences are B − A."""
+    """Comparison of a study B with a study A; all differences are B − A.
+
+    Attributes
+    ----------
+    folders
+        Places of A and B.
+    settings
+        The differing keys, with A's and B's values.
+    alone
+        Cells without a partner in the other study.
+    cells
+        A row for each pair of cells.
+    changed
+        Lanes that are unrecovered in only one study.
+    failed
+        Lanes that failed in either study; no difference counts them.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> weak, strong = (
+    ...     jaxnet.simulate(keys | {"attack": {"magnitude": size}}, progress=False) for size in (1, 10)
+    ... )
+    >>> jaxnet.compare(weak, strong).settings["key"].to_list()
+    ['attack.magnitude']
+    """
 
     folders: tuple[str, str]
-    settings: pd.DataFrame  # the differing keys, with A's and B's values
-    alone: list[str]  # cells without a partner in the other study
-    cells: pd.DataFrame  # a row per pair of cells
-    changed: pd.DataFrame  # lanes unrecovered in only one study
-    failed: pd.DataFrame  # lanes that failed in either study; no difference counts them
+    settings: pd.DataFrame
+    alone: list[str]
+    cells: pd.DataFrame
+    changed: pd.DataFrame
+    failed: pd.DataFrame
 
 
 def compare_studies(first: Results, second: Results) -> Comparison:

@@ -80,7 +80,17 @@ class Manifest(TypedDict):
 
 
 class FolderError(ValueError):
-    """A results folder that cannot be used for the request."""
+    """A results folder that cannot be used for the request.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> try:
+    ...     jaxnet.open("nowhere")
+    ... except jaxnet.FolderError as error:
+    ...     print(error)
+    nowhere is not a results folder: it has no manifest.json
+    """
 
 
 class UnwrittenError(OSError, FolderError):

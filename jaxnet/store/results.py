@@ -383,6 +383,16 @@ class Part(NamedTuple):
         Number of shards that were missing.
     failed
         Number of failed lanes.
+
+    Examples
+    --------
+    >>> import jaxnet, tempfile
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "samples": 2}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     jaxnet.run_part(keys, part=0, parts=2, out=folder, progress=False).shards
+    ...     jaxnet.run_part(keys, part=1, parts=2, out=folder, progress=False).shards
+    1
+    0
     """
 
     path: UPath

@@ -21,7 +21,15 @@ LaneCount = Int[Any, ""] | int
 
 
 class Engine(Kind):
-    """A way to advance lanes. A subclass defines `numbers` and `simulate`."""
+    """A way to advance lanes. A subclass defines `numbers` and `simulate`.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> engine = jaxnet.load({"engine": "exact"}).config.engine
+    >>> engine.in_field, engine.holds
+    (False, True)
+    """
 
     chunk: ClassVar[int] = 64  # lanes side by side in fleets of twelve vehicles; fewer in larger fleets
     cached: ClassVar[int] = 40_000  # most vehicles side by side that a core's cache can hold

@@ -61,7 +61,16 @@ def attacked_tag(value: object) -> str:
 
 
 class AnyAttack(Kind):
-    """Base class of all attacks. The base class itself attacks no vehicle."""
+    """Base class of all attacks. The base class itself attacks no vehicle.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.attacks import AnyAttack
+    >>> attack = jaxnet.load({"attack": "none"}).config.attack
+    >>> isinstance(attack, AnyAttack), attack.targets()
+    (True, [])
+    """
 
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
@@ -203,6 +212,27 @@ class Attack(AnyAttack):
 
     A subclass gives `basis`, `vectors` and `sizes`. A strategic subclass gives `basis`, `sizes` and `aim`,
     and `begin` if it has a memory.
+
+    Examples
+    --------
+    >>> import jaxnet, numpy as np
+    >>> from jaxnet.kinds.attacks import Attack
+    >>> class Northward(Attack):
+    ...     '''A constant offset along the second axis.'''
+    ...
+    ...     def basis(self, time):
+    ...         xp = time.__array_namespace__()
+    ...         one, zero = xp.ones_like(time)[None], xp.zeros_like(time)[None]
+    ...         return xp.stack([one, zero, zero, zero])
+    ...
+    ...     def vectors(self):
+    ...         return np.array([0.0, 1.0])[:, None, None, None]
+    ...
+    ...     def sizes(self, horizon):
+    ...         return np.array([1.0, 0.0, 0.0, 0.0])[:, None]
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "attack": Northward()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
     """
 
     present: ClassVar[bool] = True

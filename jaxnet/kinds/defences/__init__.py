@@ -52,6 +52,20 @@ class Neighbourhood(NamedTuple):
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     - `arrived` (slots, m, lanes): the slots whose message arrived; None if every message arrives.
       `weights` are then those of the arrived messages, 0 in other slots
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.defences import Defence
+    >>> class NavigatorOnly(Defence):
+    ...     '''Retain the navigator alone.'''
+    ...
+    ...     def decide(self, own, received, last, memory, around):
+    ...         from_navigator = (around.sources == 0)[:, :, None]
+    ...         return (around.weights > 0) & from_navigator, memory
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "defence": NavigatorOnly()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
     """
 
     sources: Any
@@ -211,6 +225,25 @@ class Defence(AnyDefence):
 
     A jet is a position with its velocity and acceleration, relative to the navigator's. A rule that uses
     differences alone gives the same decision for relative and absolute jets.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp, jaxnet
+    >>> from jaxnet.kinds.defences import Defence
+    >>> from jaxnet.kinds.fields import Positive
+    >>> class Nearby(Defence):
+    ...     '''Weigh a source by exp(-distance / radius). Trusted sources keep their weight.'''
+    ...
+    ...     radius: Positive = 10.0  # [m]
+    ...
+    ...     def decide(self, own, received, last, memory, around):
+    ...         distance = jnp.hypot(*(received[0] - own[0][:, None]))
+    ...         share = jnp.exp(-distance / self.radius[None, None])
+    ...         return around.weights * jnp.where(around.trusted[:, :, None], 1.0, share), memory
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "sweep": {"defence.radius": [1, 10]}}
+    >>> results = jaxnet.simulate({**keys, "defence": Nearby}, samples=2, progress=False)
+    >>> results.cells["ok"].to_list()
+    [2, 2]
     """
 
     decides: ClassVar[bool] = True

@@ -27,7 +27,22 @@ GivenGraph = Any  # a Digraph, or weights (m, m + 1) as an array of NumPy or a s
 
 
 class Graph(Kind):
-    """A weighted digraph with a navigator. A subclass gives `weights`."""
+    """A weighted digraph with a navigator. A subclass gives `weights`.
+
+    Examples
+    --------
+    >>> import jaxnet, numpy as np
+    >>> from jaxnet.kinds.graphs import Graph
+    >>> class Ladder(Graph):
+    ...     '''Every vehicle hears the navigator and the two vehicles before it.'''
+    ...
+    ...     def weights(self, vehicles):
+    ...         before = np.eye(vehicles, k=-1) + np.eye(vehicles, k=-2)
+    ...         return np.hstack([np.ones((vehicles, 1)), before])
+    >>> study = jaxnet.load({"vehicles": 3, "topology": Ladder(), "attack": "none"})
+    >>> study.config.topology.weights(3).astype(int).tolist()
+    [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 1, 0]]
+    """
 
     linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 

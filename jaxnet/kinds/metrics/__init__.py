@@ -41,6 +41,16 @@ class Metric:
     ------
     KindError
         `over`, `time` or `vehicles` is none of these.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.metrics import Metric
+    >>> peak_speed = Metric("peak_speed", "m/s", lambda seen: abs(seen.speed), words="greatest speed")
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "metrics": [peak_speed]}
+    >>> results = jaxnet.simulate(keys, samples=2, progress=False)
+    >>> bool((results.lanes["peak_speed"] > 0).all())
+    True
     """
 
     name: str  # name of the column

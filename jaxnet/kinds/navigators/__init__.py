@@ -13,7 +13,24 @@ SPEED_SAMPLES = 100_001  # times at which a path's speed is sampled
 
 
 class Navigator(Kind):
-    """A smooth path that all vehicles track. A subclass gives `jets`."""
+    """A smooth path that all vehicles track. A subclass gives `jets`.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> from jaxnet.kinds.navigators import Navigator
+    >>> class Circle(Navigator):
+    ...     '''A circle with a radius of 50 m at 1 rad/s.'''
+    ...
+    ...     def jets(self, time):
+    ...         xp = time.__array_namespace__()
+    ...         along = 50.0 * xp.stack([xp.cos(time), xp.sin(time)])
+    ...         left = 50.0 * xp.stack([-xp.sin(time), xp.cos(time)])
+    ...         return xp.stack([along, left, -along, -left])
+    >>> keys = {"engine": "exact", "horizon": 1.0, "tail": 0.5, "navigator": Circle()}
+    >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
+    ['ok', 'ok']
+    """
 
     def jets(self, time: AnyTimes) -> PathJets:
         """Return the position and its first three derivatives.

@@ -23,7 +23,15 @@ HEADING, SPEED = 2, 3
 
 
 class Vehicle(Kind):
-    """A vehicle model, singular at speed 0. A subclass gives every method except `start`."""
+    """A vehicle model, singular at speed 0. A subclass gives every method except `start`.
+
+    Examples
+    --------
+    >>> import jaxnet
+    >>> vehicle = jaxnet.load({"vehicle": "two_wheeled"}).config.vehicle
+    >>> dict(zip(vehicle.states, vehicle.units))
+    {'x': 'm', 'y': 'm', 'heading': 'rad', 'speed': 'm/s', 'turn_rate': 'rad/s', 'force': 'm/s²'}
+    """
 
     states: ClassVar[tuple[str, ...]]  # names; the first four are x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
