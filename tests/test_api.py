@@ -387,9 +387,11 @@ def width_of(png: bytes) -> int:
 
 def test_plot_has_figures_alone(results):
     """So that a notebook's completion lists them."""
-    assert {name for name in dir(results.plot) if not name.startswith("_")} - {"results"} == {
-        *every.FIGURE_NAMES
-    }
+    assert {name for name in dir(results.plot) if not name.startswith("_")} - {
+        "results",
+        "style",
+        "plain",
+    } == {*every.FIGURE_NAMES}
 
 
 def test_a_figure_without_data_says_what_gives_them(tmp_path):
