@@ -31,18 +31,7 @@ NOTEBOOK_FOLDER = ROOT / "docs" / "notebooks"
 NOTEBOOKS = sorted(NOTEBOOK_FOLDER.glob("*.ipynb"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MATHEMATICAL = ["guarantees", "model", "numerics", "rounds", "theorems"]
-READABLE = [
-    *MATHEMATICAL,
-    "api",
-    "architecture",
-    "cluster",
-    "findings",
-    "install",
-    "results",
-    "search",
-    "sensitivity",
-    "validation",
-]  # pages with short paragraphs and lines; a page joins when it is rewritten
+READABLE = [page.stem for page in PAGES if page.stem != "README"]
 
 # A fenced block with its language, or the lines of an indented one.
 CODE = re.compile(r"^```(\w*)\n(.*?)^```$|((?:^    [^\n]*\n)+)", re.M | re.S)

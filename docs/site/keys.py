@@ -1,7 +1,10 @@
 """Write the tables of config.md, from the schema and the kinds: `python docs/site/keys.py`."""
 
 import inspect
+import re
+import textwrap
 from collections.abc import Iterable, Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
 LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
+WHOLE_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 PARTS = {
     "initial": "Initial",
@@ -57,7 +61,20 @@ def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
         words = inspect.cleandoc(kind.__doc__ or "")
         if promise := getattr(kind, "guarantee", ""):
             words += f"\n\nGuarantee: {promise}."
-        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, words)
+        yield section(f"`{name}`", known[kind.__name__], own(kind), 3, wrapped(words))
+
+
+def wrapped(text: str) -> str:
+    """Text of paragraphs and lists in lines of at most 98 characters."""
+    blocks = re.split(r"\n(?=- )|\n\n", text)
+    broken = ["\n".join(textwrap.wrap(each, 98, **hanging(each), **WHOLE_WORDS)) for each in blocks]
+    ends = re.findall(r"\n(?=- )|\n\n", text)
+    return "".join(part for pair in zip_longest(broken, ends, fillvalue="") for part in pair)
+
+
+def hanging(block: str) -> dict[str, Any]:
+    """The indent of the further lines of a list's item."""
+    return {"subsequent_indent": "  "} if block.startswith("- ") else {}
 
 
 def titled(names: list[str], among: list[str]) -> str:

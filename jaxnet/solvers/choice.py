@@ -104,17 +104,18 @@ GRAPHS: dict[str, Callable[[int], Neighbours]] = {
 }
 HEAD = f"""# Solvers
 
-The law couples the vehicles by a linear system `L x = b`. A solver solves or factorises L at ticks where
-weights changed:
+The law couples the vehicles by a linear system `L x = b`. A solver solves or factorises L at
+ticks where weights changed:
 
 - `Dense` eliminates one dense matrix.
 - `Blocks` eliminates from block to block. A block hears only itself and the two adjacent blocks.
-- `Windowed` is `Blocks` with an update of the solution near the vehicles that changed their decision.
+- `Windowed` is `Blocks` with an update of the solution near the vehicles that changed their
+  decision.
 - `Iterative` iterates over links until the certified error is small enough.
 
-The graph alone decides which solver runs, not the number of lanes. The vehicles are ordered so that
-listeners are near their sources (reverse Cuthill–McKee). The greatest distance in that order is the size of a
-block.
+The graph alone decides which solver runs, not the number of lanes. The vehicles are ordered so
+that listeners are near their sources (reverse Cuthill–McKee). The greatest distance in that order
+is the size of a block.
 
 - For at most {ONE_BLOCK} vehicles the solver is `Dense`.
 - With at least {LEAST_BLOCKS} blocks the solver is `Blocks`, or `Windowed` for large fleets.
@@ -122,9 +123,9 @@ block.
 
 No key changes the choice; `engine.solver` is the integrator's method.
 
-"Lanes at once" is the number of lanes that the exact engine solves, or the nonlinear engine factorises, in
-one pass. "Few alone" says whether the Runge–Kutta solvers of the nonlinear engine let a few vehicles take
-shorter steps.
+"Lanes at once" is the number of lanes that the exact engine solves, or the nonlinear engine
+factorises, in one pass. "Few alone" says whether the Runge–Kutta solvers of the nonlinear engine
+let a few vehicles take shorter steps.
 
 `python -m jaxnet.solvers.choice > docs/solvers.md` writes this page.
 

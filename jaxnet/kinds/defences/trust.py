@@ -37,7 +37,8 @@ class Trust(Sparing):
       trusted source, or from the vehicle itself if it trusts no source.
     - `random`: 1 or 0, correct with probability `accuracy`, as from a measurement that does not depend on
       what is received. After t ticks the probability to misjudge a source is at most
-      `exp(-2 t (accuracy - 1/2)²)`.
+      `exp(-2 t (accuracy - 1/2)²)`. So in the end every decision is almost surely right, however many
+      sources are attacked, where no vehicle can be cut off before.
 
     Trusted sources are retained unless `drop_trusted` is true. Source: Yemini, Nedić, Goldsmith and Gil,
     Characterizing trust and resilience in distributed consensus for cyberphysical systems, 2022. The α of

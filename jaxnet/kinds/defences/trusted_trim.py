@@ -92,7 +92,8 @@ class TrustedTrim(Sparing):
 
     With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
     announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
-    greatest announcements if it hears more than ϑ_i sources (theorems.md O11).
+    greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The guarantee of this score
+    is by majority, where the assumptions A1 to A3 of guarantees.md hold; `jaxnet check` states it in full.
     """
 
     kind = "trusted_trim"
