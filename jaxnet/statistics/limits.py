@@ -32,7 +32,7 @@ from jaxnet.theory import bounds, exact
 from jaxnet.theory.bounds import Bound
 
 LIMIT_ALLOWANCE = 1e-9  # relative rounding of a limit
-MOST_LIMITS = 2**24  # in memory at a time, over vehicles, times and lanes
+MOST_LIMITS = 2**20  # in memory at a time, over vehicles, times and lanes; a few arrays of this size exist
 
 
 class Violation(NamedTuple):
