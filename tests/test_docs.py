@@ -296,6 +296,7 @@ def test_a_notebook_is_a_page_of_the_site(name, site, browser):
     page = browser.new_page()
     page.goto((site / "index.html").as_uri())
     page.locator(f"article a[href='notebooks/{name}.html']").click()
+    page.wait_for_url(f"**/notebooks/{name}.html", wait_until="load")
     for figure in page.locator("article img").all():
         assert figure.evaluate("figure => figure.complete && figure.naturalWidth") > 100
         assert "png" not in figure.get_attribute("alt")
