@@ -315,7 +315,8 @@ def test_pickled_arrays_are_not_read(made, results):
     Path("lanes/00000.npz").write_bytes(content.getvalue())
     stamp = read_rows(jaxnet.open(".").path / "lanes/00000.parquet")[1]
     stamp = stamp._replace(checksums={"npz": zlib.crc32(content.getvalue())})
-    work = shards.Assignment(jaxnet.store.folder.Folder("."), *[None] * 7)  # pyright: ignore[reportArgumentType]
+    unread = dict.fromkeys(shards.Assignment._fields)
+    work = shards.Assignment(**unread | {"folder": jaxnet.store.folder.Folder(".")})  # pyright: ignore[reportArgumentType]
     with pytest.raises(TornError, match="cannot be read"):
         shards.read_beside(work, jaxnet.open(".").shards[0], stamp)
 

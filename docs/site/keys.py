@@ -4,7 +4,6 @@ import inspect
 import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ HEAD = "| key | takes | default | what it is |\n|---|---|---|---|\n"
 LIMITS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
 LIMITS["multipleOf"] = "a multiple of {}"
 WORDS = {"integer": "whole number", "boolean": "true or false", "string": "text", "null": "nothing"}
-WHOLE_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 DRAWN = ("Uniform", "Normal", "DiscreteChoice")
 PARTS = {
     "initial": "Initial",
@@ -65,16 +63,16 @@ def of_family(family: str, known: dict[str, Any]) -> Iterator[str]:
 
 
 def wrapped(text: str) -> str:
-    """Text of paragraphs and lists in lines of at most 98 characters."""
-    blocks = re.split(r"\n(?=- )|\n\n", text)
-    broken = ["\n".join(textwrap.wrap(each, 98, **hanging(each), **WHOLE_WORDS)) for each in blocks]
-    ends = re.findall(r"\n(?=- )|\n\n", text)
-    return "".join(part for pair in zip_longest(broken, ends, fillvalue="") for part in pair)
-
-
-def hanging(block: str) -> dict[str, Any]:
-    """The indent of the further lines of a list's item."""
-    return {"subsequent_indent": "  "} if block.startswith("- ") else {}
+    """Text of paragraphs and lists in lines of at most 98 characters, none of which begins with a minus."""
+    parts = re.split(r"(\n(?=- )|\n\n)", text)  # blocks, and what parts them
+    for number in range(0, len(parts), 2):
+        words = " ".join(parts[number].split()).replace(" - ", "\0-\0")
+        indent = "  " if words.startswith("- ") else ""
+        lines = textwrap.wrap(
+            words, 98, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        )
+        parts[number] = "\n".join(lines).replace("\0", " ")
+    return "".join(parts)
 
 
 def titled(names: list[str], among: list[str]) -> str:

@@ -178,7 +178,7 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
     k0, k1, k2 = worst = least_stable(scenario.gain)
     if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
         roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
-        eigenvalues = ", ".join(f"{root.real:.2g}{root.imag:+.2g}j" for root in roots)
+        eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
         drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
         yield Fault(
             ("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})"
