@@ -1,6 +1,6 @@
 """Monte Carlo attack studies on networks of two-wheeled robots.
 
-- `load` reads a study.
+- `load` reads a study, `network` makes a topology of a matrix or a networkx graph.
 - `run` simulates a study into a results folder, `run_part` a part of a study, `simulate` a study in memory.
 - `search` looks for the attacker's worst choice, `sensitivity` computes Sobol's indices, `rare` estimates a
   small probability of failure.
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jaxnet.api.results import Part, Replay, Results, open
     from jaxnet.api.studies import compare, field, rare, run, run_part, search, sensitivity, simulate
     from jaxnet.config.document import ConfigError
+    from jaxnet.config.networks import network
     from jaxnet.config.study import Study, load
     from jaxnet.kinds.kind import KindError
     from jaxnet.runs.cluster import ClusterError
@@ -36,6 +37,7 @@ HOMES = {
     "compare": "jaxnet.api.studies",
     "field": "jaxnet.api.studies",
     "load": "jaxnet.config.study",
+    "network": "jaxnet.config.networks",
     "open": "jaxnet.api.results",
     "rare": "jaxnet.api.studies",
     "run": "jaxnet.api.studies",
@@ -56,6 +58,7 @@ __all__ = [
     "compare",
     "field",
     "load",
+    "network",
     "open",
     "rare",
     "run",

@@ -29,6 +29,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import (
     INNER_KINDS,
     KINDS,
+    MOST_VEHICLES,
     Channel,
     Config,
     Geomspace,
@@ -43,6 +44,7 @@ from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
 
 Model = TypeVar("Model", bound=BaseModel)
+AnyScenario = TypeVar("AnyScenario", bound=Scenario)
 Locate = Callable[..., str]  # from candidate keys to the FILE:LINE:COL of the first that was written
 
 MOST_SWEPT_CELLS = 1_000_000
@@ -52,7 +54,7 @@ SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     for key, field in Scenario.model_fields.items()
 }
 RECORDS: dict[str, type[Record]] = {"initial": Initial, "channel": Channel}
-UNLABELLED_KEYS = ("kind", "label", "edges", "content")  # keys of kinds that labels leave out
+UNLABELLED_KEYS = ("kind", "label", "edges", "content", "names")  # keys of kinds that labels leave out
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         complete_kinds(document)
         ranges.write_distributions(document)
     settled, problems = validate(Config, document.data, document.place)
+    if settled is not None and not gives_vehicles(document):
+        settled = settle_vehicles(settled)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
     known = KnownKeys(document.data, values)
@@ -105,6 +109,20 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
+
+
+def gives_vehicles(document: Document) -> bool:
+    """Return whether the user gave the number of vehicles; if not, it follows from the network."""
+    given = "vehicles" in document.data and registry.scope().judges and not document.settled
+    swept = document.data.get("sweep")
+    return given or "vehicles" in document.overridden or (isinstance(swept, dict) and "vehicles" in swept)
+
+
+def settle_vehicles(scenario: AnyScenario) -> AnyScenario:
+    """Return the scenario with as many vehicles as its network has, if the network has a number."""
+    size = scenario.topology.size()
+    fits = size is not None and 1 <= size <= MOST_VEHICLES and size != scenario.vehicles
+    return scenario.model_copy(update={"vehicles": size}) if fits else scenario
 
 
 @contextlib.contextmanager
@@ -244,7 +262,7 @@ def refuse_sweep(
         twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
         if twice:
             remedy = "; give each a label" if key in KINDS else ""
-            remedy += ", a networkx graph a name" if key == "topology" else ""
+            remedy += ": jaxnet.network(…, label=…)" if key == "topology" else ""
             yield key, f"two values are named {twice[0]}{remedy}"
 
 
@@ -354,6 +372,7 @@ class CellParts:
         given = {key: value for key, value in study.items() if key in Scenario.model_fields}
         kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
         self.document, self.values = document, values
+        self.gives_vehicles = gives_vehicles(document)
         self.base: dict[str, Any] = to_plain(DEFAULT_SCENARIO) | given | kinds
         self.swept: dict[str, list[str]] = {}
         for key in values:
@@ -378,6 +397,7 @@ class CellParts:
                 wrong.add(root)
                 del right[root]
         made = self.shared.model_copy(update=right)
+        made = made if self.gives_vehicles else settle_vehicles(made)
         place = functools.partial(place_in_cell, self.document, chosen)
         if registry.scope().judges:
             problems += [

@@ -168,6 +168,7 @@ class Document:
         self.folder = folder or UPath()
         self.overridden: list[str] = []  # dotted keys set from the command line
         self.data: dict[Any, Any] = data or {}
+        self.settled = False  # whether the data are the config of a study, with every key written
 
     @classmethod
     def read(cls, path: str | Path | UPath) -> "Document":

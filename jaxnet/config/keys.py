@@ -70,10 +70,18 @@ class NamedMetric:
         return core_schema.json_or_python_schema(named, named, serialization=written)
 
 
+MOST_VEHICLES = 10_000
+
+
 class Scenario(Record):
     """The keys of one cell: everything that determines a lane, except its random draw."""
 
-    vehicles: int = Field(default=12, ge=1, le=10_000, description="how many, besides the navigator")
+    vehicles: int = Field(
+        default=12,
+        ge=1,
+        le=MOST_VEHICLES,
+        description="how many, besides the navigator; as many as the network has, if it has a number",
+    )
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")
     tick: float = Field(
         default=0.05,

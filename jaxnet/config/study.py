@@ -9,6 +9,7 @@ from textwrap import shorten
 from types import NoneType
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 import yaml
 from upath import UPath
 
@@ -18,7 +19,7 @@ from jaxnet.config.document import ConfigError, Document, Keys, Plain, Problem, 
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
 from jaxnet.kinds import registry
-from jaxnet.kinds.graphs.edges import Edges
+from jaxnet.kinds.graphs.edges import adopt_network
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
 
@@ -76,9 +77,9 @@ StudySource = Study | str | Path | UPath | Mapping[str, Any]
 def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = ()) -> Study:
     """Read a study from a YAML file, or from a mapping with the same keys.
 
-    A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a graph one
-    of networkx. Values of NumPy and pandas count as Python's, tuples as lists. Without a `name` a mapping's
-    study is called "study".
+    A kind may be defined in a module beside the file. In a mapping, a kind may be an object, and a topology a
+    graph of networkx or a matrix, as `network` reads it. Values of NumPy and pandas count as Python's, tuples
+    as lists. Without a `name` a mapping's study is called "study".
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
         if not overrides:
             return source
         with source.config.scope():
-            return read_mapping(cells.to_plain(source.config), overrides, written)
+            return read_mapping(cells.to_plain(source.config), overrides, written, settled=True)
     if isinstance(source, Mapping):
         return read_mapping(source, overrides, written)
     document = Document.read(source)
@@ -119,10 +120,16 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
         return read_study(document, overrides, scope, written)
 
 
-def read_mapping(source: Mapping[str, Any], overrides: Iterable[str], written: bool) -> Study:
-    """Return the study of a script's mapping; raise ConfigError."""
+def read_mapping(
+    source: Mapping[str, Any], overrides: Iterable[str], written: bool, settled: bool = False
+) -> Study:
+    """Return the study of a script's mapping; raise ConfigError.
+
+    `settled` says whether the mapping is a study's config, in which `vehicles` follows from the network.
+    """
     with registry.Scope(known=registry.scope().known)() as scope:
         document = Document(yaml_of(native({"name": "study", **source}), inline=False), "")
+        document.settled = settled
         return read_study(document, overrides, scope, written)
 
 
@@ -176,7 +183,8 @@ class Native:
             raise refusal(keys, f"more than {MOST_VALUES:,} values")
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
-        value = value.tolist() if isinstance(value, Listable) else config_form(value, keys)
+        value = config_form(value, keys)
+        value = value.tolist() if isinstance(value, Listable) else value
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
         if isinstance(value, Mapping):
@@ -187,19 +195,27 @@ class Native:
 
 
 def config_form(value: object, keys: Keys) -> object:
-    """Return a kind, a kind's class, a metric or a networkx graph in the form of a config.
+    """Return a kind, a kind's class, a metric or a network in the form of a config.
 
-    Other values are returned as they are. Raises ConfigError for a networkx graph that is no topology.
+    A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy. Other values
+    are returned as they are. Raises ConfigError for a network that is no topology.
     """
     if isinstance(value, Kind):
         return {"kind": registry.adopt(type(value)), **cells.without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
         return registry.adopt(value)
+    if isinstance(value, np.ndarray) and not is_topology(keys):
+        return value
     try:
-        graph = Edges.adopted(value)
+        graph = adopt_network(value)
     except KindError as error:
         raise refusal(keys, str(error)) from error
     return value if graph is None else config_form(graph, keys)
+
+
+def is_topology(keys: Keys) -> bool:
+    """Return whether a topology stands at these keys, as it is or swept."""
+    return keys == ("topology",) or (keys[:2] == ("sweep", "topology") and len(keys) == 3)
 
 
 def plain_scalar(value: object, keys: Keys) -> bool | int | float | str | None:

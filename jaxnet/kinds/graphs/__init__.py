@@ -5,7 +5,7 @@ of the array holds the weights of vehicle i; column j belongs to source j, and c
 """
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -67,6 +67,14 @@ class Graph(Kind):
         """
         return self.weights(vehicles)
 
+    def size(self) -> int | None:
+        """Return the number of vehicles, None if the graph takes any number."""
+        return None
+
+    def vehicle_names(self) -> Sequence[str]:
+        """Return the names of the vehicles 1 … m, empty if only numbers name them."""
+        return ()
+
     def linked(self, vehicles: int) -> Digraph:
         """Return the graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)
@@ -119,13 +127,6 @@ class Graph(Kind):
         elif least < LEAST_WEIGHT:
             message = f"a link has less than {LEAST_WEIGHT:g} of the weights of its listener"
             yield Fault((self.linked_by, "topology"), message)
-
-    @classmethod
-    def adopted(cls, value: object) -> "Graph | None":
-        """Return the graph that an object of another library means, None if it means none (`edges`:
-        networkx).
-        """
-        return None
 
 
 class ByIdentity:

@@ -1,10 +1,7 @@
 """Any weighted digraph, given by its edges."""
 
-import math
-import numbers
-import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar, Protocol, SupportsIndex, runtime_checkable
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Len
@@ -14,44 +11,16 @@ from pydantic import Field
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
+from jaxnet.kinds.networks.objects import object_network
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
-GREATEST_EDGE_WEIGHT = 1e9  # weight of an edge
 Edge = Annotated[
     tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
     Field(strict=False),
 ]
-
-
-@runtime_checkable
-class EdgeView(Protocol):
-    """What is read of a networkx graph."""
-
-    @property
-    def graph(self) -> Mapping[str, object]:
-        """Attributes of the graph."""
-        ...
-
-    @property
-    def nodes(self) -> Iterable[SupportsIndex]:
-        """Nodes of the graph, numbers."""
-        ...
-
-    @property
-    def degree(self) -> Mapping[SupportsIndex, int]:
-        """Number of edges by node."""
-        ...
-
-    @property
-    def edges(self) -> Callable[..., Iterable[tuple[SupportsIndex, SupportsIndex, Mapping[str, object]]]]:
-        """Ends and attributes of each edge, with `data=True`."""
-        ...
-
-    def is_directed(self) -> bool:
-        """Return whether an edge has a direction."""
-        ...
 
 
 class Edges(Graph):
@@ -63,6 +32,7 @@ class Edges(Graph):
     edges: Annotated[
         list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
     ]
+    names: list[str] = Field(default=[], description="of the vehicles 1 … m, or none")
 
     def weights(self, vehicles: int) -> Digraph:
         """Return the edges with the medians of their weights."""
@@ -80,62 +50,62 @@ class Edges(Graph):
         weights[:, slots, rows] = draw.placed(numbers, "topology.edges", links)
         return weights / weights.sum(axis=1, keepdims=True)
 
+    def size(self) -> int:
+        """Return the greatest number of a vehicle in the edges."""
+        return last_vehicle(self.edges)
+
+    def vehicle_names(self) -> Sequence[str]:
+        """Return the names of the vehicles, none if only numbers name them."""
+        return self.names
+
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield faults of unknown or repeated edges, loops and the size, or else of unreached vehicles."""
-        found = list(edge_faults(self.edges, scenario.vehicles))
-        yield from found or size_faults(self.edges, scenario.vehicles) or super().faults(scenario)
-
-    @classmethod
-    def adopted(cls, value: object) -> "Edges | None":
-        """Return the edges of a networkx graph, with its name as the label; raise KindError as `edges_of`
-        does.
+        """Yield faults of unknown or repeated edges, loops, names and the size, or else of unreached
+        vehicles.
         """
-        if not isinstance(value, EdgeView):
-            return None
-        edges = edges_of(value)
-        if not edges:
-            raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
-        return cls(edges=edges, label=str(value.graph.get("name") or "") or None)
+        found = list(edge_faults(self.edges, scenario.vehicles))
+        found = found or size_faults(self.edges, scenario.vehicles) or name_faults(self.names, scenario)
+        yield from found or super().faults(scenario)
 
 
-def edges_of(
-    network: EdgeView, unread: tuple[str, ...] = (), weight: object = 1.0
-) -> list[tuple[int, int, float]]:
-    """Return the edges (i, j, w) of a networkx graph: i hears j, and 0 is the navigator.
+def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
+    """Return a fault unless there are no names, or one of its own for each vehicle."""
+    try:
+        check_names(names, scenario.vehicles)
+    except KindError as error:
+        return [Fault(("topology.names",), str(error))]
+    return []
 
-    `weight` is that of edges without one.
 
-    Raises KindError for an edge attribute other than `weight` and those in `unread`, and for a node that has
-    no number or no edge.
+def adopt_network(given: object) -> Edges | None:
+    """Return the graph that a networkx graph or a matrix means, None for another object.
+
+    Raises KindError if the object means no network.
     """
-    for node in network.nodes:
-        if isinstance(node, bool | np.bool_) or not hasattr(node, "__index__") or operator.index(node) < 0:
-            raise KindError(f"nodes are whole numbers, 0 the navigator (got {node!r})")
-        if not network.degree[node]:
-            raise KindError(f"node {node} has no edge")
-    given = []
-    for listener, source, data in network.edges(data=True):
-        ends = operator.index(listener), operator.index(source)
-        if other := [name for name in data if name not in ("weight", *unread)]:
-            raise KindError(f"edge {ends} has the attribute {other[0]!r}; only 'weight' is read")
-        given.append((*ends, weight_of(data.get("weight", weight), ends)))
-    back = [] if network.is_directed() else [(j, i, w) for i, j, w in given if i != j]
-    return [edge for edge in [*given, *back] if edge[0] > 0]
+    found = object_network(given)
+    return None if found is None else edges_of_network(number_nodes(found), network_label(given))
 
 
-def weight_of(given: object, ends: tuple[int, int]) -> float:
-    """Return the weight of an edge; raise KindError."""
-    number = given if isinstance(given, numbers.Real) and not isinstance(given, bool) else math.nan
-    if not number <= GREATEST_EDGE_WEIGHT or not float(number) > 0:
-        raise KindError(
-            f"edge {ends}: a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g} (got {given!r})"
-        )
-    return float(number)
+def edges_of_network(network: NumberedNetwork, label: str | None) -> Edges:
+    """Return the graph of a network with numbers; raise KindError if the network has no edge."""
+    if not network.edges:
+        raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
+    return Edges(edges=network.edges, names=list(network.names), label=label)
+
+
+def network_label(given: object) -> str | None:
+    """Return the name of a networkx graph, None if it has none."""
+    attributes = getattr(given, "graph", None)
+    return str(attributes.get("name") or "") or None if isinstance(attributes, Mapping) else None
+
+
+def last_vehicle(edges: Sequence[tuple[int, int, Number]]) -> int:
+    """Return the greatest number of a vehicle in edges."""
+    return max(max(listener, source) for listener, source, _ in edges)
 
 
 def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list[Fault]:
     """Return a fault if the edges name fewer vehicles than the scenario has."""
-    last = max(max(listener, source) for listener, source, _ in edges)
+    last = last_vehicle(edges)
     if last >= vehicles:
         return []
     noun = "vehicle" if last == 1 else "vehicles"

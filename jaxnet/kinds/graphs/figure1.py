@@ -17,6 +17,10 @@ class Figure1(Graph):
     kind = "figure1"
     words = "Figure 1"
 
+    def size(self) -> int:
+        """Return the paper's five vehicles."""
+        return 5
+
     def weights(self, vehicles: int) -> Digraph:
         """Return equal weights for the links of each vehicle."""
         return graph.weighted(vehicles, [(listener, source, 1.0) for listener, source in FIGURE1_LINKS])

@@ -20,6 +20,10 @@ class Grid(Unweighted):
     columns: int = Field(ge=1, description="vehicles in a row")
     torus: bool = Field(default=False, description="whether the last of a row or column hears the first")
 
+    def size(self) -> int:
+        """Return rows times columns."""
+        return self.rows * self.columns
+
     def heard(self, vehicles: int, random: np.random.Generator) -> Neighbours:
         """Return the links along rows and columns."""
         return patterns.grid(self.rows, self.columns, self.torus)

@@ -14,7 +14,16 @@ from jaxnet.statistics.axes import ordered_values
 from jaxnet.statistics.curves import configured_magnitude
 
 MOST_ALTERNATIVES = 8
-TOLD_ELSEWHERE = ("kind", "label", "edges", "content", "vehicles", "links", "magnitude")  # keys of kinds
+TOLD_ELSEWHERE = (
+    "kind",
+    "label",
+    "edges",
+    "content",
+    "names",
+    "vehicles",
+    "links",
+    "magnitude",
+)  # keys of kinds
 PARAMETER_SYMBOLS = {"theta": "ϑ", "F": "F"}  # parameters that are told even at their defaults
 OWN_ROWS = ("vehicles", "attack.magnitude", "horizon", "tail", "tick")  # swept keys with a row below
 

@@ -8,6 +8,8 @@ import networkx as nx
 import numpy as np
 import pytest
 import yaml
+from scipy import sparse
+from scipy.io import mmwrite
 
 import jaxnet
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
@@ -19,13 +21,14 @@ EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
 STUDY = (
     "name: mine\nsamples: 2\nvehicles: 3\nattack: {vehicles: [2]}\nengine: exact\nhorizon: 1.0\ntail: 0.5\n"
 )
+SIZELESS = STUDY.replace("vehicles: 3\n", "").replace("attack: {vehicles: [2]}", "attack: none")
 
 
-def written(path, text=None, topology="{kind: file, path: mine.csv}"):
+def written(path, text=None, topology="{kind: file, path: mine.csv}", study=STUDY):
     """A study beside a file with this text, and its edges if that is none."""
     text = "".join(f"{i},{j},{w!r}\n" for i, j, w in EDGES) if text is None else text
     (path / "mine.csv").write_text(text)
-    (path / "study.yaml").write_text(f"{STUDY}topology: {topology}\n")
+    (path / "study.yaml").write_text(f"{study}topology: {topology}\n")
     return path / "study.yaml"
 
 
@@ -112,24 +115,34 @@ def test_another_path_reads_another_file(tmp_path):
     [
         (
             "1,0\n2;1\n",
-            "mine.csv:2: must be i, j or i, j, w: whole numbers, 0 the navigator, and a weight > 0;"
-            " no header; commas, semicolons or blanks between them (got 2;1)",
+            "mine.csv:2: a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a"
+            " matrix n × n or m × (m + 1) (got 2;1); also read: networkx's edge list,",
         ),
-        ("i,j\n1,0\n", "mine.csv:1: must be i, j or i, j, w"),
-        ("1,0\n2,1,1,1\n", "mine.csv:2: must be"),
+        ("1,0\n2,1,1,1\n", "mine.csv:2: a row is"),
         ("1,0\n2,1.5\n", "(got 2,1.5)"),
         ("1,0\n2,1,-1\n", "(got 2,1,-1)"),
         ("1,0\n2,1,nan\n", "(got 2,1,nan)"),
         ("1,0\n2,1,1_0\n", "(got 2,1,1_0)"),
-        ("1,0\n٢,1\n", "(got ٢,1)"),
-        ("source,target,weight\n1,0,1\n", "mine.csv:1: must be i, j or i, j, w"),
-        ("0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,1,0\n", "mine.csv:1: must be i, j or i, j, w"),
-        ("1 0 {'weight': 2}\n", "mine.csv:1: must be i, j or i, j, w"),
-        ("1,0\n4,1\n", "mine.csv: i is 1 to 3 and j 0 to 3 (got [4, 1])"),
+        ("1,0\n,1\n", "mine.csv:2: a row is"),
+        ("1,0\n٢,1\n", "mine.csv:2: nodes are numbers or names, not both: 1, ٢ (got ٢,1)"),
+        ("1,0\n2,l\n3,2\n", "mine.csv:2: nodes are numbers or names, not both: 1, l (got 2,l)"),
+        ("ann,bob\nbob,eve\n", "mine.csv: which node is the navigator? leader is one of ann, bob, eve"),
+        (
+            "1 0 {'weight': 2, 'cost': 1}\n",
+            "mine.csv:1: a row is",
+        ),
+        ("1,0\n4,1\n", "mine.csv: nodes are numbered 0 to 4, but node 2 has no edge"),
+        (
+            "0,1\n1,2\n2,3\n",
+            "would hear 1, and it hears nobody; with direction: tells",
+        ),
+        ("0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,-1,0\n", "Laplacian, whose rows sum to 0 (row 2 sums to 1)"),
+        ("0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,1e99,0\n", "(got 1e+99 in row 4, column 3)"),
         ("1,0\n2,2\n", "mine.csv: 2 hears itself"),
         ("1,0\n1,0,3\n", "mine.csv: [1, 0] is given twice"),
         ("1,0\n2,3\n3,2\n", "the navigator does not reach 2, 3"),
         ("", "mine.csv has no edge"),
+        ("source,target\n", "mine.csv has no edge"),
         ("# 1,0\n", "mine.csv has no edge"),
     ],
 )
@@ -145,13 +158,15 @@ def test_what_is_wrong_with_a_file_is_told_once(text, says, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["<graphml", "1,0\n", '<graphml><graph edgedefault="directed"><node id="a"/></graph></graphml>']
+    "text",
+    ["<graphml", "1,0\n", "<graphml/>"],
 )
 def test_what_is_no_graphml_is_told(text, tmp_path):
-    """Nor nodes that are no numbers."""
+    """In one line, at the config's place."""
     (tmp_path / "mine.graphml").write_text(text)
     with pytest.raises(
-        jaxnet.ConfigError, match=r"topology.path: mine.graphml: must be GraphML with edges i, j"
+        jaxnet.ConfigError,
+        match=r"topology.path: mine.graphml: must be GraphML with nodes and",
     ):
         jaxnet.load(written(tmp_path, topology="{kind: file, path: mine.graphml}"))
 
@@ -235,9 +250,12 @@ LAUGHS += "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(12)) +
     ("graphml", "says"),
     [
         (HEAD + NODES + LINKS.replace('"w"', '"c"') + TAIL, "attribute 'cost'; only 'weight' is read"),
-        (HEAD + NODES + '<node id="2"/>' + LINKS + TAIL, "two nodes have one number"),
+        (HEAD + NODES + '<node id="2"/>' + LINKS + TAIL, "two nodes have one name"),
         (HEAD + NODES + '<node id="n7"/>' + LINKS + TAIL, "node 7 has no edge"),
-        (HEAD + NODES.replace('"n2"/>', '"n2"><data key="v">9</data></node>') + LINKS + TAIL, "called '9'"),
+        (
+            HEAD + NODES.replace('"n2"/>', '"n2"><data key="v">9</data></node>') + LINKS + TAIL,
+            "node 2 has no edge",
+        ),
         (HEAD + NODES + LINKS.replace(">2<", ">-2<") + TAIL, "a weight is a number > 0"),
         (
             HEAD + NODES + LINKS + '</graph><graph edgedefault="directed"><node id="n4"/>' + TAIL,
@@ -282,15 +300,18 @@ def line_of(*nodes, **attributes):
 @pytest.mark.parametrize(
     ("network", "says"),
     [
-        (line_of(0, "a", "b"), "nodes are whole numbers, 0 the navigator (got 'a')"),
-        (nx.grid_2d_graph(2, 2), "(got (0, 0))"),
-        (line_of(0, 1.9, 2.2, 3.7), "(got 1.9)"),
+        (line_of("a", "b", "c", "d"), "which node is the navigator? leader is one of b, a, c, d"),
+        (nx.grid_2d_graph(2, 2), "leader is one of (0, 0), (0, 1), (1, 0), (1, 1)"),
+        (line_of(0, "1", 1), "two nodes have one name"),
         (line_of(0, True, 2), "(got True)"),
         (line_of(0, -1), "(got -1)"),
         *((line_of(0, 1, weight=w), f"(got {w!r})") for w in (None, np.nan, np.inf, -1.0, 0, "heavy", True)),
         (line_of(0, 1, 2, cost=3), "edge (1, 0) has the attribute 'cost'; only 'weight' is read"),
         (nx.DiGraph(), "the network has no edge"),
-        (nx.DiGraph([(0, 1)]), "the network has no edge (i, j) with i > 0"),
+        (
+            nx.DiGraph([(0, 1)]),
+            "would hear 1, and it hears nobody; with direction: tells",
+        ),
         (nx.empty_graph(4), "node 0 has no edge"),
         (nx.MultiDiGraph([(1, 0), (1, 0), (2, 1), (3, 2)]), "[1, 0] is given twice"),
         (nx.DiGraph([(1, 0), (2, 1), (2, 2), (3, 2)]), "2 hears itself"),
@@ -305,6 +326,197 @@ def test_networks_that_mean_no_graph_are_config_errors(network, says):
         jaxnet.load({"vehicles": 3, "topology": network, "attack": "none"})
 
 
+def drawn_matrix(number, sparse_rows):
+    """A random matrix [a0 | A] of a graph that the navigator reaches."""
+    random = np.random.default_rng(number)
+    weights = random.random((6, 7)).round(3) * (random.random((6, 7)) < 0.4)
+    weights[:, 0] += np.eye(6)[0]
+    weights[np.arange(1, 6), np.arange(1, 6)] += 0.5
+    weights[np.arange(6), np.arange(1, 7)] = 0.0
+    return sparse.csr_array(weights) if sparse_rows else weights
+
+
+def square_of(weights):
+    """The adjacency matrix of a graph with the navigator as node 0, who hears nobody."""
+    return np.vstack([np.zeros(len(weights) + 1), weights])
+
+
+def laplacian_of(weights):
+    """The Laplacian of the same graph."""
+    square = square_of(weights)
+    return np.diag(square.sum(axis=1)) - square
+
+
+def written_matrix(path, matrix):
+    """A matrix as a file by its ending."""
+    if path.suffix == ".npy":
+        np.save(path, matrix)
+    elif path.suffix == ".mtx":
+        mmwrite(path, sparse.coo_array(matrix))
+    else:
+        np.savetxt(path, matrix, delimiter=",")
+
+
+@pytest.mark.parametrize("ending", ["csv", "npy", "mtx"])
+@pytest.mark.parametrize("form", [lambda weights: weights, square_of, laplacian_of])
+@pytest.mark.parametrize("number", range(3))
+def test_a_matrix_in_each_form_and_file_is_one_graph(number, form, ending, tmp_path):
+    """[a0 | A], an adjacency matrix and a Laplacian, as text, of NumPy and of Matrix Market."""
+    weights = drawn_matrix(number, sparse_rows=False)
+    file = written(tmp_path, topology=f"{{kind: file, path: mine.{ending}}}", study=SIZELESS)
+    written_matrix(tmp_path / f"mine.{ending}", form(weights))
+    found = weights_of(jaxnet.load(file))
+    np.testing.assert_allclose(found, weights / weights.sum(axis=1, keepdims=True), rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_small_matrices_are_not_taken_for_edges(size, tmp_path):
+    """Two or three columns may be a matrix: a chain in which each vehicle hears the one before."""
+    chain = np.eye(size, size + 1)
+    for number, matrix in enumerate([chain, square_of(chain), laplacian_of(chain)]):
+        file = written(tmp_path, topology=f"{{kind: file, path: {number}.csv}}")
+        file.write_text(
+            file.read_text().replace("vehicles: 3\n", "").replace("attack: {vehicles: [2]}", "attack: none")
+        )
+        np.savetxt(tmp_path / f"{number}.csv", matrix, delimiter=" ", fmt="%g")
+        np.testing.assert_array_equal(weights_of(jaxnet.load(file)), chain)
+
+
+@pytest.mark.parametrize("sparse_rows", [False, True])
+def test_matrices_of_numpy_and_scipy_are_topologies(sparse_rows):
+    """As they are, swept with labels, and the other way round."""
+    weights = drawn_matrix(5, sparse_rows)
+    study = jaxnet.load({"topology": weights, "attack": "none"})
+    dense = weights.toarray() if sparse_rows else weights
+    expected = dense / dense.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(weights_of(study), expected, rtol=1e-15)
+    assert (study.config.vehicles, study.cells[0].scenario.vehicles) == (6, 6)
+    told = jaxnet.network(sparse.csr_array(square_of(dense).T), direction="tells", label="told")
+    both = jaxnet.load({"attack": "none", "sweep": {"topology": [weights, told, "star"]}})
+    assert [cell.labels["topology"] for cell in both.cells] == ["edges", "told", "star"]
+    assert [cell.scenario.vehicles for cell in both.cells] == [6, 6, 12]
+    np.testing.assert_allclose(matrix_of(both.cells[1].scenario.topology, 6), expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (np.eye(3, 5), "a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got 3 × 5)"),
+        (np.ones(3), "(got 3)"),
+        (np.eye(3) * 1j, "a matrix has real numbers (got complex128)"),
+        (np.zeros((3, 3)), "the network has no edge"),
+        (np.diag([1.0, np.nan], k=-1), "(got nan in row 3, column 2)"),
+        ([[0, 1]], "a network is a matrix or a networkx graph (got list)"),
+    ],
+)
+def test_objects_that_mean_no_network_are_config_errors(given, says):
+    """With what a matrix is."""
+    with pytest.raises(jaxnet.ConfigError, match=re.escape(says)):
+        jaxnet.network(given)
+
+
+def test_nodes_have_any_names_and_the_leader_any_place():
+    """Tuples, text, numbers that are not whole: the vehicles keep the order of the nodes."""
+    square = jaxnet.network(nx.grid_2d_graph(2, 2), leader=(0, 1))
+    assert square.names == ["(0, 0)", "(1, 0)", "(1, 1)"]
+    assert sorted(square.edges) == [(1, 0, 1), (1, 2, 1), (2, 1, 1), (2, 3, 1), (3, 0, 1), (3, 2, 1)]
+    floats = jaxnet.network(line_of(0, 1.9, 2.2, 3.7))
+    assert floats.edges == [(1, 0, 1), (2, 1, 1), (3, 2, 1)]
+    assert floats.names == ["1.9", "2.2", "3.7"]
+    last = jaxnet.network(line_of(3, 1, 2, 0), leader=3)
+    assert last.edges == [(2, 0, 1), (3, 2, 1), (1, 3, 1)]
+    assert last.names == ["0", "1", "2"]
+    study = jaxnet.load({"topology": line_of("leader", "ann", "bob"), "attack": "none"})
+    assert list(study.config.topology.vehicle_names()) == ["ann", "bob"]
+    with pytest.raises(jaxnet.ConfigError, match="no node is called '9': leader is one of 0-3"):
+        jaxnet.network(line_of(3, 1, 2, 0), leader=9)
+
+
+def test_a_file_has_names_a_leader_and_a_direction(tmp_path):
+    """Also numbers from 1; `names` replaces those of the file; what is stored is read alike."""
+    (tmp_path / "mine.csv").write_text('from,to\n"the boss",ann\nann,bob\n"the boss",bob\n')
+    given = {"kind": "file", "path": str(tmp_path / "mine.csv"), "leader": "the boss", "direction": "tells"}
+    study = jaxnet.load({"topology": given, "attack": "none"})
+    graph = study.cells[0].scenario.topology
+    assert graph.edges() == [(1, 0, 1.0), (2, 1, 1.0), (2, 0, 1.0)]
+    assert list(graph.vehicle_names()) == ["ann", "bob"]
+    assert jaxnet.load(study, {"samples": 3}).cells[0].scenario.topology.edges() == graph.edges()
+    renamed = jaxnet.load({"topology": given | {"names": ["a", "b"]}, "attack": "none"})
+    assert list(renamed.config.topology.vehicle_names()) == ["a", "b"]
+    with pytest.raises(jaxnet.ConfigError, match=r"names is a list of 2, one for each vehicle \(got 1\)"):
+        jaxnet.load({"topology": given | {"names": ["a"]}, "attack": "none"})
+    with pytest.raises(jaxnet.ConfigError, match="two vehicles are called a"):
+        jaxnet.load({"topology": given | {"names": ["a", "a"]}, "attack": "none"})
+    written(tmp_path, "2,1\n3,2\n")
+    ones = jaxnet.load(
+        {"topology": {"kind": "file", "path": str(tmp_path / "mine.csv"), "first": 1}, "attack": "none"}
+    )
+    assert ones.config.topology.edges() == [(1, 0, 1.0), (2, 1, 1.0)]
+    assert list(ones.config.topology.vehicle_names()) == ["2", "3"]
+
+
+def test_names_in_graphml_are_the_vehicles(tmp_path):
+    """Ids that are text, or names beside them."""
+    network = nx.relabel_nodes(nx.path_graph(3), {0: "navigator", 1: "eve & co", 2: "bob"})
+    nx.write_graphml(network, tmp_path / "mine.graphml")
+    file = written(tmp_path, topology="{kind: file, path: mine.graphml}", study=SIZELESS)
+    graph = jaxnet.load(file).config.topology
+    assert list(graph.vehicle_names()) == ["eve & co", "bob"]
+    assert sorted(graph.edges()) == [(1, 0, 1.0), (1, 2, 1.0), (2, 1, 1.0)]
+
+
+CASES = {
+    "bom.csv": b"\xef\xbb\xbf1,0\r\n2,1\r\n3,2\r\n",
+    "networkx.edgelist": b"1 0 1.0\n2 1 0.5\n3 2 1.0\n",
+    "networkx_data.edgelist": b"1 0 {}\n2 1 {'weight': 0.5}\n3 2 {}\n",
+    "header.csv": b"source,target,weight\n1,0,1\n2,1,1\n3,2,1\n",
+    "semicolon.csv": b"1;0;1,0\n2;1;0,5\n3;2;1,0\n",
+    "numpy_savetxt.csv": b"1.0,0.0,1.0\n2.0,1.0,1.0\n3.0,2.0,1.0\n",
+    "adjacency_matrix.csv": b"0,0,0,0\n1,0,0,0\n0,1,0,0\n0,0,1,0\n",
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_exports_of_other_programs_are_read(name, tmp_path):
+    """Each file means: 1 hears 0, 2 hears 1, 3 hears 2."""
+    (tmp_path / name).write_bytes(CASES[name])
+    graph = jaxnet.load(written(tmp_path, topology=f"{{kind: file, path: {name}}}")).config.topology
+    assert [edge[:2] for edge in graph.edges()] == [(1, 0), (2, 1), (3, 2)]
+    assert list(graph.vehicle_names()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("mine.npy", b"1,0\n", "mine.npy is not an array of NumPy"),
+        ("mine.mtx", b"1,0\n", "mine.mtx is not a matrix of Matrix Market"),
+    ],
+)
+def test_files_of_another_kind_than_their_ending_are_refused(name, content, says, tmp_path):
+    """In one line."""
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(jaxnet.ConfigError, match=says) as raised:
+        jaxnet.load(written(tmp_path, topology=f"{{kind: file, path: {name}}}"))
+    assert len(raised.value.problems) == 1
+
+
+def test_an_array_of_objects_is_not_unpickled(tmp_path):
+    """A pickle may run anything."""
+    np.save(tmp_path / "mine.npy", np.array([{}]), allow_pickle=True)
+    with pytest.raises(jaxnet.ConfigError, match="not an array of NumPy"):
+        jaxnet.load(written(tmp_path, topology="{kind: file, path: mine.npy}"))
+
+
+def test_arrays_that_are_stored_need_fleets_of_one_size():
+    """Networks of several sizes are swept without `save`."""
+    swept = {"attack": "none", "sweep": {"topology": [nx.path_graph(3), nx.star_graph(4)]}}
+    for number, network in enumerate(swept["sweep"]["topology"]):
+        network.name = f"network {number}"
+    assert [cell.scenario.vehicles for cell in jaxnet.load(swept).cells] == [2, 4]
+    with pytest.raises(jaxnet.ConfigError, match="save: stores arrays of one size"):
+        jaxnet.load({**swept, "save": {"errors": True}})
+
+
 def test_labels_of_numpy_are_numbers_and_names_are_labels():
     """Two swept networks are told apart by their names."""
     networks = [line_of(*np.arange(4), name="line", weight=np.float32(2)), nx.star_graph(3)]
@@ -314,5 +526,5 @@ def test_labels_of_numpy_are_numbers_and_names_are_labels():
     assert study.cells[0].scenario.topology.edges == [(1, 0, 2.0), (2, 1, 2.0), (3, 2, 2.0)]
     for network in networks:
         network.name = ""
-    with pytest.raises(jaxnet.ConfigError, match="give each a label, a networkx graph a name"):
+    with pytest.raises(jaxnet.ConfigError, match=r"give each a label: jaxnet.network\(…, label=…\)"):
         jaxnet.load({"vehicles": 3, "attack": "none", "sweep": {"topology": networks}})

@@ -1,0 +1,178 @@
+"""Networks as other programs write them: nodes with labels, and links in either direction.
+
+A reader (`tables`, `matrices`, `graphml`, `objects`) returns a `NamedNetwork`. `number_nodes` makes of it the
+edges (i, j, w) of a graph, "vehicle i hears source j", in which source 0 is the navigator.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Literal, NamedTuple
+from urllib.parse import quote, unquote
+
+from jaxnet.kinds.kind import KindError
+from jaxnet.model.wording import ranges
+
+GREATEST_EDGE_WEIGHT = 1e9  # weight of an edge
+DECIMAL_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+NODE_NUMBER = re.compile(r"[0-9]{1,9}", re.ASCII)
+LEADER_NAMES = ("0", "navigator", "leader")
+MOST_NAMED = 8  # nodes that an error names
+
+Direction = Literal["hears", "tells"]
+LinkList = list[tuple[str, str, float]]  # two ends as they were written, and the weight
+EdgeList = list[tuple[int, int, float]]  # listener, source and weight
+
+
+class NamedNetwork(NamedTuple):
+    """Nodes, none if they are numbers, and links, as an object or a file has them."""
+
+    nodes: tuple[str, ...]
+    links: LinkList
+
+
+class NumberedNetwork(NamedTuple):
+    """Edges between vehicles 1 … m and the navigator 0; names of the vehicles, none if numbers name them."""
+
+    edges: EdgeList
+    names: tuple[str, ...]
+
+
+def write_network(network: NamedNetwork) -> str:
+    """Return a network as one line of text: its nodes, and its links a,b,w, with blanks between them."""
+    nodes = [quote(node, safe="") for node in network.nodes]
+    links = [
+        f"{quote(one, safe='')},{quote(other, safe='')},{weight}" for one, other, weight in network.links
+    ]
+    return " ".join([*nodes, *links])
+
+
+def parse_network(content: str) -> NamedNetwork:
+    """Return the network in text of `write_network`; raise ValueError."""
+    nodes, links = [], []
+    for item in content.split():
+        first, *others = item.split(",")
+        if others:
+            second, weight = others
+            links.append((unquote(first), unquote(second), parse_weight(weight)))
+        else:
+            nodes.append(unquote(first))
+    return NamedNetwork(tuple(nodes), links)
+
+
+def parse_number(text: str) -> float:
+    """Return a decimal number; raise ValueError."""
+    if not DECIMAL_NUMBER.fullmatch(text.strip()):
+        raise ValueError("no number")
+    return float(text)
+
+
+def parse_weight(text: str) -> float:
+    """Return a weight of an edge; raise ValueError."""
+    weight = parse_number(text)
+    if not 0 < weight <= GREATEST_EDGE_WEIGHT:
+        raise ValueError("a weight is positive")
+    return weight
+
+
+def number_nodes(
+    network: NamedNetwork,
+    direction: Direction = "hears",
+    first: int = 0,
+    leader: str | None = None,
+    names: Sequence[str] = (),
+) -> NumberedNetwork:
+    """Number the nodes of a network: the navigator is 0, the vehicles are 1 … m in the order of the nodes.
+
+    Parameters
+    ----------
+    network
+        Nodes and links.
+    direction
+        Meaning of a link (a, b): "hears", a hears b; "tells", a tells b.
+    first
+        Number of the first node, if nodes are numbers.
+    leader
+        Label of the navigator. Default: the node `first`, or a node called 0, navigator or leader.
+    names
+        Names of the vehicles in place of the labels.
+
+    Raises
+    ------
+    KindError
+        If no node is the navigator, if nodes are numbered with gaps, or if the navigator hears a vehicle that
+        does not hear the navigator.
+    """
+    labels = list(network.nodes or dict.fromkeys(end for *ends, _ in network.links for end in ends))
+    if not network.links:
+        raise KindError("the network has no edge")
+    if all(map(NODE_NUMBER.fullmatch, labels)):
+        labels = range_of_numbers(labels, first, len(network.links))
+        chosen = str(first) if leader is None else leader
+    else:
+        chosen = named_leader(labels) if leader is None else leader
+    if chosen not in labels:
+        raise KindError(f"no node is called {chosen!r}: leader is one of {listed(labels)}")
+    order = [chosen, *(label for label in labels if label != chosen)]
+    numbers = {label: number for number, label in enumerate(order)}
+    pairs = [(numbers[one], numbers[other], weight) for one, other, weight in network.links]
+    if direction == "tells":
+        told = any(one == 0 for one, _, _ in pairs)
+        pairs = [(i, j, w) if not told and j == 0 else (j, i, w) for i, j, w in pairs]
+    edges = without_navigator_hearing(pairs, order, direction)
+    given = tuple(order[1:])
+    known = () if given == tuple(map(str, range(1, len(order)))) else given
+    return NumberedNetwork(edges, check_names(names, len(given)) or known)
+
+
+def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]:
+    """Return the labels of all nodes from the first number to the last; raise KindError for a long gap."""
+    numbers = [int(label) for label in labels]
+    if min(numbers) < first:
+        raise KindError(f"nodes are numbered from {first} (got {min(numbers)})")
+    if max(numbers) - first > links:
+        missing = first
+        while missing in numbers:
+            missing += 1
+        raise KindError(f"nodes are numbered {first} to {max(numbers)}, but node {missing} has no edge")
+    return [str(number) for number in range(first, max(numbers) + 1)]
+
+
+def named_leader(labels: Sequence[str]) -> str:
+    """Return the node whose name says that it is the navigator; raise KindError unless there is one."""
+    found = [label for label in labels if label.casefold() in LEADER_NAMES]
+    if len(found) != 1:
+        raise KindError(f"which node is the navigator? leader is one of {listed(labels)}")
+    return found[0]
+
+
+def without_navigator_hearing(edges: EdgeList, order: Sequence[str], direction: Direction) -> EdgeList:
+    """Return the edges without those by which the navigator hears a vehicle that also hears it.
+
+    Raises KindError if the vehicle does not hear the navigator: the edge is then most likely the wrong way
+    round.
+    """
+    informed = {i for i, j, _ in edges if j == 0}
+    for listener, source, _ in edges:
+        if listener == 0 and source not in (informed | {0}):
+            other = "tells" if direction == "hears" else "hears"
+            raise KindError(
+                f"the navigator {order[0]} would hear {order[source]}, and it hears nobody; with direction:"
+                f" {other} a link means the opposite"
+            )
+    return [edge for edge in edges if edge[0] > 0]
+
+
+def check_names(names: Sequence[str], vehicles: int) -> tuple[str, ...]:
+    """Return the names; raise KindError unless there are none, or one of its own for each vehicle."""
+    if names and len(names) != vehicles:
+        raise KindError(f"names is a list of {vehicles}, one for each vehicle (got {len(names)})")
+    if twice := [name for number, name in enumerate(names) if name in names[:number]]:
+        raise KindError(f"two vehicles are called {twice[0]}")
+    return tuple(names)
+
+
+def listed(labels: Sequence[str]) -> str:
+    """Return labels as text, the first few of many; numbers as ranges."""
+    if all(map(NODE_NUMBER.fullmatch, labels)):
+        return ranges(sorted(map(int, labels)))
+    return ", ".join([*labels[:MOST_NAMED], *["…"] * (len(labels) > MOST_NAMED)])

@@ -1,0 +1,78 @@
+"""Networks in GraphML, which networkx reads."""
+
+import importlib
+import io
+import warnings
+from xml.parsers import expat
+
+from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.networks import NODE_NUMBER, NamedNetwork
+from jaxnet.kinds.networks.objects import networkx_network
+
+CALLED = ("name", "label", "id")  # attributes of a node that may name it
+FAULTS = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)
+
+
+def read_graphml(content: bytes, name: str) -> NamedNetwork:
+    """Return the network in GraphML; an undirected edge is a link in both directions. Raise KindError."""
+    try:
+        networkx = importlib.import_module("networkx")
+    except ImportError as error:
+        raise KindError(f"{name}: GraphML needs networkx: pip install 'jaxnet-sim[graphs]'") from error
+    try:
+        refuse_unread(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)  # networkx warns of content that it ignores
+            network = networkx.read_graphml(io.BytesIO(content))
+        called = node_names(dict(network.nodes(data=True)))
+        weight = network.graph.get("edge_default", {}).get("weight", 1.0)
+        return networkx_network(networkx.relabel_nodes(network, called), unread=("id",), weight=weight)
+    except KindError as error:
+        raise KindError(f"{name}: {error}") from error
+    except (networkx.NetworkXException, *FAULTS) as error:
+        reason = str(error) or type(error).__name__
+        raise KindError(f"{name}: must be GraphML with nodes and weighted edges ({reason})") from error
+
+
+def node_names(nodes: dict[str, dict[str, object]]) -> dict[str, str]:
+    """Return the name of each node: an attribute that names it, or else its id; raise ValueError.
+
+    If all names are numbers, possibly behind an n as igraph writes them, the name is the
+    number.
+    """
+    found = {
+        node: str(next((data[key] for key in CALLED if key in data), node)) for node, data in nodes.items()
+    }
+    bare = {node: name.removeprefix("n") for node, name in found.items()}
+    if all(map(NODE_NUMBER.fullmatch, bare.values())):
+        found = {node: str(int(name)) for node, name in bare.items()}
+    if len({*found.values()}) < len(found):
+        raise ValueError("two nodes have one name")
+    return found
+
+
+def refuse_unread(content: bytes) -> None:
+    """Raise ValueError for GraphML with content that no network is read from.
+
+    Entities may stand for gigabytes or other files. networkx reads the first of several graphs, takes a graph
+    without `edgedefault` for an undirected one, and reads data named `id` as the id of the edge.
+    """
+    graphs = 0
+
+    def refuse(*_: object) -> None:
+        raise ValueError("entities are not read")
+
+    def begin(element: str, attributes: dict[str, str]) -> None:
+        nonlocal graphs
+        tag = element.rpartition(":")[2]
+        graphs += tag == "graph"
+        if graphs > 1:
+            raise ValueError("more than one graph")
+        if tag == "graph" and "edgedefault" not in attributes:
+            raise ValueError("the graph has no edgedefault")
+        if tag == "key" and attributes.get("attr.name") == "id":
+            raise ValueError("data called 'id' are not read")
+
+    parser = expat.ParserCreate()
+    parser.EntityDeclHandler, parser.StartElementHandler = refuse, begin
+    parser.Parse(content, True)

@@ -1,0 +1,85 @@
+"""Networks as matrices: an adjacency matrix, a Laplacian, or the paper's [a0 | A]."""
+
+import io
+
+import numpy as np
+from scipy import sparse
+from scipy.io import mmread
+
+from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
+from jaxnet.model import graph
+
+Matrix = np.ndarray | sparse.coo_array
+
+ROUNDING = 1e-9  # of the greatest entry: how far from 0 a row of a Laplacian may sum
+
+
+def matrix_network(given: Matrix, first: int = 0) -> NamedNetwork:
+    """Return the network of a matrix; entry (i, j) is the weight with which node i hears node j.
+
+    Parameters
+    ----------
+    given
+        A matrix (n, n) of n nodes, of which one is the navigator, or [a0 | A], (m, m + 1), whose column 0 is
+        the navigator. A square matrix with a negative entry is a Laplacian: its weights are −l_ij, j ≠ i.
+    first
+        Number of the first node of a square matrix.
+
+    Raises
+    ------
+    KindError
+        If the shape or an entry is another.
+    """
+    shape: tuple[int, ...] = given.shape or ()
+    if len(shape) != 2 or shape[1] - shape[0] not in (0, 1):
+        got = " × ".join(map(str, shape))
+        raise KindError(f"a matrix is n × n, or m × (m + 1) with the navigator in column 0 (got {got})")
+    try:
+        rows, columns, values = graph.entries(given)
+        values = values.astype(float, casting="safe")
+    except TypeError as error:
+        raise KindError(f"a matrix has real numbers (got {given.dtype})") from error
+    square = shape[0] == shape[1]
+    if square and (values < 0).any():
+        rows, columns, values = laplacian_links(rows, columns, values)
+    if not (values > 0).all() or not (values <= GREATEST_EDGE_WEIGHT).all():
+        wrong = int(np.flatnonzero(~((values > 0) & (values <= GREATEST_EDGE_WEIGHT)))[0])
+        raise KindError(
+            f"weights are 0 to {GREATEST_EDGE_WEIGHT:g}"
+            f" (got {values[wrong]:g} in row {rows[wrong] + 1}, column {columns[wrong] + 1})"
+        )
+    shift = first if square else 1
+    ends = (rows + shift).tolist(), (columns + shift - (not square)).tolist()
+    links = zip(map(str, ends[0]), map(str, ends[1]), values.tolist(), strict=True)
+    return NamedNetwork((), list(links))
+
+
+def laplacian_links(rows: graph.Row, columns: graph.Row, values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the links of a Laplacian; raise KindError unless each row sums to 0."""
+    sums = np.bincount(rows, values)
+    if np.abs(sums).max() > ROUNDING * np.abs(values).max():
+        row = int(np.abs(sums).argmax())
+        raise KindError(
+            f"a matrix with negative entries is a Laplacian, whose rows sum to 0"
+            f" (row {row + 1} sums to {sums[row]:g})"
+        )
+    off = rows != columns
+    return rows[off], columns[off], -values[off]
+
+
+def read_npy(content: bytes, name: str) -> Matrix:
+    """Return the array in a .npy file; raise KindError."""
+    try:
+        return np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise KindError(f"{name} is not an array of NumPy: {error}") from error
+
+
+def read_matrix_market(content: bytes, name: str) -> Matrix:
+    """Return the matrix in a .mtx file (Matrix Market); raise KindError."""
+    try:
+        found = mmread(io.BytesIO(content))
+        return sparse.coo_array(found) if sparse.issparse(found) else np.asarray(found)
+    except (ValueError, OverflowError, OSError) as error:
+        raise KindError(f"{name} is not a matrix of Matrix Market: {error}") from error

@@ -1,0 +1,118 @@
+"""Networks as objects of Python: graphs of networkx, arrays of NumPy and SciPy."""
+
+import math
+import numbers
+import operator
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from scipy import sparse
+
+from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
+from jaxnet.kinds.networks.matrices import matrix_network
+
+
+@runtime_checkable
+class NetworkxGraph(Protocol):
+    """What is read of a networkx graph."""
+
+    @property
+    def graph(self) -> Mapping[str, object]:
+        """Attributes of the graph."""
+        ...
+
+    @property
+    def nodes(self) -> Iterable[Hashable]:
+        """Nodes of the graph."""
+        ...
+
+    @property
+    def degree(self) -> Mapping[Hashable, int]:
+        """Number of edges by node."""
+        ...
+
+    @property
+    def edges(self) -> Callable[..., Iterable[tuple[Hashable, Hashable, Mapping[str, object]]]]:
+        """Ends and attributes of each edge, with `data=True`."""
+        ...
+
+    def is_directed(self) -> bool:
+        """Return whether an edge has a direction."""
+        ...
+
+
+def object_network(value: object, first: int = 0) -> NamedNetwork | None:
+    """Return the network that a graph of networkx or a matrix means, None for another object.
+
+    Raises KindError if the object means no network.
+    """
+    if isinstance(value, NetworkxGraph):
+        return networkx_network(value)
+    if sparse.issparse(value):
+        value = sparse.coo_array(value)  # pyright: ignore[reportArgumentType]
+    return matrix_network(value, first) if isinstance(value, np.ndarray | sparse.coo_array) else None
+
+
+def networkx_network(
+    network: NetworkxGraph, unread: tuple[str, ...] = (), weight: object = 1.0
+) -> NamedNetwork:
+    """Return the network of a networkx graph; an undirected edge is a link in both directions.
+
+    Parameters
+    ----------
+    network
+        A graph; nodes are numbers, or their labels are names.
+    unread
+        Attributes of edges that count for nothing.
+    weight
+        Weight of an edge without one.
+
+    Raises
+    ------
+    KindError
+        For another attribute of an edge, for a node without edge, and for two nodes with one name.
+    """
+    labels = {node: label_of(node) for node in network.nodes}
+    if len({*labels.values()}) < len(labels):
+        raise KindError("two nodes have one name")
+    for node, label in labels.items():
+        if not network.degree[node]:
+            raise KindError(f"node {label} has no edge")
+    links = []
+    for one, other, data in network.edges(data=True):
+        ends = labels[one], labels[other]
+        if odd := [name for name in data if name not in ("weight", *unread)]:
+            raise KindError(f"edge {text_of(ends)} has the attribute {odd[0]!r}; only 'weight' is read")
+        links.append((*ends, weight_of(data.get("weight", weight), ends)))
+    back = [] if network.is_directed() else [(j, i, w) for i, j, w in links if i != j]
+    numbered = all(map(is_whole, network.nodes))
+    return NamedNetwork(() if numbered else tuple(labels.values()), [*links, *back])
+
+
+def is_whole(node: object) -> bool:
+    """Return whether a node of a graph is a whole number."""
+    return hasattr(node, "__index__") and not isinstance(node, bool | np.bool_)
+
+
+def label_of(node: object) -> str:
+    """Return the label of a node as text; raise KindError for a negative number, and for True and False."""
+    label = str(operator.index(node)) if is_whole(node) else str(node)  # pyright: ignore[reportArgumentType]
+    if isinstance(node, bool | np.bool_) or (is_whole(node) and label.startswith("-")):
+        raise KindError(f"nodes are numbers from 0, or names (got {node!r})")
+    return label
+
+
+def weight_of(given: object, ends: tuple[str, str]) -> float:
+    """Return the weight of an edge; raise KindError."""
+    number = given if isinstance(given, numbers.Real) and not isinstance(given, bool) else math.nan
+    if not number <= GREATEST_EDGE_WEIGHT or not float(number) > 0:
+        allowed = f"a weight is a number > 0, at most {GREATEST_EDGE_WEIGHT:g}"
+        raise KindError(f"edge {text_of(ends)}: {allowed} (got {given!r})")
+    return float(number)
+
+
+def text_of(ends: tuple[str, str]) -> str:
+    """Return the ends of an edge as text."""
+    return f"({', '.join(ends)})"
