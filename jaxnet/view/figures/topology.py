@@ -1,12 +1,14 @@
 """Graphs of a study with weights, attacked links and trusted links."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from textwrap import shorten
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
+from matplotlib.patheffects import withStroke
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import Situation, situation_of
@@ -26,6 +28,8 @@ NODE_DIAMETER = 11.0  # [pt] diameter of a node where there is room for it
 TOPOLOGY_LEGEND_HEIGHT = 0.55  # [in]
 LEAST_NUMBERED_NODE = 9.5  # [pt] diameter of a node whose number can be read
 WANTED_SPACING = 18.0  # [pt] from one node to the next that panels grow for
+NODE_IN_WAY = 0.08  # of a link's length: a node so near its middle is in the way
+MOST_NAME = 16  # characters of a vehicle's name
 MOST_WEIGHTS = 16  # links of a graph that all have their weights written on them
 
 OTHER_LINK = {"color": "0.55", "linewidth": 0.8, "linestyle": "-"}
@@ -127,13 +131,14 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
     across = node_diameter(network.graph, size)
     names = link_names(cell, network)
     for (i, j), called in names.items():
-        mutual = (j - 1, i + 1) in names
-        bend = 0.16 if mutual else 0.0
+        bend = 0.16 if is_bent(i, j, names, places) else 0.0
         draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINK_STYLES[called])
     if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
         label_weights(panel, network.graph, places)
     for source, (x, y) in enumerate(places):
         draw_node(panel, source, x, y, source in attacked, across)
+    for name, (x, y) in zip(cell.scenario.topology.vehicle_names(), places[1:], strict=False):
+        write_name(panel, name, x, y, across)
     panel.set_aspect("equal")
     panel.axis("off")
     panel.set_xlim(places[:, 0].min() - GRAPH_MARGIN, places[:, 0].max() + GRAPH_MARGIN)
@@ -157,6 +162,18 @@ def source_positions(graph: Digraph) -> np.ndarray:
     row, column = order // across, order % across
     column = np.where(row % 2, across - 1 - column, column)
     return np.stack([column, -row], axis=1) * 0.62
+
+
+def is_bent(listener: int, source: int, links: Container[tuple[int, int]], places: np.ndarray) -> bool:
+    """Return whether the arrow of a link is bent: there is a link back, or a node stands in the way.
+
+    Listeners count from 0, places and sources from the navigator.
+    """
+    ends = places[[source, listener + 1]]
+    others = np.delete(places, [source, listener + 1], axis=0)
+    from_middle = np.hypot(*(others - ends.mean(axis=0)).T)
+    blocked = bool((from_middle < NODE_IN_WAY * np.hypot(*(ends[1] - ends[0]))).any())
+    return blocked or (source - 1, listener + 1) in links
 
 
 def draw_link(
@@ -216,8 +233,7 @@ def label_weights(panel: Axes, graph: Digraph, places: np.ndarray) -> None:
         middle = 0.5 * (places[i + 1] + places[j])
         along = places[i + 1] - places[j]
         aside = np.array([along[1], -along[0]]) / max(1e-9, float(np.hypot(*along)))
-        mutual = (j - 1, i + 1) in weights  # bent arrows need more room
-        x, y = middle + (0.22 if mutual else 0.12) * aside
+        x, y = middle + (0.22 if is_bent(i, j, weights, places) else 0.12) * aside
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
         panel.text(x, y, f"{weights[i, j]:.3g}", fontsize=6.5, ha="center", va="center", bbox=box, zorder=4)
 
@@ -254,6 +270,25 @@ def draw_node(panel: Axes, source: int, x: float, y: float, lies: bool, across: 
             color=text,
             zorder=3,
         )
+
+
+def write_name(panel: Axes, name: str, x: float, y: float, across: float) -> None:
+    """Write the name of a vehicle above or below its node of a diameter [pt], away from the centre."""
+    text = multiples.escape_dollars(shorten(name, MOST_NAME, placeholder="…"))
+    outline = [withStroke(linewidth=2.0, foreground="white")]
+    side, anchor = (1, "bottom") if is_upper(y) else (-1, "top")
+    place = {
+        "xytext": (0, side * (across / 2 + 1)),
+        "textcoords": "offset points",
+        "ha": "center",
+        "va": anchor,
+    }
+    panel.annotate(text, (x, y), fontsize=LEAST_TEXT_SIZE, zorder=5, path_effects=outline, **place)
+
+
+def is_upper(y: float) -> bool:
+    """Return whether a node stands in the upper half of a circle, where names stand above their nodes."""
+    return y > 0.1
 
 
 def topology_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]:

@@ -68,11 +68,11 @@ def extremes_sentence(results: Results) -> str:
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
     least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
     head = "The mean error over the tail"
+    if least == most:  # as they are printed
+        return f"{head} is {most} {where_words(results, errors.index.tolist())}.{without}"
     best, worst = (
         where_words(results, errors.index[errors == end].tolist()) for end in (errors.min(), errors.max())
     )
-    if errors.min() == errors.max():
-        return f"{head} is {most} {worst}.{without}"
     return f"{head} ranges from {least} {best} to {most} {worst}.{without}"
 
 

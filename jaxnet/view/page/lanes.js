@@ -19,6 +19,7 @@ function unpacked(given) {
   const lane = {
     ...given, axes: ["x [m]", "y [m]"], trail: Infinity, time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
     all: Array.from({ length: vehicles }, (_, n) => n + 1),
+    called: (vehicle) => `vehicle ${vehicle}` + (given.names.length ? ` (${given.names[vehicle - 1].replaceAll("<", "&lt;")})` : ""),
     isAttacked: (vehicle) => attacked.includes(vehicle),
     retained: (frame, link) => !bits || ((bits[(frame * links + link) >> 3] >> (7 - ((frame * links + link) & 7))) & 1) === 1,
   };
@@ -77,7 +78,7 @@ function linksNow(lane, frame) {
 function toldNow(lane, frame) {
   const told = lane.attacked.map((vehicle) => lane.told(frame, vehicle));
   const text = lane.attacked.map((vehicle, n) => {
-    const whose = lane.heard_from_navigator ? `vehicle ${vehicle} hears of the navigator` : `vehicle ${vehicle} tells its neighbours`;
+    const whose = lane.heard_from_navigator ? `${lane.called(vehicle)} hears of the navigator` : `${lane.called(vehicle)} tells its neighbours`;
     const true_ = lane.speaks(frame, vehicle);
     return `${whose}: ${short(Math.hypot(told[n][0] - true_[0], told[n][1] - true_[1]))} m from the truth`;
   });
@@ -94,7 +95,7 @@ function toldNow(lane, frame) {
 function fleetNow(lane, frame) {
   const some = (name, vehicles, color, symbol, size, standoff) => {
     const where = points(vehicles.map((vehicle) => lane.place(frame, vehicle)));
-    const text = vehicles.map((vehicle) => `vehicle ${vehicle}: error ${measured(lane.error(frame, vehicle))} m`);
+    const text = vehicles.map((vehicle) => `${lane.called(vehicle)}: error ${measured(lane.error(frame, vehicle))} m`);
     const angle = vehicles.map((vehicle) => 270 - lane.ahead(frame, vehicle));
     return [
       { name, ...where, mode: "markers", text, hoverinfo: "text", marker: { color, symbol, size } },
@@ -150,7 +151,7 @@ function errors(lane, frame) {
   const one = (vehicle) => {
     const attacked = lane.isAttacked(vehicle), values = Array.from(lane.time, (_, n) => lane.error(n, vehicle));
     return { name: attacked ? "attacked vehicle" : "vehicle", x: lane.time, y: values.map((value) => Math.max(ROUNDING, value)), mode: "lines",
-      text: values.map((value) => `vehicle ${vehicle}${attacked ? " (attacked)" : ""}: ${measured(value)} m`), hoverinfo: "text",
+      text: values.map((value) => `${lane.called(vehicle)}${attacked ? " (attacked)" : ""}: ${measured(value)} m`), hoverinfo: "text",
       line: { color: attacked ? "--red" : "--sky", width: attacked ? 1.6 : 1.2, dash: attacked ? "6px,2px" : "solid" } };
   };
   const all = lane.all.flatMap((vehicle) => Array.from(lane.time, (_, n) => lane.error(n, vehicle))).filter((value) => value > ROUNDING);
@@ -164,7 +165,7 @@ function raster(lane, frame) {
   const z = lane.links.map((_, link) => Array.from(lane.time, (_, n) => fate(n, link)));
   const name = ([listener, source, attacked]) => `${listener} ← ${source}${attacked ? " ⚠" : ""}`;
   const text = lane.links.map(([listener, source], link) => Array.from(lane.time, (time, n) =>
-    `vehicle ${listener} hears ${source || "the navigator"}, t = ${short(time)} s: ${FATES[fate(n, link)][0]}`));
+    `${lane.called(listener)} hears ${source ? lane.called(source) : "the navigator"}, t = ${short(time)} s: ${FATES[fate(n, link)][0]}`));
   const colorscale = FATES.flatMap(([, color], n) => [[n / 4, coloured(color)], [(n + 1) / 4, coloured(color)]]);
   const places = lane.links.map((_, n) => n), every = Math.ceil(places.length / 40);
   const ticks = places.filter((n) => n % every === 0);

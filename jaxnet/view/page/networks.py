@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from html import escape
+from textwrap import shorten
 
 import numpy as np
 
@@ -10,11 +11,21 @@ from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.wording import count
 from jaxnet.view.figures.adjacency import too_large
 from jaxnet.view.figures.panels import attacked_vehicles
-from jaxnet.view.figures.topology import graph_caption, link_names, most_attacked, source_positions
+from jaxnet.view.figures.topology import (
+    MOST_NAME,
+    graph_caption,
+    is_bent,
+    is_upper,
+    link_names,
+    most_attacked,
+    source_positions,
+)
 
 MOST_DRAWN = 6
 NODE_RADIUS = 11.0  # greatest radius, where vehicles stand on a circle of 100
 ARROW_BEND = 0.15
+MARGIN = 20.0  # around the outermost nodes
+NAME_MARGIN = 40.0  # the same, with names of vehicles
 
 
 def networks_html(cells: Sequence[Cell]) -> str:
@@ -55,25 +66,36 @@ def node_svg(called: str, place: np.ndarray, radius: float) -> str:
 
 def network_svg(cell: Cell, situation: Situation) -> str:
     """Return the drawing of a network; arrows point from the source to the vehicle that hears it."""
-    places = 100 * source_positions(situation.graph) * [1, -1]
+    unit = source_positions(situation.graph)
+    places = 100 * unit * [1, -1]
     gaps = np.hypot(*(places[:, None] - places[None]).T) + np.diag(np.full(len(places), np.inf))
     radius = min(NODE_RADIUS, 0.4 * float(gaps.min()))
     drawn = []
     names = link_names(cell, situation)
     for (i, j), called in names.items():
-        mutual = (j - 1, i + 1) in names
-        drawn.append(arrow_path(places[j], places[i + 1], radius, ARROW_BEND * mutual, called))
-    attacked = attacked_vehicles(cell)
+        bend = ARROW_BEND * is_bent(i, j, names, unit)
+        drawn.append(arrow_path(places[j], places[i + 1], radius, bend, called))
+    attacked, vehicles = attacked_vehicles(cell), ["", *cell.scenario.topology.vehicle_names()]
     for source, place in enumerate(places):
         called = ("attacked vehicle" if source in attacked else "vehicle") if source else "navigator"
         number = f'x="{place[0]:.1f}" y="{place[1]:.1f}" font-size="{1.1 * radius:.1f}"'
         drawn += [node_svg(called, place, radius), f"<text {number}>{source}</text>"]
-    (left, top), (width, height) = places.min(axis=0) - 20, np.ptp(places, axis=0) + 40
+        if source < len(vehicles) and vehicles[source]:
+            away = np.array([0.0, -1.7 if is_upper(unit[source][1]) else 1.7])
+            drawn.append(name_svg(vehicles[source], place + away * radius, radius))
+    margin = NAME_MARGIN if any(vehicles) else MARGIN
+    (left, top), (width, height) = places.min(axis=0) - margin, np.ptp(places, axis=0) + 2 * margin
     title, box = escape(graph_caption(cell)), f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
     return (
         f'<figure><svg class="network" viewBox="{box}" role="img" aria-label="network {title}">'
         f"{''.join(drawn)}</svg><figcaption>{title}</figcaption></figure>"
     )
+
+
+def name_svg(name: str, place: np.ndarray, radius: float) -> str:
+    """Return the name of a vehicle at a place, as SVG."""
+    short, at = escape(shorten(name, MOST_NAME, placeholder="…")), f'x="{place[0]:.1f}" y="{place[1]:.1f}"'
+    return f'<text class="name" {at} font-size="{0.9 * radius:.1f}">{short}</text>'
 
 
 def arrow_path(source: np.ndarray, listener: np.ndarray, radius: float, bend: float, called: str) -> str:

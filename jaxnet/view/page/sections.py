@@ -230,11 +230,11 @@ def answer_section(results: Results) -> Section | None:
     return Section("answer", escape(title), note + PLOT_PLACE, plots.curve_data(found, axes, cells))
 
 
-def heat_section(results: Results) -> Section:
-    """Return the section with heat maps over two swept keys."""
+def heat_section(results: Results) -> Section | None:
+    """Return the section with heat maps, or None unless two swept keys have two values each."""
     name, tiles = "Heat map", tiling(results.study.cells)
     if tiles is None:
-        return Section("heat", name, "<p>No two swept keys have two values each: there is none to draw.</p>")
+        return None
     drawn = plots.tiles_data(results, tiles)
     if not drawn["metrics"]:
         return Section("heat", name, "<p>No lane attacked with a fixed ā came to its end.</p>")

@@ -89,6 +89,7 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
         "command": results.replay_command(one.cell, one.sample, one.engine),
         "outputs": len(outputs),
         "vehicles": places.shape[1],
+        "names": list(cell.scenario.topology.vehicle_names()),
         "attacked": attacked,
         "heard_from_navigator": bool(false[sources == 0].any()),
         "replaced": cell.scenario.attack.replaces(),

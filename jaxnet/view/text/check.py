@@ -30,6 +30,7 @@ MOST_LISTED_CELLS = 20  # told one by one; of more, what is swept
 MOST_FULL_NETWORKS = 4  # networks told in full; of more, what is not as in the first
 MOST_NETWORKS = 20
 MOST_SWEPT_VALUES = 12  # values or cells that are named one by one
+MOST_NAMED_VEHICLES = 60
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
@@ -196,6 +197,7 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
+        **names_line(scenario),
         **({} if facts.inverse_norm is None else {"‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}"}),
         "robustness": robustness_line(graph, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
@@ -297,6 +299,13 @@ def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     }
     hears = "; ".join(f"{who} hear{plural_s(who)} {count(n, 'source')}" for n, who in degrees.items())
     return f"{count(scenario.vehicles, 'vehicle')}, {count(int(facts.heard.sum()), 'link')}: {hears}"
+
+
+def names_line(scenario: Scenario) -> dict[str, str]:
+    """Return a line with the number and name of each vehicle, if the network has names."""
+    names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
+    more = [f"… {names[-1]}"] * (len(names) > MOST_NAMED_VEHICLES)
+    return {"names": ", ".join(names[:MOST_NAMED_VEHICLES] + more)} if names else {}
 
 
 def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
