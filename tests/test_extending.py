@@ -26,18 +26,18 @@ BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
 
 
 def blocks():
-    """Blocks of code of the page, in order: the module, the study, a module of a loss, and the script."""
+    """Blocks of code of the page, in order: module, study, a module of a loss, the script, and its end."""
     return BLOCK.findall((ROOT / "docs" / "extending.md").read_text())
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with the page's module and study, and nothing else; its module is nobody else's."""
-    module, study, loss, script = blocks()
+    module, study, loss, *script = blocks()
     (tmp_path / "my_losses.py").write_text(loss)
     (tmp_path / "my_kinds.py").write_text(module)
     (tmp_path / "study.yaml").write_text(study)
-    (tmp_path / "script.py").write_text(script)
+    (tmp_path / "script.py").write_text("".join(script))
     monkeypatch.setattr(sys, "path", [*sys.path])
     yield tmp_path
     sys.modules.pop("my_kinds", None)
@@ -131,6 +131,7 @@ def test_the_page_s_script_runs(folder):
     )
     assert done.returncode == 0, done.stderr
     assert "peak_speed" in done.stdout
+    assert done.stdout.endswith("[8, 2]\n"), "the networks of the page's end"
 
 
 def test_a_folder_never_mixes_two_versions_of_a_module(folder):
@@ -349,7 +350,7 @@ def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):
         "print(results.study.config.attack.reference(), results.study.config.defence.reference())\n"
         "print(sorted(results.manifest['modules']), (results.lanes['status'] == 'ok').all())\n"
     )
-    (tmp_path / "script.py").write_text(script)
+    (tmp_path / "script.py").write_text("".join(script))
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, env=environment(), capture_output=True, text=True
     )

@@ -29,7 +29,7 @@ from jaxnet.config.document import (
 from jaxnet.config.keys import (
     INNER_KINDS,
     KINDS,
-    MOST_VEHICLES,
+    LARGEST_FLEET,
     Channel,
     Config,
     Geomspace,
@@ -121,7 +121,7 @@ def gives_vehicles(document: Document) -> bool:
 def settle_vehicles(scenario: AnyScenario) -> AnyScenario:
     """Return the scenario with as many vehicles as its network has, if the network has a number."""
     size = scenario.topology.size()
-    fits = size is not None and 1 <= size <= MOST_VEHICLES and size != scenario.vehicles
+    fits = size is not None and 1 <= size <= LARGEST_FLEET and size != scenario.vehicles
     return scenario.model_copy(update={"vehicles": size}) if fits else scenario
 
 

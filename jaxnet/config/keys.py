@@ -70,7 +70,7 @@ class NamedMetric:
         return core_schema.json_or_python_schema(named, named, serialization=written)
 
 
-MOST_VEHICLES = 10_000
+LARGEST_FLEET = 10_000
 
 
 class Scenario(Record):
@@ -79,7 +79,7 @@ class Scenario(Record):
     vehicles: int = Field(
         default=12,
         ge=1,
-        le=MOST_VEHICLES,
+        le=LARGEST_FLEET,
         description="how many, besides the navigator; as many as the network has, if it has a number",
     )
     horizon: float = Field(default=30.0, gt=0, le=1e5, description="[s], how long a lane is")

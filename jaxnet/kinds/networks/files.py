@@ -5,7 +5,7 @@ from upath import UPath
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.networks import NamedNetwork
 from jaxnet.kinds.networks.graphml import read_graphml
-from jaxnet.kinds.networks.matrices import Matrix, matrix_network, read_matrix_market, read_npy
+from jaxnet.kinds.networks.matrices import GivenMatrix, matrix_network, read_matrix_market, read_npy
 from jaxnet.kinds.networks.tables import read_text_table
 
 LARGEST_FILE = 50_000_000  # bytes
@@ -27,7 +27,7 @@ def read_network(file: UPath, name: str, first: int = 0) -> NamedNetwork:
     return network
 
 
-def with_name(name: str, matrix: Matrix, first: int) -> NamedNetwork:
+def with_name(name: str, matrix: GivenMatrix, first: int) -> NamedNetwork:
     """Return the network of a matrix; raise KindError with the name of its file."""
     try:
         return matrix_network(matrix, first)

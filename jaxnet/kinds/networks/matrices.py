@@ -10,12 +10,12 @@ from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
 from jaxnet.model import graph
 
-Matrix = np.ndarray | sparse.coo_array
+GivenMatrix = np.ndarray | sparse.coo_array
 
-ROUNDING = 1e-9  # of the greatest entry: how far from 0 a row of a Laplacian may sum
+LAPLACIAN_ROUNDING = 1e-9  # of the greatest entry: how far from 0 a row of a Laplacian may sum
 
 
-def matrix_network(given: Matrix, first: int = 0) -> NamedNetwork:
+def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     """Return the network of a matrix; entry (i, j) is the weight with which node i hears node j.
 
     Parameters
@@ -58,7 +58,7 @@ def matrix_network(given: Matrix, first: int = 0) -> NamedNetwork:
 def laplacian_links(rows: graph.Row, columns: graph.Row, values: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the links of a Laplacian; raise KindError unless each row sums to 0."""
     sums = np.bincount(rows, values)
-    if np.abs(sums).max() > ROUNDING * np.abs(values).max():
+    if np.abs(sums).max() > LAPLACIAN_ROUNDING * np.abs(values).max():
         row = int(np.abs(sums).argmax())
         raise KindError(
             f"a matrix with negative entries is a Laplacian, whose rows sum to 0"
@@ -68,7 +68,7 @@ def laplacian_links(rows: graph.Row, columns: graph.Row, values: np.ndarray) -> 
     return rows[off], columns[off], -values[off]
 
 
-def read_npy(content: bytes, name: str) -> Matrix:
+def read_npy(content: bytes, name: str) -> GivenMatrix:
     """Return the array in a .npy file; raise KindError."""
     try:
         return np.load(io.BytesIO(content), allow_pickle=False)
@@ -76,7 +76,7 @@ def read_npy(content: bytes, name: str) -> Matrix:
         raise KindError(f"{name} is not an array of NumPy: {error}") from error
 
 
-def read_matrix_market(content: bytes, name: str) -> Matrix:
+def read_matrix_market(content: bytes, name: str) -> GivenMatrix:
     """Return the matrix in a .mtx file (Matrix Market); raise KindError."""
     try:
         found = mmread(io.BytesIO(content))

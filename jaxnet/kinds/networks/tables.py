@@ -28,7 +28,7 @@ HEADER_WORDS = {
 READ = "a row is i, j or i, j, w, numbers or names and a weight > 0; or all are a matrix n × n or m × (m + 1)"
 EXPORTS = "also read: networkx's edge list, GraphML (.graphml), arrays (.npy, .mtx)"
 
-Row = tuple[int, list[str], str]  # line, fields, text
+TableRow = tuple[int, list[str], str]  # line, fields, text
 
 
 def read_text_table(content: bytes, name: str, first: int = 0) -> NamedNetwork:
@@ -95,14 +95,14 @@ def row_weight(text: str) -> float:
     return parse_weight(str(attributes.get("weight", 1.0)))
 
 
-def is_header(rows: Sequence[Row]) -> bool:
+def is_header(rows: Sequence[TableRow]) -> bool:
     """Return whether the first row names columns."""
     words = [field.casefold() for field in rows[0][1]]
     known = [word in HEADER_WORDS for word in words]
     return not any(map(DECIMAL_NUMBER.fullmatch, words)) and all(known)
 
 
-def matrix_of_rows(rows: Sequence[Row]) -> np.ndarray | None:
+def matrix_of_rows(rows: Sequence[TableRow]) -> np.ndarray | None:
     """Return the rows as a matrix, None if they are a list of edges.
 
     Three columns are a list of edges unless the third, its weights, has a 0, and the diagonal has zeros only.
@@ -119,7 +119,7 @@ def matrix_of_rows(rows: Sequence[Row]) -> np.ndarray | None:
     return numbers if width > 3 or laplacian or without_loops else None
 
 
-def edge_links(rows: Sequence[Row], name: str) -> LinkList:
+def edge_links(rows: Sequence[TableRow], name: str) -> LinkList:
     """Return the links in rows of a table; raise KindError with the line that is none."""
     links: LinkList = []
     for place, fields, line in rows:
@@ -145,7 +145,7 @@ def node_label(text: str) -> str:
     return str(int(number))
 
 
-def refuse_mixed(links: LinkList, rows: Sequence[Row], name: str) -> None:
+def refuse_mixed(links: LinkList, rows: Sequence[TableRow], name: str) -> None:
     """Raise KindError if some nodes are numbers and some names; 0 may lead named nodes."""
     ends = [(end, row) for (*both, _), row in zip(links, rows, strict=True) for end in both if end != "0"]
     for end, (place, _, line) in ends:

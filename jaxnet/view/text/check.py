@@ -304,8 +304,8 @@ def graph_line(scenario: Scenario, facts: certificate.Certificate) -> str:
 def names_line(scenario: Scenario) -> dict[str, str]:
     """Return a line with the number and name of each vehicle, if the network has names."""
     names = [f"{number} {name}" for number, name in enumerate(scenario.topology.vehicle_names(), 1)]
-    more = [f"… {names[-1]}"] * (len(names) > MOST_NAMED_VEHICLES)
-    return {"names": ", ".join(names[:MOST_NAMED_VEHICLES] + more)} if names else {}
+    more = f", … ({len(names)} vehicles)" if len(names) > MOST_NAMED_VEHICLES else ""
+    return {"names": ", ".join(names[:MOST_NAMED_VEHICLES]) + more} if names else {}
 
 
 def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:

@@ -15,6 +15,7 @@ import jaxnet
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.store.folder import digest
+from jaxnet.view.text.check import check_text
 from tests.matrices import matrix_of
 
 EDGES = [(1, 0, 1.0), (2, 1, 0.1 + 0.2), (2, 0, 1e-9), (3, 2, 7.0)]
@@ -528,3 +529,13 @@ def test_labels_of_numpy_are_numbers_and_names_are_labels():
         network.name = ""
     with pytest.raises(jaxnet.ConfigError, match=r"give each a label: jaxnet.network\(…, label=…\)"):
         jaxnet.load({"vehicles": 3, "attack": "none", "sweep": {"topology": networks}})
+
+
+def test_names_stand_in_check():
+    """Beside their numbers, the first of many."""
+    network = jaxnet.network(line_of(0, *(f"robot {n}" for n in range(1, 63))))
+    text = check_text(jaxnet.load({"topology": network, "attack": "none", "defence": "none"}))
+    words = " ".join(text.split())
+    assert "names 1 robot 1, 2 robot 2, 3 robot 3," in words
+    assert "60 robot 60, … (62 vehicles)" in words
+    assert "names" not in check_text(jaxnet.load({"attack": "none"}))
