@@ -1,5 +1,8 @@
 """A scenario on the host: its graph and links as NumPy arrays, and its times."""
 
+import itertools
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +13,8 @@ from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
+
+MOST_DRAWN_SETS = 1_000  # sets of attacked vehicles that are tried one by one, 1 to 2 ms each
 
 
 class Situation(NamedTuple):
@@ -59,6 +64,44 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
         for each in found
         if believable or not each.consistent
     ]
+
+
+def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
+    """Return the attacked links for each set of vehicles that a lane may draw, None for too many sets.
+
+    Where vehicles are listed or nobody is attacked, there is one set.
+    """
+    attack = scenario.attack
+    if not attack.present or attack.targets() or not attack.number():
+        return [attack.attacked_links(graph)]
+    if math.comb(scenario.vehicles, attack.number()) > MOST_DRAWN_SETS:
+        return None
+    sets = itertools.combinations(range(1, scenario.vehicles + 1), attack.number())
+    return [attack.on([*each]).attacked_links(graph) for each in sets]
+
+
+def safe_in_all(scenario: Scenario, graph: Digraph, draws: Sequence[Links]) -> list[Safe]:
+    """Return the vehicles that are safe whichever of several sets of links is attacked.
+
+    A vehicle has the weakest of its reasons.
+    """
+    each = [safe_in(scenario, graph, attacked) for attacked in draws]
+    if len(each) == 1:
+        return each[0]
+    reasons = {short_reason(reason): reason for found in reversed(each) for reason in found}
+    by_reason = [{short_reason(reason): reason.vehicles for reason in found} for found in each]
+    nobody = np.zeros(scenario.vehicles, bool)
+    flags = np.array([[found.get(why, nobody) for why in reasons] for found in by_reason])
+    weakest = np.where(flags.any(axis=1), flags.argmax(axis=1), len(reasons)).max(axis=0)
+    return [
+        reason._replace(why=why, vehicles=weakest == rank)
+        for rank, (why, reason) in enumerate(reasons.items())
+    ]
+
+
+def short_reason(reason: Safe) -> str:
+    """Return a reason without its numbers, which differ from one set of attacked links to another."""
+    return reason.why.partition(",")[0]
 
 
 def with_sybils(

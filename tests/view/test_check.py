@@ -1,7 +1,9 @@
 """What `check` says of the paper's scenarios."""
 
+import numpy as np
 import pytest
 
+from jaxnet.config.scenario import attacked_draws, safe_in, safe_in_all, situation_of
 from jaxnet.view.text import check
 from tests import systems
 
@@ -130,3 +132,54 @@ def test_the_guarantee_is_of_the_rule_in_use(words):
 def one_line(text):
     """A text without breaks of lines."""
     return " ".join(text.split())
+
+
+LATTICE = {"vehicles": 8, "topology": {"kind": "lattice", "neighbours": 4}, "engine": "exact"}
+
+
+def drawn_text(number, **keys):
+    """What check says where each lane draws its attacked vehicles."""
+    given = systems.study(attack={"kind": "rotating", "vehicles": {"random": number}}, **LATTICE | keys)
+    return " ".join(check.check_text(given).split())
+
+
+def test_drawn_vehicles_are_judged_draw_by_draw():
+    """One of eight is withstood by a majority whichever it is; of two, some listener hears both."""
+    announced = {"kind": "trusted_trim", "score": "announced"}
+    one, two = (drawn_text(number, defence=announced) for number in (1, 2))
+    assert "safe every vehicle by majority, whichever vehicles are drawn" in one
+    assert "more than ϑ attacked sources" not in one
+    assert "safe not known in every lane of 1-8" in two
+    assert "more than ϑ attacked sources, or a trusted one, at 1-8" in two
+
+
+def test_a_draw_has_the_weakest_of_its_reasons():
+    """Vehicle by vehicle as for each listed vehicle alone."""
+    keys = {"vehicles": 5, "topology": "path", "defence": "none", "engine": "exact"}
+    drawn = systems.study(attack={"kind": "rotating", "vehicles": {"random": 1}}, **keys)
+    scenario = drawn.cells[0].scenario
+    graph = scenario.topology.normalised(5)
+    found, *_ = safe_in_all(scenario, graph, attacked_draws(scenario, graph))
+    alone = [systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys) for i in range(1, 6)]
+    each = [
+        safe_in(one.cells[0].scenario, graph, situation_of(one.cells[0].scenario).attacked) for one in alone
+    ]
+    expected = np.all([reasons[0].vehicles for reasons in each], axis=0)
+    np.testing.assert_array_equal(found.vehicles, expected)
+    assert found.why == "untouched"
+    assert expected.tolist() == [True, False, False, False, False]
+
+
+def test_assumption_1_of_drawn_vehicles_is_of_every_draw():
+    """On a path each vehicle but the first has no honest path in some lane."""
+    text = drawn_text(1, vehicles=4, topology="path", defence="none")
+    assert "broken: no honest path from the navigator to 2-4" in text
+
+
+def test_networks_with_other_numbers_of_attackers_are_told_apart():
+    """Each with its own line; too many sets are said to be too many."""
+    sweep = {"attack.vehicles": [{"random": 1}, {"random": 2}, {"random": 7}]}
+    given = systems.study(attack="rotating", sweep=sweep, **LATTICE | {"vehicles": 24})
+    text = " ".join(check.check_text(given).split())
+    assert [f"on {n} drawn for each lane" in text for n in (1, 2, 7)] == [True] * 3
+    assert "more than 1,000 sets of vehicles may be drawn" in text

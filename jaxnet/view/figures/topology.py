@@ -67,9 +67,14 @@ def most_attacked(cells: Sequence[Cell]) -> list[Cell]:
     graphs: dict[str, Cell] = {}
     for cell in cells:
         known = graphs.get(topology_name(cell))
-        if known is None or attacked_links(cell) > attacked_links(known):
+        if known is None or most_attack(cell) > most_attack(known):
             graphs[topology_name(cell)] = cell
     return list(graphs.values())
+
+
+def most_attack(cell: Cell) -> tuple[int, int]:
+    """Return the numbers of attacked links and of attacked vehicles."""
+    return attacked_links(cell), cell.scenario.attack.number()
 
 
 def graphs_per_row(graphs: Sequence[Digraph], width: float) -> int:

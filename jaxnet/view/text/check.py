@@ -9,13 +9,21 @@ import numpy as np
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
-from jaxnet.config.scenario import Situation, is_ideal, safe_in, situation_of
+from jaxnet.config.scenario import (
+    MOST_DRAWN_SETS,
+    Situation,
+    attacked_draws,
+    is_ideal,
+    safe_in,
+    safe_in_all,
+    situation_of,
+)
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.model import safety
-from jaxnet.model.graph import Digraph, Links, Row, dense
+from jaxnet.model.graph import Digraph, Links, Row, dense, unreachable
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe, Vehicles
 from jaxnet.model.wording import cells_named, count, plural_s, ranges
@@ -33,6 +41,7 @@ MOST_SWEPT_VALUES = 12  # values or cells that are named one by one
 MOST_NAMED_VEHICLES = 60
 PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
+NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which are not tried one by one"
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
 NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
 ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
@@ -149,7 +158,7 @@ class NetworkKeys:
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
         attacked = attack.attacked_links(graph)[links].tobytes()
-        threat = attack.kind, attack.replaces(), attack.falsified(), attack.identities()
+        threat = attack.kind, attack.number(), attack.replaces(), attack.falsified(), attack.identities()
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
         world = tuple(world_lines(scenario).items())
         return shared, attacked, threat, scenario.horizon, held, world
@@ -202,8 +211,8 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
         "robustness": robustness_line(graph, trusted, closely),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
-        "Assumption 1": assumption_line(facts),
-        **scenario.defence.describe(graph, attacked, trusted),
+        "Assumption 1": assumption_line(facts, cut_off_draws(scenario, graph)),
+        **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
         **cut_off_line(scenario.defence.may_drop(graph, trusted)),
         **promise_lines(scenario, known, closely),
         **drawn_lines(cells),
@@ -229,8 +238,11 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
     """Return lines on the safe vehicles and on the sets that break their safety."""
-    reasons = safe_in(scenario, known.graph, known.attacked)
-    lines = {"safe": safe_line(reasons), **announcement_lines(scenario, reasons)}
+    draws = attacked_draws(scenario, known.graph)
+    reasons = safe_in_all(scenario, known.graph, [known.attacked] if draws is None else draws)
+    if draws is None:
+        return {"safe": f"{safe_line(reasons)}; {NOT_TRIED}"}
+    lines = {"safe": safe_line(reasons, len(draws) > 1), **announcement_lines(scenario, reasons)}
     return lines | (margin_lines(scenario, known.graph) if closely and scenario.attack.present else {})
 
 
@@ -321,7 +333,8 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     else:
         how = "in what they transmit"
     instead = ", in place of what is sent" if attack.replaces() else ""
-    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{orders_text(attack)}"
+    drawn = "" if attack.targets() else " of all that may be drawn"
+    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{drawn}{orders_text(attack)}"
 
 
 def orders_text(attack: AnyAttack) -> str:
@@ -334,14 +347,31 @@ def orders_text(attack: AnyAttack) -> str:
     return f"; {which} falsified each on its own, so the static bound says nothing"
 
 
-def assumption_line(facts: certificate.Certificate) -> str:
+def at_once(scenario: Scenario, attacked: Links) -> Links:
+    """Return, of the links that may be attacked, as many of each listener as one lane attacks."""
+    if scenario.attack.targets():
+        return attacked
+    return attacked & (attacked.cumsum(axis=1) <= scenario.attack.number())
+
+
+def cut_off_draws(scenario: Scenario, graph: Digraph) -> list[int] | None:
+    """Return the vehicles without an honest path in some lane; None if there are too many sets to try."""
+    draws = attacked_draws(scenario, graph)
+    if draws is None:
+        return None
+    return sorted({i for attacked in draws for i in unreachable(graph.only(graph.heard & ~attacked))})
+
+
+def assumption_line(facts: certificate.Certificate, cut_off: list[int] | None) -> str:
     """Return whether the paper's Assumption 1 holds: an honest path from navigator to every vehicle."""
-    if not facts.cut_off:
+    if not facts.cut_off or cut_off == []:
         return "holds: an honest path from the navigator to every vehicle"
+    if cut_off is None:
+        return f"not known where {ranges(facts.cut_off)} have no path but through others: {NOT_TRIED}"
+    if cut_off != facts.cut_off or not facts.all_attacked:
+        return f"broken: no honest path from the navigator to {ranges(cut_off)}"
     line = f"broken: no honest path from the navigator to {ranges(facts.cut_off)}"
-    if facts.all_attacked:
-        line += f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
-    return line
+    return line + f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
 
 
 def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
@@ -369,13 +399,15 @@ def cut_off_line(drops: DropPolicy) -> dict[str, str]:
     return {"cut off": f"{ranges(lost)} may be, by whom they drop"} if lost else {}
 
 
-def safe_line(reasons: Sequence[Safe]) -> str:
-    """Return the safe vehicles, each with the strongest reason."""
+def safe_line(reasons: Sequence[Safe], drawn: bool = False) -> str:
+    """Return the safe vehicles, each with the strongest reason, or the weakest of all draws."""
     words, left = [], np.ones(len(reasons[0].vehicles), bool)
     for why, vehicles, _ in reasons:
         words += [f"{vehicles_text(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
-    return "; ".join(words + [f"not known of {ranges(vehicle_numbers(left))}"] * bool(left.any()))
+    known = "; ".join(words) + ", whichever vehicles are drawn" * (drawn and bool(words))
+    whose = "not known in every lane of" if drawn else "not known of"
+    return "; ".join(filter(None, [known, f"{whose} {ranges(vehicle_numbers(left))}" * bool(left.any())]))
 
 
 def vehicles_text(vehicles: Vehicles) -> str:
