@@ -130,7 +130,8 @@ def test_the_page_begins_with_what_was_found(html):
     assert "All 18 lanes came to their end; none failed." in text
     assert "from 25 % (95 % interval 15 to 25 %) with star, ā\xa0=\xa01\xa0m (cell 1)" in text
     assert " to 100 % (95 % interval 90 to 100 %) with " in text
-    assert "by topology, as the mean over cells (range): star 37.5 % (25 to 50 %); " in text
+    assert "by topology over " in text
+    assert "settings, least within intervals: star 25 to 50 %, least in " in text
     assert "1 lane above a bound that claims to hold" in text
 
 
@@ -146,18 +147,18 @@ def test_findings_compare_errors_by_their_size(tmp_path):
 
 
 def test_findings_compare_the_values_of_a_kind(tmp_path):
-    """By the mean over their cells, the least first; by the share unrecovered where shares differ."""
+    """Setting by setting, the most often least first; by the share unrecovered where shares differ."""
     sweep = {"defence": ["none", "w_msr"], "attack.magnitude": [1, 10]}
     told_of_errors = told(tmp_path, [4.0, 20.0, 1.0, 20.0], sweep=sweep)
     assert told_of_errors[1] == (
-        "Mean error over the tail by defence, as the mean over cells (range):"
-        " W-MSR <b>1.5 ā</b> (1 to 2 ā); no\xa0defence <b>3 ā</b> (2 to 4 ā)."
+        "Mean error over the tail by defence over 2 settings, least within intervals:"
+        " W-MSR <b>1 to 2 ā</b>, least in 2; no\xa0defence <b>2 to 4 ā</b>, least in 1."
     )
     shares = {key: [0.5, 0.75, 1.0, 1.0] for key in curves.SHARE_COLUMNS}
     told_of_shares = told(tmp_path, [4.0, 20.0, 1.0, 20.0], cells=shares, recovery={"tau": 0.1}, sweep=sweep)
     assert told_of_shares[2] == (
-        "Lanes unrecovered by defence, as the mean over cells (range):"
-        " no\xa0defence <b>62.5 %</b> (50 to 75 %); W-MSR <b>100 %</b>."
+        "Lanes unrecovered by defence over 2 settings, least within intervals:"
+        " no\xa0defence <b>50 to 75 %</b>, least in 2; W-MSR <b>100 %</b>, least in 0."
     )
 
 

@@ -77,38 +77,56 @@ def extremes_sentence(results: Results) -> str:
 
 
 def kinds_sentences(results: Results) -> list[str]:
-    """Compare the values of each swept kind: the mean over cells, then the least and the greatest cell."""
-    values, unit = compared_values(results)
-    cells = results.study.cells
+    """Compare the values of each swept kind, setting by setting of the other swept keys."""
+    compared, unit = compared_values(results)
+    keys = list(results.study.cells[0].labels)
+    swept = pd.DataFrame([results.study.cells[n].labels for n in compared.index], compared.index, keys)
+    swept = swept.map(str)
     return [
-        kind_sentence(key, by_label, unit)
-        for key in cells[0].labels
-        if is_kind(key)
-        and len(by_label := values.groupby([cells[n].labels[key] for n in values.index], sort=False)) > 1
+        kind_sentence(key, compared, swept, unit) for key in keys if is_kind(key) and swept[key].nunique() > 1
     ]
 
 
-def compared_values(results: Results) -> tuple[pd.Series, str]:
-    """Return what cells are compared by, with its unit: the share unrecovered, else the mean tail error."""
-    shares: Any = unrecovered_shares(results)["unrecovered"]
-    if results.study.config.recovery is not None and shares.nunique() > 1:
-        return 100 * shares.astype(float), "%"
-    return errors_per_size(results)
+def compared_values(results: Results) -> tuple[pd.DataFrame, str]:
+    """Return what cells are compared by, with its ends, and its unit.
+
+    The share unrecovered with its interval, else the mean tail error with three digits.
+    """
+    shares: Any = 100 * unrecovered_shares(results).astype(float)
+    if results.study.config.recovery is not None and len({*shares["unrecovered"]}) > 1:
+        return shares.set_axis(["value", "low", "high"], axis=1), "%"
+    errors, unit = errors_per_size(results)
+    printed = errors.map(lambda error: float(f"{error:.3g}"))
+    return pd.DataFrame({"value": errors, "low": printed, "high": printed}), unit
 
 
-def kind_sentence(key: str, by_label: Any, unit: str) -> str:
-    """Compare the values of one swept kind, the least mean first."""
-    table = by_label.agg(["mean", "min", "max"]).sort_values("mean", kind="stable")
-    what = "Lanes unrecovered" if unit == "%" else "Mean error over the tail"
+def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
+    """Compare the values of one swept kind: the range, and the number of settings where a value is least.
+
+    A setting is a combination of the other swept keys. A value is least where its interval begins no later
+    than another ends, that of each other value.
+    """
+    others = [swept[other] for other in swept if other != key]
+    settings = compared.groupby(others if others else np.zeros(len(compared)))
+    least: Any = compared["low"] <= settings["high"].transform("min")
+    rows = []
+    for label, numbers in compared.groupby(swept[key], sort=False).groups.items():
+        some: Any = compared.loc[numbers, "value"]
+        rows.append((-int(least[numbers].sum()), some.mean(), value_name(key, label), some.min(), some.max()))
     words = [
-        f"{escape(value_name(key, label))} <b>{error_text(mean)} {unit}</b>"
-        + (f" ({error_text(least)} to {error_text(most)} {unit})" if least < most else "")
-        for label, mean, least, most in table.head(MOST_COMPARED).itertuples()
+        f"{escape(name)} {range_words(low, high, unit)}" + f", least in {-many}" * bool(others)
+        for many, _, name, low, high in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]
     ]
-    left = len(table) - len(words)
-    more = [f"{count(left, 'other')} above"] if left else []
-    told = "; ".join(words + more)
-    return f"{what} by {escape(key_name(key))}, as the mean over cells (range): {told}."
+    told = "; ".join(words + [count(len(rows) - len(words), "other")] * (len(rows) > len(words)))
+    what = "Lanes unrecovered" if unit == "%" else "Mean error over the tail"
+    over = f" over {count(settings.ngroups, 'setting')}, least within intervals" if others else ""
+    return f"{what} by {escape(key_name(key))}{over}: {told}."
+
+
+def range_words(low: float, high: float, unit: str) -> str:
+    """Return a range in words; one number if both ends are printed alike."""
+    ends = list(dict.fromkeys(error_text(end) for end in (low, high)))
+    return f"<b>{' to '.join(ends)} {unit}</b>"
 
 
 def failures_sentence(results: Results) -> str:
