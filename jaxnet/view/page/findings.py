@@ -83,7 +83,7 @@ def kinds_sentences(results: Results) -> list[str]:
     swept = pd.DataFrame([results.study.cells[n].labels for n in compared.index], compared.index, keys)
     swept = swept.map(str)
     return [
-        kind_sentence(key, compared, swept, unit) for key in keys if is_kind(key) and swept[key].nunique() > 1
+        kind_sentence(key, compared, swept, unit) for key in keys if is_kind(key) and len({*swept[key]}) > 1
     ]
 
 
@@ -92,7 +92,7 @@ def compared_values(results: Results) -> tuple[pd.DataFrame, str]:
 
     The share unrecovered with its interval, else the mean tail error with three digits.
     """
-    shares: Any = 100 * unrecovered_shares(results).astype(float)
+    shares = 100 * unrecovered_shares(results).astype(float)
     if results.study.config.recovery is not None and len({*shares["unrecovered"]}) > 1:
         return shares.set_axis(["value", "low", "high"], axis=1), "%"
     errors, unit = errors_per_size(results)

@@ -49,10 +49,18 @@ ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off
 
 def check_text(study: Study) -> str:
     """Return the whole report."""
-    amplitude = wrap_lines(amplitude_note(study.cells))
+    amplitude = wrap_lines(amplitude_note(study.cells) + amplitude_advice(study))
     parts = [study_head(study), cell_list(study.cells), amplitude]
     parts += [*network_texts(study.cells), guarantees(study.cells)]
     return "\n\n".join(part for part in parts if part)
+
+
+def amplitude_advice(study: Study) -> str:
+    """Return the key that compares errors with the amplitude in force, where τ ā is more than that."""
+    asked = study.config.recovery
+    if asked is None or asked.of != "magnitude" or not amplitude_note(study.cells):
+        return ""
+    return "; recovery compares errors with tau · ā: give recovery.of: amplitude to compare with the shift"
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
