@@ -13,27 +13,27 @@ from scipy.linalg import expm
 
 from jaxnet.model import graph
 
-ErrorJets = Float[np.ndarray, "3 m 2"]
+ErrorJets = Float[np.ndarray, "r m 2"]
 
 
-def companion(gain: Float[np.ndarray, "*lanes 3"]) -> Float[np.ndarray, "*lanes 3 3"]:
-    """Return the companion matrix `A_c` of one vehicle and axis."""
-    matrix = np.zeros((*gain.shape, 3))
-    matrix[..., 0, 1] = matrix[..., 1, 2] = 1.0
-    matrix[..., 2, :] = -gain
+def companion(gain: Float[np.ndarray, "*lanes r"]) -> Float[np.ndarray, "*lanes r r"]:
+    """Return the companion matrix `A_c` of one vehicle of order r and one axis."""
+    order = gain.shape[-1]
+    matrix = np.broadcast_to(np.eye(order, k=1), (*gain.shape, order)).copy()
+    matrix[..., -1, :] = -gain
     return matrix
 
 
-def backward_reach(gain: Float[np.ndarray, "lanes 3"], interval: float) -> Float[np.ndarray, "lanes 3"]:
+def backward_reach(gain: Float[np.ndarray, "lanes r"], interval: float) -> Float[np.ndarray, "lanes r"]:
     """Return bounds on the entries of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
 
-    The last row gives E‴ at earlier times from E, Ė and Ë now. Over a piece d of the interval, a row r grows
-    to `|r| expm(|A_c| d)` at most, entry by entry.
+    The last row gives the r-th derivative of E at earlier times from E and its lower derivatives now. Over a
+    piece d of the interval, a row x grows to `|x| expm(|A_c| d)` at most, entry by entry.
     """
     matrix = companion(gain)
     pieces = int(np.clip(4 * np.abs(matrix).sum(axis=2).max() * interval, 8, 1_000))
     step, growth = (expm(each * interval / pieces) for each in (-matrix, np.abs(matrix)))
-    row, greatest = matrix[:, 2], np.zeros(gain.shape)
+    row, greatest = matrix[:, -1], np.zeros(gain.shape)
     for _ in range(pieces):
         greatest = np.maximum(greatest, np.einsum("nk,nkl->nl", np.abs(row), growth))
         row = np.einsum("nk,nkl->nl", row, step)
@@ -44,19 +44,20 @@ def tracking_errors(
     start: ErrorJets,
     corruption: Callable[[float, Float[np.ndarray, "m sources"]], ErrorJets],
     weights: Float[np.ndarray, "times m sources"],
-    gain: Float[np.ndarray, "3"],
+    gain: Float[np.ndarray, "r"],
     interval: float,
 ) -> Float[np.ndarray, "times m 2"]:
     """Return `E` [m] at times 0, interval, 2 interval …
 
-    `weights[n]` is in force from the n-th time to the next. `start` contains E, Ė and Ë at time 0.
+    `weights[n]` is in force from the n-th time to the next. `start` contains E and its derivatives below the
+    order r at time 0.
     `corruption(t, weights)` returns the jets of d.
     """
     step = expm(companion(gain) * interval)
     error, path = start, [start[0]]
     for n, in_force in enumerate(weights[:-1]):
         inverse = np.linalg.inv(graph.laplacian(in_force))
-        now, then = (inverse @ corruption(t * interval, in_force)[:3] for t in (n, n + 1))
+        now, then = (inverse @ corruption(t * interval, in_force)[: len(gain)] for t in (n, n + 1))
         error = then + np.einsum("kl,lmx->kmx", step, error - now)
         path.append(error[0])
     return np.stack(path)

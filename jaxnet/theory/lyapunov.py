@@ -19,25 +19,25 @@ from scipy.linalg import solve_continuous_lyapunov
 from jaxnet.theory import exact
 from jaxnet.theory.response import LawGain
 
-Weight = Float[np.ndarray, "3 3"]
+Weight = Float[np.ndarray, "r r"]
 
-IDENTITY_WEIGHT = np.eye(3)
 STEPS = 2000
 LEARNING_RATE = 0.1
-BELOW = np.tril_indices(3)
 
 
-def lyapunov_matrix(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> Weight:
-    """Return the solution `P` of `A_c'P + P A_c = -Q`."""
+def lyapunov_matrix(gain: LawGain, Q: Weight | None = None) -> Weight:
+    """Return the solution `P` of `A_c'P + P A_c = -Q`; the default Q is the identity."""
+    Q = np.eye(len(gain)) if Q is None else Q
     return solve_continuous_lyapunov(exact.companion(gain).T, -Q)
 
 
-def printed_constant(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> float:
+def printed_constant(gain: LawGain, Q: Weight | None = None) -> float:
     """Return `2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
-    return float(2 * np.linalg.norm(lyapunov_matrix(gain, Q)[:, 2]) / np.linalg.eigvalsh(Q)[0])
+    least = 1.0 if Q is None else np.linalg.eigvalsh(Q)[0]
+    return float(2 * np.linalg.norm(lyapunov_matrix(gain, Q)[:, -1]) / least)
 
 
-def corrected_constant(gain: LawGain, Q: Weight = IDENTITY_WEIGHT) -> float:
+def corrected_constant(gain: LawGain, Q: Weight | None = None) -> float:
     """Return `√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
     return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(lyapunov_matrix(gain, Q))))
 
@@ -61,7 +61,7 @@ def cached_best_constant(gain: tuple[float, ...]) -> float:
 
 
 @jax.jit
-def best_weight(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def best_weight(matrix: Float[Array, "r r"]) -> Float[Array, "r r"]:
     """Return the Q with the least corrected constant on a gradient descent (Adam) from the identity."""
     adam = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, STEPS))
 
@@ -73,23 +73,25 @@ def best_weight(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
         met = jnp.where(lower, place, least), jnp.where(lower, height, lowest)
         return (optax.apply_updates(place, update), state, *met), None
 
-    start = jnp.zeros(6)
+    order = len(matrix)
+    start = jnp.zeros(order * (order + 1) // 2)
     carry = start, adam.init(start), start, log_constant(start, matrix)
-    return weight_matrix(jax.lax.scan(step, carry, None, length=STEPS)[0][2])
+    return weight_matrix(jax.lax.scan(step, carry, None, length=STEPS)[0][2], order)
 
 
-def weight_matrix(place: Float[Array, "6"]) -> Float[Array, "3 3"]:
+def weight_matrix(place: Float[Array, " entries"], order: int) -> Float[Array, "r r"]:
     """Return `Q = F F'` for a lower triangular F whose diagonal is given by logarithms."""
-    lower = jnp.zeros((3, 3)).at[BELOW].set(place)
+    lower = jnp.zeros((order, order)).at[np.tril_indices(order)].set(place)
     factor = jnp.tril(lower, -1) + jnp.diag(jnp.exp(jnp.diag(lower)))
     return factor @ factor.T
 
 
-def log_constant(place: Float[Array, "6"], matrix: Float[Array, "3 3"]) -> Float[Array, ""]:
+def log_constant(place: Float[Array, " entries"], matrix: Float[Array, "r r"]) -> Float[Array, ""]:
     """Return the logarithm of the corrected constant."""
-    Q, one = weight_matrix(place), jnp.eye(3)
+    order = len(matrix)
+    Q, one = weight_matrix(place, order), jnp.eye(order)
     equation = jnp.kron(matrix.T, one) + jnp.kron(one, matrix.T)
-    P = jnp.linalg.solve(equation, -Q.reshape(9)).reshape(3, 3)
+    P = jnp.linalg.solve(equation, -Q.reshape(-1)).reshape(Q.shape)
     axes = jnp.linalg.eigvalsh((P + P.T) / 2)
-    radius = 2 * jnp.linalg.norm(P[:, 2]) / jnp.linalg.eigvalsh(Q)[0]
-    return jnp.log(radius) + (jnp.log(axes[2]) - jnp.log(axes[0])) / 2
+    radius = 2 * jnp.linalg.norm(P[:, -1]) / jnp.linalg.eigvalsh(Q)[0]
+    return jnp.log(radius) + (jnp.log(axes[-1]) - jnp.log(axes[0])) / 2

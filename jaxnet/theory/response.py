@@ -1,7 +1,7 @@
 """Response of one axis to a bounded disturbance: ‖h‖₁, exactly, and the star norm above it.
 
-The axis is `ẋ = A_c x + B ρ` with B = [0, 0, 1]' and the position error as output. Its impulse response is h,
-with the transfer function `1 / (s³ + k2 s² + k1 s + k0)`.
+The axis is `ẋ = A_c x + B ρ` with B = [0, …, 0, 1]' and the position error as output. Its impulse response is
+h, with the transfer function `1 / (s^r + … + k1 s + k0)` for a vehicle of order r = 1, 2 or 3.
 """
 
 from collections.abc import Callable
@@ -13,28 +13,31 @@ from scipy.optimize import minimize_scalar
 
 from jaxnet.theory import exact
 
-LawGain = Float[np.ndarray, "3"]
+LawGain = Float[np.ndarray, "r"]
 PerPeriod = Float[np.ndarray, " periods"]  # a number for each period of the impulse response
 
-ENTRY = np.array([0.0, 0.0, 1.0])  # input vector B
-POSITION = np.array([[1.0, 0.0, 0.0]])  # output matrix C
 DECAYED = 80.0  # exponent of a decayed term; e^-40 is below rounding already
 BISECTIONS = 60  # of an interval of length π
 
 
 def impulse_norm(gain: LawGain) -> float:
-    """Return `‖h‖₁ = ∫|h| dt` [s³] of a stable gain: the greatest output for a ρ of size 1.
+    """Return `‖h‖₁ = ∫|h| dt` [s^r] of a stable gain: the greatest output for a ρ of size 1.
 
-    With poles -p and -σ ± jω it is `h = (e^{-pt} - R e^{-σt} cos u) / D` with δ = p - σ, D = δ² + ω², R = √D
-    / ω and u = ωt + atan2(δ, ω). Because ∫h = 1/k0, the norm is 1/k0 plus twice the area of h below zero.
-    There R cos u exceeds e^{-δt}. Where the cosine is positive, this excess is concave. So h is below zero in
+    Where all poles are real, h is positive, and the norm is ∫h = 1/k0. A pair of poles -σ ± jω alone has the
+    norm `coth(πσ/2ω) / k0`, because each half-wave of h is e^{-πσ/ω} of the one before it.
+
+    With three poles -p and -σ ± jω it is `h = (e^{-pt} - R e^{-σt} cos u) / D` with δ = p - σ, D = δ² + ω²,
+    R = √D / ω and u = ωt + atan2(δ, ω). Because ∫h = 1/k0, the norm is 1/k0 plus twice the area of h
+    below zero. There R cos u exceeds e^{-δt}. Where the cosine is positive, this excess is concave. So h is below zero in
     one interval of a period or in none; the integral over the interval has a closed form. When e^{-δt} has
-    decayed, the intervals form a geometric series. With real poles h is positive throughout.
+    decayed, the intervals form a geometric series.
     """
-    k0, k1, k2 = gain
-    poles = np.roots([1.0, k2, k1, k0])
+    k0, poles = gain[0], np.roots([1.0, *gain[::-1]])
     if np.isreal(poles).all():
         return float(1 / k0)
+    if len(gain) == 2:
+        sigma, omega = -float(poles[0].real), abs(float(poles[0].imag))
+        return float(1 / (k0 * np.tanh(np.pi * sigma / (2 * omega))))
     p = -float(poles[poles.imag == 0][0].real)
     sigma, omega = -float(poles.real[poles.imag > 0][0]), float(poles.imag.max())
     delta = p - sigma
@@ -93,12 +96,14 @@ def find_falling_zero(
 def harmonic_norm(gain: LawGain) -> float:
     """Return the greatest ‖R(a)‖ of attacks of one frequency that are within 1 with their derivatives.
 
-    At amplitude 1 / max(1, ω³) the norm is `|R(iω)| / max(1, ω³)`. `|R(iω)|²` is a cubic in ω². Divided by ω⁶
-    it is the reversed cubic in 1/ω². So both maxima are searched between 0 and 1.
+    At amplitude 1 / max(1, ω^r) the norm is `|R(iω)| / max(1, ω^r)`. `|R(iω)|² = R(iω) R(-iω)` is a
+    polynomial in ω² of degree r. Divided by ω^2r it is the reversed polynomial in 1/ω². So both maxima are
+    searched between 0 and 1.
     """
-    k0, k1, k2 = gain
-    cubic = np.array([1.0, k2**2 - 2 * k1, k1**2 - 2 * k0 * k2, k0**2])
-    return float(np.sqrt(max(greatest_value(cubic), greatest_value(cubic[::-1]))))
+    R = np.array([1.0, *gain[::-1]])
+    signs = (-1.0) ** np.arange(len(gain), -1, -1)
+    square = np.polymul(R, R * signs)[::2] * signs
+    return float(np.sqrt(max(greatest_value(square), greatest_value(square[::-1]))))
 
 
 def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
@@ -107,19 +112,21 @@ def greatest_value(polynomial: Float[np.ndarray, " coefficients"]) -> float:
     return float(np.polyval(polynomial, np.clip([0.0, 1.0, *turns], 0, 1)).max())
 
 
-def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows 3"] = POSITION) -> float:
-    """Return the least peak-to-peak gain that an invariant ellipsoid proves.
+def axis_star_norm(gain: LawGain, output: Float[np.ndarray, "rows r"] | None = None) -> float:
+    """Return the least peak-to-peak gain that an invariant ellipsoid proves; the default output is the
+    position.
 
     The gain is `inf over α of √‖C Q_α C'‖₂` with
     `A Q + Q A' + α Q + B B'/α = 0` and 0 < α < -2 max Re λ(A). Every such α gives a bound, so the result is a
     bound even if the minimiser is inexact. Source: Abedor, Nagpal and Poolla, A linear matrix inequality
     approach to peak-to-peak gain minimization, 1996.
     """
-    matrix, entry = exact.companion(gain), np.outer(ENTRY, ENTRY)
+    matrix, identity = exact.companion(gain), np.eye(len(gain))
+    entry, output = np.diag(identity[-1]), identity[:1] if output is None else output
     most = -2 * np.linalg.eigvals(matrix).real.max()
 
     def size(alpha: float) -> float:
-        ellipsoid = solve_continuous_lyapunov(matrix + alpha / 2 * np.eye(3), -entry / alpha)
+        ellipsoid = solve_continuous_lyapunov(matrix + alpha / 2 * identity, -entry / alpha)
         return float(np.linalg.norm(output @ ellipsoid @ output.T, 2))
 
     shares = minimize_scalar(lambda share: size(share * most), bounds=(1e-6, 1 - 1e-6), method="bounded")

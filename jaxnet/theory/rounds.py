@@ -1,12 +1,15 @@
 """Stability of the law by exchanges with neighbours, with the jerk held between ticks (theorems.md O12).
 
-With T = A^r for r rounds, a tick of length h and E = y - y_0,
+With T = A^n for n rounds, a tick of length h, vehicles of order three and E = y - y_0,
 
     q ← T q + (1 - T) L⁻¹b,      (E, Ė, Ë) ← Φ (E, Ė, Ë) + Γ q,      Γ = [h³/6, h²/2, h]'.
 
 L⁻¹b equals -P(E) plus inputs from the navigator and the attacks. T has the eigenvectors of A. Along each
-eigenvector the loop is a matrix of four by four that depends on μ = λ^r alone.
+eigenvector the loop is a matrix of four by four that depends on μ = λ^n alone. Vehicles of order r have a
+matrix of r + 1 by r + 1.
 """
+
+import math
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -32,14 +35,22 @@ def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> floa
     With M the loop's matrix and s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps
     its precision for short ticks.
     """
-    mu, h = np.atleast_1d(np.asarray(mu, complex)), tick
+    mu, h, r = np.atleast_1d(np.asarray(mu, complex)), tick, len(gain)
+    integrators, entry = held_rates(r, h)
     wanted = -(1 - mu)[:, None] * gain
-    entry = np.array([h * h / 6, h / 2, 1.0])
-    rates = np.zeros((len(mu), 4, 4), complex)
-    rates[:, :3, :3] = np.array([[0, 1, h / 2], [0, 0, 1], [0, 0, 0]]) + entry[:, None] * wanted[:, None]
-    rates[:, :3, 3] = entry * mu[:, None]
-    rates[:, 3, :3], rates[:, 3, 3] = wanted / h, (mu - 1) / h
+    rates = np.zeros((len(mu), r + 1, r + 1), complex)
+    rates[:, :r, :r] = integrators + entry[:, None] * wanted[:, None]
+    rates[:, :r, r] = entry * mu[:, None]
+    rates[:, r, :r], rates[:, r, r] = wanted / h, (mu - 1) / h
     return float(np.abs(1 + h * np.linalg.eigvals(rates)).max())
+
+
+def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return `(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
+    steps = np.arange(order)[None] - np.arange(order)[:, None]
+    factors = [tick ** (n - 1) / math.factorial(n) for n in range(1, order + 1)]
+    integrators = np.array([[factors[n - 1] if n > 0 else 0.0 for n in row] for row in steps])
+    return integrators, np.array(factors[::-1])
 
 
 def spectral_radius(weights: Weights, gain: LawGain, tick: float, rounds: int) -> float:

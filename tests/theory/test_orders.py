@@ -1,0 +1,66 @@
+"""Constants of vehicles of order 1, 2 and 3, against closed forms and plain quadrature."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm
+
+from jaxnet.theory import exact, lyapunov, response
+
+BINOMIAL = {1: [1.0], 2: [1.0, 2.0], 3: [1.0, 3.0, 3.0]}
+# For each order: η, 2‖PB‖ and √κ(P), at binomial gain and Q = I.
+CONSTANTS = {1: (math.sqrt(2), 1.0, 1.0), 2: (2.0, math.sqrt(2), 2.414214), 3: (2.828427, 2.099107, 4.762563)}
+GAINS = [[0.7], [2.0, 0.3], [0.4, 3.0], [5.0, 1.0], [1.354, 9.748, 0.259], [2.0, 3.0, 3.0]]
+
+
+@pytest.mark.parametrize("order", BINOMIAL)
+def test_constants_of_binomial_gains(order):
+    """Published for order 3, worked out twice for the others."""
+    gain = np.array(BINOMIAL[order])
+    eta, printed, root = CONSTANTS[order]
+    assert response.impulse_norm(gain) == pytest.approx(1.0, abs=1e-6)
+    assert response.harmonic_norm(gain) == pytest.approx(eta, abs=1e-6)
+    assert lyapunov.printed_constant(gain) == pytest.approx(printed, abs=1e-6)
+    assert lyapunov.corrected_constant(gain) == pytest.approx(printed * root, abs=1e-5)
+
+
+@pytest.mark.parametrize("gain", GAINS)
+def test_the_impulse_norm_is_the_integral(gain):
+    """Of |h| by quadrature between the zeros of h."""
+    A, order = exact.companion(np.array(gain)), len(gain)
+
+    def h(t):
+        return float(expm(A * t)[0, order - 1])
+
+    times = np.linspace(0, 60 / -np.linalg.eigvals(A).real.max(), 6001)
+    step, state = expm(A * times[1]), np.eye(order)[:, -1]
+    values = []
+    for _ in times:
+        values.append(state[0])
+        state = step @ state
+    turns = times[np.flatnonzero(np.diff(np.sign(values)))]
+    ends = [0.0, *turns[turns > 0], times[-1]]
+    total = sum(quad(lambda t: abs(h(t)), *pair, limit=200)[0] for pair in itertools.pairwise(ends))
+    assert response.impulse_norm(np.array(gain)) == pytest.approx(total, rel=2e-5)
+
+
+@pytest.mark.parametrize("gain", GAINS)
+def test_the_harmonic_norm_is_the_greatest_on_a_grid(gain):
+    """|R(iω)| / max(1, ω^r), with r the order."""
+    omega = np.concatenate([np.linspace(0, 1, 20_001), np.geomspace(1, 1e4, 20_001)])
+    R = np.polyval([1.0, *gain[::-1]], 1j * omega)
+    greatest = (np.abs(R) / np.maximum(1, omega ** len(gain))).max()
+    assert response.harmonic_norm(np.array(gain)) == pytest.approx(greatest, rel=1e-6)
+
+
+@pytest.mark.parametrize("gain", GAINS)
+def test_the_bounds_of_an_axis_are_ordered(gain):
+    """‖h‖₁ is below the star norm, and the best Lyapunov constant is no greater than the corrected one."""
+    gain = np.array(gain)
+    norm, star = response.impulse_norm(gain), response.axis_star_norm(gain)
+    assert 1 / gain[0] - 1e-12 <= norm <= star * (1 + 1e-9)
+    best = lyapunov.best_constant(gain)
+    assert norm <= best <= lyapunov.corrected_constant(gain) * (1 + 1e-12)
