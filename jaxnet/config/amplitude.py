@@ -1,7 +1,7 @@
 """The amplitude in force: how far an attack of magnitude ā shifts a position that is received.
 
 ā bounds the signal and its derivatives. A fast signal therefore has a small amplitude: a harmonic of
-frequency ω shifts positions by ā / max(1, ω³).
+frequency ω shifts positions by ā / max(1, ω^r), with r = 3 the order of a robot.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def known_amplitude(scenario: Scenario) -> float:
         return 0.0
     alone = of_one_lane(attack)
     sizes = np.asarray(alone.sizes(scenario.horizon))
-    return float((signal_scale(alone, sizes) * sizes[0]).ravel()[0])
+    return float((signal_scale(alone, sizes, scenario.vehicle.order) * sizes[0]).ravel()[0])
 
 
 def draws_functions(kind: Kind) -> bool:

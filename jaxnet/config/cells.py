@@ -78,8 +78,8 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         complete_kinds(document)
         ranges.write_distributions(document)
     settled, problems = validate(Config, document.data, document.place)
-    if settled is not None and not gives_vehicles(document):
-        settled = settle_vehicles(settled)
+    if settled is not None:
+        settled = settle(settled, document)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
     known = KnownKeys(document.data, values)
@@ -111,11 +111,26 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     return settled, cells
 
 
-def gives_vehicles(document: Document) -> bool:
-    """Return whether the user gave the number of vehicles; if not, it follows from the network."""
-    given = "vehicles" in document.data and registry.scope().judges and not document.settled
+def gives(document: Document, root: str) -> bool:
+    """Return whether the user gave a key, or something in it, that otherwise follows from a kind."""
+    given = root in document.data and registry.scope().judges and not document.settled
     swept = document.data.get("sweep")
-    return given or "vehicles" in document.overridden or (isinstance(swept, dict) and "vehicles" in swept)
+    dotted = [*document.overridden, *(swept if isinstance(swept, dict) else [])]
+    return given or any(str(key).split(".")[0] == root for key in dotted)
+
+
+def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
+    """Return the scenario with the numbers that follow from its kinds where the user gives none."""
+    scenario = scenario if gives(document, "vehicles") else settle_vehicles(scenario)
+    return scenario if gives(document, "gain") else settle_gain(scenario)
+
+
+def settle_gain(scenario: AnyScenario) -> AnyScenario:
+    """Return the scenario with the binomial gain of its vehicle, unless the gain has as many numbers."""
+    order = scenario.vehicle.order
+    if len(scenario.gain) == order:
+        return scenario
+    return scenario.model_copy(update={"gain": [float(math.comb(order, k)) for k in range(order)]})
 
 
 def settle_vehicles(scenario: AnyScenario) -> AnyScenario:
@@ -372,7 +387,6 @@ class CellParts:
         given = {key: value for key, value in study.items() if key in Scenario.model_fields}
         kinds = {key: full_kind(key, value) for key, value in given.items() if key in KINDS}
         self.document, self.values = document, values
-        self.gives_vehicles = gives_vehicles(document)
         self.base: dict[str, Any] = to_plain(DEFAULT_SCENARIO) | given | kinds
         self.swept: dict[str, list[str]] = {}
         for key in values:
@@ -397,7 +411,7 @@ class CellParts:
                 wrong.add(root)
                 del right[root]
         made = self.shared.model_copy(update=right)
-        made = made if self.gives_vehicles else settle_vehicles(made)
+        made = settle(made, self.document)
         place = functools.partial(place_in_cell, self.document, chosen)
         if registry.scope().judges:
             problems += [

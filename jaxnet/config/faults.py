@@ -179,10 +179,15 @@ def time_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def gain_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Yield a fault unless `s³ + k2 s² + k1 s + k0` is Hurwitz for every draw of the gains."""
-    k0, k1, k2 = worst = least_stable(scenario.gain)
-    if not (k0 > 0 and k2 > 0 and k1 * k2 > k0):
-        roots = np.sort_complex(np.roots([1.0, k2, k1, k0]))
+    """Yield a fault unless `s^r + … + k1 s + k0` is Hurwitz for every draw of the gains."""
+    order = scenario.vehicle.order
+    if len(scenario.gain) != order:
+        message = f"must be {order}, one for each order of {scenario.vehicle.kind} (got {len(scenario.gain)})"
+        yield Fault(("gain", "vehicle"), message)
+        return
+    worst = least_stable(scenario.gain)
+    if not (min(worst) > 0 and (order < 3 or worst[1] * worst[2] > worst[0])):
+        roots = np.sort_complex(np.roots([1.0, *worst[::-1]]))
         eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
         drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
         yield Fault(
@@ -192,8 +197,8 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
 
 def least_stable(gain: list[Number]) -> list[float]:
     """Return the unstable draw of the gains, if there is one: least k1 and k2, greatest k0 if all k0 are
-    positive.
+    positive. For an order below 3, any positive gains are stable.
     """
     low, high = zip(*map(value_range, gain), strict=True)
-    k0, k1, k2 = (0.0 if bound == -np.inf else bound for bound in low)
-    return [high[0] if k0 > 0 else k0, k1, k2]
+    k0, *others = (0.0 if bound == -np.inf else bound for bound in low)
+    return [high[0] if k0 > 0 else k0, *others]

@@ -17,7 +17,7 @@ from jaxnet.engine.plan import Plan
 from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, run_if
 from jaxnet.engine.tick import LaneFlags
-from jaxnet.model import control, signal
+from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane, length
 from jaxnet.model.signal import Vectors
@@ -50,7 +50,7 @@ def stood(
     forced: Vectors,
     effect: flow.Effect,
     lane: Lane,
-    reach: Float[Array, "3 lanes"],
+    reach: Float[Array, "r lanes"],
     time: Durations,
     interval: Any,
     plan: Plan,
@@ -107,9 +107,8 @@ def stood_held(jets: Jets, held: Vectors, interval: Any) -> LaneFlags:
         return jets[1], -jets[2]
 
     def go_back(jets: Jets, step: Durations) -> Jets:
-        free = flow.propagate(flow.of_integrators(-step), jets)
-        moved = signal.jets(held, flow.held_input(-step))
-        return free[0] + moved[0], free[1] + moved[1], free[2] + moved[2]
+        free = flow.propagate(flow.of_integrators(-step, len(jets)), jets)
+        return plane.plus(free, signal.jets(held, flow.held_input(-step, len(jets))))
 
     jerk = length(held[:, :, 0])
     return standstill.stands(pace, go_back, jets, jerk, interval, jnp.full(jerk.shape[1:], interval))

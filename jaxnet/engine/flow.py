@@ -1,5 +1,6 @@
 """The flow `expm(A_c h)` of the closed loop (theorems.md O1), and an axis' response to a disturbance."""
 
+import math
 from typing import Any
 
 import jax
@@ -15,30 +16,42 @@ SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 TERMS = 18  # terms of the exponential's series; 1/18! is under rounding
 
 Durations = Float[Array, "lanes"]
-Transition = Float[Array, "3 3 lanes"]  # expm(A_c h)
-Effect = Float[Array, "3 functions lanes"]  # g, the functions of G, with two derivatives
-Responses = Float[Array, "nodes 3 lanes"]  # expm(A_c (1 - x) h) B at the NODES x
+Transition = Float[Array, "r r lanes"]  # expm(A_c h)
+Effect = Float[Array, "r functions lanes"]  # g, the functions of G, with derivatives below the order r
+Responses = Float[Array, "nodes r lanes"]  # expm(A_c (1 - x) h) B at the NODES x
 
 
-def propagate(flow: Transition, jets: Any) -> tuple[Any, Any, Any]:
-    """Return `expm(A_c h)` times a signal and its two derivatives, each (..., lanes)."""
-    y, velocity, acceleration, *_ = jets
-    alike = (None,) * (y.ndim - 1)
-    rows = ((row[0][alike], row[1][alike], row[2][alike]) for row in flow)
-    a, b, c = (k[0] * y + k[1] * velocity + k[2] * acceleration for k in rows)
-    return a, b, c
+def propagate(flow: Transition, jets: Any) -> tuple[Any, ...]:
+    """Return `expm(A_c h)` times a signal and its derivatives below the order r, each (..., lanes)."""
+    alike = (None,) * (jets[0].ndim - 1)
+
+    def row_times(row: Float[Array, "r lanes"]) -> Any:
+        total = row[0][alike] * jets[0]
+        for order in range(1, len(flow)):
+            total = total + row[order][alike] * jets[order]
+        return total
+
+    return tuple(row_times(row) for row in flow)
 
 
-def of_integrators(time: Durations) -> Transition:
-    """Return the flow of three integrators over a time [s]."""
-    one, zero = jnp.ones_like(time), jnp.zeros_like(time)
-    rows = [one, time, time**2 / 2], [zero, one, time], [zero, zero, one]
+def of_integrators(time: Durations, order: int) -> Transition:
+    """Return the flow of as many integrators over a time [s]."""
+    rows = [[power(time, n - row) for n in range(order)] for row in range(order)]
     return jnp.stack([jnp.stack(row) for row in rows])
 
 
-def held_input(time: Durations) -> Effect:
-    """Return the change of a signal and two derivatives by a third derivative of 1 held for a time [s]."""
-    return jnp.stack([time**3 / 6, time**2 / 2, time])[:, None]
+def held_input(time: Durations, order: int) -> Effect:
+    """Return the change of a signal and its lower derivatives by a derivative of this order that is 1 for a
+    time [s].
+    """
+    return jnp.stack([power(time, n) for n in range(order, 0, -1)])[:, None]
+
+
+def power(time: Durations, n: int) -> Durations:
+    """Return `t^n / n!`, 0 for a negative n."""
+    if n < 1:
+        return jnp.zeros_like(time) if n < 0 else jnp.ones_like(time)
+    return time if n == 1 else time**n / math.factorial(n)
 
 
 def longest(gain: control.Gain) -> Durations:
@@ -48,11 +61,11 @@ def longest(gain: control.Gain) -> Durations:
 
 def brief(gain: control.Gain, time: Durations) -> Transition:
     """Return the flow over a time [s] of at most `longest`, forward or back, by its power series."""
-    identity = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, *gain.shape))
+    identity = jnp.broadcast_to(jnp.eye(len(gain))[:, :, None], (len(gain), *gain.shape))
 
     def add(term: Any, total: Transition) -> Transition:
         last = -(gain[:, None] * total).sum(axis=0)
-        shifted = jnp.stack([total[1], total[2], last])
+        shifted = jnp.stack([*total[1:], last])
         return identity + (time / (TERMS - term).astype(float))[None, None] * shifted
 
     return jax.lax.fori_loop(0, TERMS, add, identity)
@@ -60,21 +73,21 @@ def brief(gain: control.Gain, time: Durations) -> Transition:
 
 def impulse_responses(gain: control.Gain, interval: Any) -> Responses:
     """Return the impulse responses over a tick of any length [s]."""
-    identity = jnp.broadcast_to(jnp.eye(3)[1:, :, None], (2, *gain.shape))
+    identity = jnp.broadcast_to(jnp.eye(len(gain))[1:, :, None], (len(gain) - 1, *gain.shape))
     companion = jnp.concatenate([identity, -gain[None]]) * interval
     rest = companion[None] * (1 - NODES)[:, None, None, None]
-    return jax.vmap(jax.vmap(jax.scipy.linalg.expm, -1, -1))(rest)[:, :, 2]
+    return jax.vmap(jax.vmap(jax.scipy.linalg.expm, -1, -1))(rest)[:, :, -1]
 
 
 def brief_responses(gain: control.Gain, time: Durations) -> Responses:
     """Return the impulse responses over a time [s] of at most `longest`, forward or back."""
-    return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, 2]
+    return jax.vmap(lambda rest: brief(gain, rest * time))(jnp.asarray(1 - NODES))[:, :, -1]
 
 
 def passed_on(
     effect: Effect, flow: Transition, responses: Responses, lane: Lane, time: Durations, interval: Any
 ) -> Effect:
-    """Return g and its derivatives an interval later, where `g‴ + P(g) = R(β)`, from g now.
+    """Return g and its derivatives an interval later, where `R(g) = R(β)`, from g now.
 
     `x(t + h) = expm(A_c h) x(t) + ∫ expm(A_c (h - s)) B R(β)(t + s) ds`, by Gauss–Legendre quadrature. The
     result is exact to rounding for functions that are smooth within the interval.

@@ -116,8 +116,7 @@ def exchanged(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    attack = signal.combined(drive.vectors, now.drive)
-    jerk = tick.exchange(lane, network, drive, own, now.path, attack, last)
+    jerk = tick.exchange(lane, network, drive, own, lane.navigator.jets(now.time), now.basis, last)
     return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
 
 

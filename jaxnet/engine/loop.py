@@ -152,9 +152,13 @@ def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
 
 
 def status_at_start(lane: Lane) -> Code:
-    """Return `singular` for lanes that begin at rest, `nonfinite` for lanes that are not finite."""
-    still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
-    status = fail(jnp.zeros(still.shape, int), Status.singular, still)
+    """Return `singular` for lanes that begin where the law is singular, `nonfinite` for lanes that are not
+    finite.
+    """
+    status = jnp.zeros(lane.attack_scale.shape, int)
+    if lane.vehicle.singular:
+        still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
+        status = fail(status, Status.singular, still)
     return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
 
 
@@ -187,7 +191,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
 def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
     """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
     time, _ = motion.basis(fleet.state)
-    navigator = [jet[:, None] for jet in lane.navigator.jets(time)[:3]]
+    navigator = [jet[:, None] for jet in lane.navigator.jets(time)]
     without_jerk = control.feedback(lane.gain, plane.plus(motion.errors(fleet.state), navigator))
     return jnp.where(first[None, None], without_jerk, motion.drive_now(fleet.state, fleet.decided))
 
@@ -197,9 +201,14 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     drive = motion.drive(fleet.state, fleet.decided)
     _, basis = motion.basis(fleet.state)
     shown = drive.vectors[:, batch.network.display_signals]
+    speed, turn_rate, states = motion.seen(fleet.state)
+    if batch.lane.vehicle.order == 1:  # the velocity is what the law asks for
+        speed = plane.length(motion.jerk(fleet.state, fleet.decided))
     return Observation(
         motion.errors(fleet.state)[0],
-        *motion.seen(fleet.state),
+        speed,
+        turn_rate,
+        states,
         signal.combined(shown, basis[0]),
         drive.weights,
         batch.network.hearing,
@@ -210,7 +219,9 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
     """Return the results of lanes that have ended."""
     clock, gathered = batch.clock, fleet.gathered
-    status = fail(fleet.status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
+    status = fleet.status
+    if batch.lane.vehicle.singular:
+        status = fail(status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
     found = metrics.fleet_values(
         batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok

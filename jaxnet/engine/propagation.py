@@ -1,16 +1,17 @@
 """The exact engine: lanes move from tick to tick by `x(t + h) = Φ x(t) + Σ_b v_b f_b`, no integrator.
 
-The law solved at every instant (`Solved`, theorems.md O2, O2b): x is E = y - y_0 with two derivatives, and
-`Φ = expm(A_c h)`. The attacks' effect on the fleet is `G = L⁻¹ d`: vectors v = L⁻¹ d times functions of time.
+The law solved at every instant (`Solved`, theorems.md O2, O2b): x is E = y - y_0 with its derivatives below
+the order r of the vehicles, and `Φ = expm(A_c h)`. The attacks' effect on the fleet is `G = L⁻¹ d`: vectors
+v = L⁻¹ d times functions of time.
 
     E(t + h) = Φ E(t) + G(t + h) - Φ G(t).
 
 The vectors change only where weights or attacks change. The engine then solves for new vectors, and E does
 not jump. The functions of G are g = β, the attacks' functions. Where the falsified jets are no path with its
-derivatives, g solves `g‴ + P(g) = R(β)`, summed from tick to tick by Gauss–Legendre quadrature.
+derivatives, g solves `R(g) = R(β)`, summed from tick to tick by Gauss–Legendre quadrature.
 
-A jerk held from tick to tick (`Held`, theorems.md O12): x is y with two derivatives, Φ is the flow of three
-integrators, v is the jerk, and f = (h³/6, h²/2, h).
+The r-th derivative held from tick to tick (`Held`, theorems.md O12): x is y with its derivatives, Φ is the
+flow of r integrators, v is the r-th derivative, and f = (h^r/r!, …, h), for r = 3 (h³/6, h²/2, h).
 
 The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because
 XLA would compute them again for each vehicle that uses them (1.08 times, plain, 12 vehicles).
@@ -76,8 +77,9 @@ class Propagation(Motion[PropagationState]):
 
     def seen(self, state: PropagationState) -> tuple[PerVehicle, PerVehicle, States]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
-        jets = self.outputs(state)
-        return *plane.pace(jets), self.lane.vehicle.state_of(jets)
+        jets, vehicle = self.outputs(state), self.lane.vehicle
+        states = vehicle.state_of(jets)
+        return *(plane.pace(jets) if vehicle.singular else vehicle.pace(states)), states
 
     def outputs(self, state: PropagationState) -> Jets:
         """Return y with two derivatives."""
@@ -100,6 +102,9 @@ class Propagation(Motion[PropagationState]):
         flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
         moved = signal.jets(self.forced(state), forcing)
         now = now._replace(jets=plane.plus(propagate(flow, state.jets), moved))
+
+        if not self.lane.vehicle.singular:
+            return now, status, jnp.ones_like(now.straight)
 
         def stood(few: LaneIndices) -> LaneFlags:
             return self.stood(now, few)
@@ -130,7 +135,7 @@ class Solved(Propagation):
             vectors=jnp.zeros((2, lane.weights.shape[1], *basis.shape[1:])),
             time=time,
             basis=basis,
-            effect=None if self.plan.consistent else basis[:3].at[:, :attack].set(0.0),
+            effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
             noise=tick.sense(lane, time),
         )
@@ -184,7 +189,7 @@ class Solved(Propagation):
             interval, before = self.clock.interval, state.effect
             effect = barrier(passed_on(before, flow, self.responses, self.driven, state.time, interval))
         now = basis if effect is None else effect
-        forcing = barrier(now[:3] - jnp.stack(propagate(flow, before)))
+        forcing = barrier(now[: len(flow)] - jnp.stack(propagate(flow, before)))
         return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
@@ -220,12 +225,8 @@ class Held(Propagation):
         """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle cut off."""
         lane, network, plan = self.lane, self.network, self.plan
         drive = tick.drive(lane, decided, plan)
-        path, functions = barrier(
-            tuple(control.driven(lane.gain, jets) for jets in (self.navigator(state), state.basis))
-        )
-        attack = signal.combined(drive.vectors, functions)
-        last = state.vectors[:, :, 0]
-        jerk = tick.exchange(lane, network, drive, state.jets, path, attack, last)
+        told = self.navigator(state), state.basis
+        jerk = tick.exchange(lane, network, drive, state.jets, *told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,
             lambda _: tick.cut_off(lane, network, decided, plan),
@@ -244,7 +245,8 @@ class Held(Propagation):
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
         basis = barrier(self.lane.signal.basis(time))
-        return of_integrators(interval), held_input(interval), state._replace(time=time, basis=basis)
+        flow, forcing = (make(interval, len(state.jets)) for make in (of_integrators, held_input))
+        return flow, forcing, state._replace(time=time, basis=basis)
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.plan import Plan
@@ -131,12 +132,12 @@ class Seen(NamedTuple):
 def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     """Return the state before the first tick: every vehicle retains every source, every message arrived."""
     time, zero = jnp.zeros_like(lane.attack_scale), jnp.zeros_like(lane.initial[:2])
-    errors = zero, zero, zero
+    errors = (zero,) * len(lane.gain)
     decision = memory = None
     if plan.decides:
         memory = lane.defence.start(surroundings(lane, network, time, None))
         everybody = jnp.ones(lane.weights.shape, bool)
-        around = surroundings(lane, network, time, memory, (*errors, errors[0]))
+        around = surroundings(lane, network, time, memory, (*errors, zero))
         carried = attack(network, tell(errors), errors)
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
@@ -424,22 +425,27 @@ def exchange(
     network: Network,
     drive: Drive,
     own: Jets,
-    path: Float[Array, "2 lanes"],
-    attack: EachSignal,
+    navigator: Float[Array, "4 2 lanes"],
+    basis: Basis,
     last: PerAxis,
 ) -> PerAxis:
-    """Return the jerk that vehicles hold until the next tick, under a law that holds a jerk.
+    """Return the r-th derivative that vehicles hold until the next tick, under a law that holds one.
 
-    `own` are a vehicle's own jets of y, `path` is R(y_0), `attack` is R(a), and `last` is the jerk held until
-    now, which a vehicle that hears nobody still holds.
+    `own` are a vehicle's own jets of y, `navigator` those of the navigator, `basis` the attacks' functions,
+    and `last` is the derivative held until now, which a vehicle that hears nobody still holds.
     """
-    own, weights = sensed(own, drive.noise), drive.weights
-    demand = control.demand(own, path, attack, network.hearing, weights, lane.gain)
+    own, weights, rest = sensed(own, drive.noise), drive.weights, (network.hearing, drive.weights, lane.gain)
+    if lane.law.local:
+        demand = control.local_demand(own, navigator, signal.jets(drive.vectors, basis), *rest)
+    else:
+        path, functions = barrier(tuple(control.driven(lane.gain, jets) for jets in (navigator, basis)))
+        attack = signal.combined(drive.vectors, functions)
+        demand = control.demand(own, path, attack, *rest)
     if drive.reception is not None:
         demand = jnp.where(drive.reception.keeps[None], last, demand)
 
     def heard(jerk: PerAxis) -> PerAxis:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)
-        return network.hearing.mean(weights, sources, jnp.zeros_like(attack))
+        return network.hearing.mean(weights, sources, jnp.zeros_like(drive.vectors[:, :, 0]))
 
     return lane.law.exchange(last, demand, heard)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         VehicleState,
         VehicleVectors,
     )
+    from jaxnet.kinds.vehicles import Vehicle
 
     class ScenarioView(Protocol):
         """The keys of a scenario that several kinds must fulfil together (`config.keys.Scenario`)."""
@@ -46,6 +47,11 @@ if TYPE_CHECKING:
         @property
         def tick(self) -> float:
             """Communication period in seconds."""
+            ...
+
+        @property
+        def vehicle(self) -> Vehicle:
+            """Vehicle of the scenario."""
             ...
 
         @property

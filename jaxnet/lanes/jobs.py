@@ -266,7 +266,7 @@ def shared_basis(
     if drawn.bounded:
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
-        scale = np.broadcast_to(signal_scale(drawn, sizes), count)
+        scale = np.broadcast_to(signal_scale(drawn, sizes, scenario.vehicle.order), count)
     unit = first_vectors(signal, count) if given is None else given
     reach = np.broadcast_to(drawn.reach(scenario.navigator, signal, scenario.horizon), (4, count))
     return received_of(signal, drawn, count), unit * scale, scale, reach

@@ -17,7 +17,7 @@ class Lane(NamedTuple):
 
     initial: Float[Array, "n m *lanes"]
     weights: Float[Array, "slots m *lanes"]
-    gain: Float[Array, "3 *lanes"]
+    gain: Float[Array, "r *lanes"]
     law: Any
     vehicle: Any
     navigator: Any

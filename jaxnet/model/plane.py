@@ -7,7 +7,7 @@ from jaxtyping import Float
 from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 
 Plane = Float[Any, "2 m *lanes"]
-Jets = tuple[Plane, Plane, Plane]  # a signal, its first derivative and its second derivative
+Jets = tuple[Plane, ...]  # a signal and its derivatives, as many as the order of the vehicles
 
 
 def dot(a: PlaneArray, b: PlaneArray) -> Numbers:
@@ -29,14 +29,13 @@ def length(vectors: Numbers) -> Numbers:
 
 
 def plus(jets: OrderedJets, others: OrderedJets) -> Jets:
-    """Return the sum of two signals, with two derivatives."""
-    return jets[0] + others[0], jets[1] + others[1], jets[2] + others[2]
+    """Return the sum of two signals, with the derivatives that both have."""
+    return tuple(jet + other for jet, other in zip(jets, others, strict=False))
 
 
 def relative(jets: OrderedJets, origin: OrderedJets) -> Jets:
-    """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes)."""
-    a, b, c = (jet - there[:, None] for jet, there in zip(jets[:3], origin[:3], strict=True))
-    return a, b, c
+    """Return a path's jets (2, m, *lanes) minus those of one other path (2, *lanes), which has more."""
+    return tuple(jet - there[:, None] for jet, there in zip(jets, origin, strict=False))
 
 
 def pace(jets: OrderedJets) -> tuple[Numbers, Numbers]:

@@ -54,7 +54,7 @@ class WithNavigator(NamedTuple):
 
     signal: Any  # has a method `basis`
     navigator: Any  # has a method `jets`
-    gain: Float[Any, "3 *lanes"]
+    gain: Float[Any, "r *lanes"]
 
     def basis(self, time: Numbers) -> Basis:
         """Return all functions with three derivatives: (4, B + 3, lanes)."""

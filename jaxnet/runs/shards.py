@@ -101,7 +101,7 @@ def simulate_shards(
     """
     stores = {name: arrays.open_for_writing(work.folder.path / name) for name in work.filled or {}}
     for shard, outcome in simulate_outcomes(work, shards, machine, load_done):
-        values = arrays.series_values(work.variables, outcome.series)
+        values = arrays.series_values(work.variables, outcome.series, shard.cell.scenario.vehicle.states)
         if work.filled is None:
             checksums = write_beside(work, shard, values)
         else:

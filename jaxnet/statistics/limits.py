@@ -245,18 +245,18 @@ def error_limit(
 
 
 @functools.lru_cache
-def transient_factors(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times 3"]:
+def transient_factors(gain: tuple[float, ...], times: tuple[float, ...]) -> Float[np.ndarray, "times r"]:
     """Return `|expm(A_c t)_{0k}|` from a cache; most cells share their gain and tail."""
     return np.abs(expm(exact.companion(np.array(gain)) * np.array(times)[:, None, None])[:, 0])
 
 
 def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarray]:
-    """Return E and the attackers' signals at t = 0, each with two derivatives: (3, 2, m, lanes)."""
+    """Return E and the attackers' signals at t = 0, with derivatives below the order r: (r, 2, m, lanes)."""
     with jax.enable_x64(True):  # kinds may use JAX
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
         own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))
         function, vectors, *_ = attack_of(scenario, draw, navigator, start)
         path = np.stack(navigator.jets(zero))
-        attack = np.stack(signal.jets(vectors, function.basis(zero))[:3])
-    return own - path[:3, :, None], attack
+        attack = np.stack(signal.jets(vectors, function.basis(zero))[: len(own)])
+    return own - path[: len(own), :, None], attack

@@ -19,7 +19,6 @@ from upath import UPath
 from jaxnet.config import naming
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
-from jaxnet.kinds.vehicles import HEADING
 from jaxnet.lazy import LazyModule
 from jaxnet.store.foreign import refuse_foreign
 from jaxnet.store.layout import DIMENSIONS, CellLabel, Variable, cell_variables, coordinates
@@ -197,12 +196,12 @@ def add_labels(group: "zarr.Group", dim: str, labels: Mapping[str, Sequence[Cell
 
 
 def series_values(
-    variables: Mapping[str, Variable], series: Mapping[str, np.ndarray]
+    variables: Mapping[str, Variable], series: Mapping[str, np.ndarray], states: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Convert an engine's series to the values of these arrays."""
+    """Convert an engine's series to the values of these arrays; `states` are the names of the states."""
     values = {name: series[variable.series] for name, variable in variables.items()}
-    if "states" in values:
-        values["states"] = wrap_headings(values["states"])
+    if "states" in values and "heading" in states:
+        values["states"] = wrap_headings(values["states"], states.index("heading"))
     return {name: each.astype(variables[name].dtype) for name, each in values.items()}
 
 
@@ -266,9 +265,8 @@ def chunk_files(
         yield name, path / name / "c" / "/".join(map(str, whole))
 
 
-def wrap_headings(states: np.ndarray) -> np.ndarray:
-    """Return states with headings in (-π, π]."""
+def wrap_headings(states: np.ndarray, heading: int) -> np.ndarray:
+    """Return states with headings, those of this number, in (-π, π]."""
     states = states.copy()
-    heading = states[..., HEADING]
-    states[..., HEADING] = np.pi - np.mod(np.pi - heading, 2 * np.pi)
+    states[..., heading] = np.pi - np.mod(np.pi - states[..., heading], 2 * np.pi)
     return states

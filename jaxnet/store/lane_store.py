@@ -48,7 +48,7 @@ def write_lanes(
     series: Mapping[str, np.ndarray],
 ) -> None:
     """Write lanes of one cell, the first of them at the place `first`."""
-    values = arrays.series_values(variables, series)
+    values = arrays.series_values(variables, series, cell.scenario.vehicle.states)
     count = len(next(iter(values.values())))
     same = arrays.cell_values(cell, cell_variables(variables), np.asarray(arrays.array_in(group, "time")[:]))
     values |= {name: np.broadcast_to(each, (count, *each.shape)) for name, each in same.items()}

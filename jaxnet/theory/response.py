@@ -28,9 +28,9 @@ def impulse_norm(gain: LawGain) -> float:
 
     With three poles -p and -σ ± jω it is `h = (e^{-pt} - R e^{-σt} cos u) / D` with δ = p - σ, D = δ² + ω²,
     R = √D / ω and u = ωt + atan2(δ, ω). Because ∫h = 1/k0, the norm is 1/k0 plus twice the area of h
-    below zero. There R cos u exceeds e^{-δt}. Where the cosine is positive, this excess is concave. So h is below zero in
-    one interval of a period or in none; the integral over the interval has a closed form. When e^{-δt} has
-    decayed, the intervals form a geometric series.
+    below zero. There R cos u exceeds e^{-δt}. Where the cosine is positive, this excess is concave. So h is
+    below zero in one interval of a period or in none; the integral over the interval has a closed form. When
+    e^{-δt} has decayed, the intervals form a geometric series.
     """
     k0, poles = gain[0], np.roots([1.0, *gain[::-1]])
     if np.isreal(poles).all():

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     Clock = Inputs = Network = Outcome = Plan = Any
 
-LaneGainRows = Float[np.ndarray, "lanes 3"]
+LaneGainRows = Float[np.ndarray, "lanes r"]
 LaneCount = Int[Any, ""] | int
 
 
@@ -38,6 +38,7 @@ class Engine(Kind):
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
+    orders: ClassVar[tuple[int, ...]] = (3,)  # orders of the vehicles that the engine can move
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the options that shape the compiled program: hashable."""
@@ -62,6 +63,9 @@ class Engine(Kind):
                 f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
             )
             yield Fault(("engine", "law"), message)
+        if scenario.vehicle.order not in self.orders:
+            message = f"the {self.kind} engine moves vehicles of order 3; {scenario.vehicle.kind} has order"
+            yield Fault(("engine", "vehicle"), f"{message} {scenario.vehicle.order}: give engine: exact")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
 

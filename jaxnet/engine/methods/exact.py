@@ -9,10 +9,10 @@ from jaxnet.kinds.protocols import LaneDraw
 
 
 class Flow(NamedTuple):
-    """`expm(A_c h)` over one tick h, and how E‴ in a tick depends on E, Ė and Ë at its end."""
+    """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at its end."""
 
-    flow: Float[Array, "3 3 *lanes"]
-    reach: Float[Array, "3 *lanes"]
+    flow: Float[Array, "r r *lanes"]
+    reach: Float[Array, "r *lanes"]
 
 
 class Exact(Engine):
@@ -23,6 +23,7 @@ class Exact(Engine):
     shard: ClassVar[int] = 4096
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
+    orders: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
         """Return the flow over one tick for each lane's gains."""

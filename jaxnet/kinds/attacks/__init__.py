@@ -441,6 +441,11 @@ class Attack(AnyAttack):
                 ("attack.orders", "attack.threat"),
                 f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
             )
+        if self.falsified() != ORDERS and scenario.vehicle.order < 3:
+            kind = scenario.vehicle.kind
+            yield Fault(
+                ("attack.orders", "vehicle"), f"vehicles of order 3 alone take some orders (got {kind})"
+            )
         yield from self.number_faults()
 
     def number_faults(self) -> Iterator[Fault]:
@@ -468,9 +473,17 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
             yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
-def signal_scale(attack: AnyAttack, sizes: SignalSizes) -> np.ndarray:
-    """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders."""
-    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[list(attack.falsified())], axis=0))
+def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
+    """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
+
+    A vehicle of an order r hears derivatives up to r.
+    """
+    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[heard_orders(attack, order)], axis=0))
+
+
+def heard_orders(attack: AnyAttack, order: int) -> list[int]:
+    """Return the falsified orders that vehicles of an order hear."""
+    return [each for each in attack.falsified() if each <= order]
 
 
 def unit_vectors(direction: AnyNumbers) -> PlaneVectors:

@@ -16,6 +16,7 @@ class Law(Kind):
     """
 
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
+    local: ClassVar[bool] = False  # whether neighbours tell no highest derivative, as q = y‴
     jacobi: ClassVar[bool] = (
         False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )

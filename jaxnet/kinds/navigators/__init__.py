@@ -60,7 +60,9 @@ class Navigator(Kind):
         return np.linalg.norm(jets, axis=1).max(axis=1)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault for a navigator that almost stops, because vehicles on its path would be singular."""
+        """Yield a fault for a navigator that almost stops, if vehicles on its path would be singular."""
+        if not scenario.vehicle.singular:
+            return
         slowest, when = self.slowest(scenario.horizon)
         if not slowest >= LEAST_NAVIGATOR_SPEED:
             yield Fault(

@@ -1,8 +1,9 @@
-"""Vehicles that are flat with order three: three integrators for each axis of the position (theorems.md O4).
+"""Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md O4).
 
-A vehicle's state (n, m, lanes) begins with position x, y [m], heading [rad] and speed [m/s]. At nonzero speed
-the state and the output's jets (y, ẏ, ÿ) determine each other, and `y‴ = σ + ψ u` for an input u with two
-components. All formulas use the array API, for NumPy and JAX.
+The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ, …)
+determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A robot of order three has
+heading [rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for
+NumPy and JAX.
 """
 
 from typing import ClassVar
@@ -23,7 +24,9 @@ HEADING, SPEED = 2, 3
 
 
 class Vehicle(Kind):
-    """A vehicle model, singular at speed 0. A subclass gives every method except `start`.
+    """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
+
+    A subclass gives every method except `start`.
 
     Examples
     --------
@@ -33,7 +36,9 @@ class Vehicle(Kind):
     {'x': 'm', 'y': 'm', 'heading': 'rad', 'speed': 'm/s', 'turn_rate': 'rad/s', 'force': 'm/s²'}
     """
 
-    states: ClassVar[tuple[str, ...]]  # names; the first four are x, y, heading, speed
+    order: ClassVar[int] = 3  # r, the number of integrators of an axis
+    singular: ClassVar[bool] = True  # whether the law is singular at speed 0
+    states: ClassVar[tuple[str, ...]]  # names; where singular, the first four are x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
@@ -45,11 +50,11 @@ class Vehicle(Kind):
         return xp.stack([position[0], position[1], heading, speed, *rest])
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
-        """Return position [m], velocity [m/s] and acceleration [m/s²], each (2, m, lanes), of a state."""
+        """Return position [m], velocity [m/s], …, each (2, m, lanes), of a state: as many as the order."""
         raise KindError(f"{self.kind}: a vehicle gives output_jets(self, state)")
 
     def drift(self, state: VehicleState) -> VehicleVectors:
-        """Return σ (2, m, lanes), the jerk without input [m/s³]."""
+        """Return σ (2, m, lanes), the derivative of order r without input, of a vehicle of order 3 [m/s³]."""
         raise KindError(f"{self.kind}: a vehicle gives drift(self, state)")
 
     def decoupling(self, state: VehicleState) -> AxisMatrices:
@@ -57,7 +62,9 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives decoupling(self, state)")
 
     def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
-        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this jerk [m/s³]."""
+        """Return the input `u = ψ⁻¹ (jerk - σ)` (2, m, lanes) that gives the output this derivative of order
+        r, which is the jerk [m/s³] for order 3.
+        """
         raise KindError(f"{self.kind}: a vehicle gives inputs_for(self, state, jerk)")
 
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
