@@ -45,6 +45,16 @@ def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> floa
     return float(np.abs(1 + h * np.linalg.eigvals(rates)).max())
 
 
+def local_growth(eigenvalues: np.ndarray, gain: LawGain, tick: float) -> float:
+    """Return the factor of the slowest motion at each tick under the local law: stable below 1.
+
+    Along an eigenvector of A with eigenvalue λ the law is `q = -(1 - λ) P(E)`, held for a tick.
+    """
+    integrators, entry = held_rates(len(gain), tick)
+    rates = integrators - entry[:, None] * ((1 - eigenvalues)[:, None] * gain)[:, None]
+    return float(np.abs(1 + tick * np.linalg.eigvals(rates)).max())
+
+
 def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
     """Return `(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
     steps = np.arange(order)[None] - np.arange(order)[:, None]

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import jaxnet
+from jaxnet.view.text.check import check_text
 from tests.matrices import matrix_of
 
 VEHICLES = {1: "single_integrator", 2: "double_integrator"}
@@ -159,3 +160,22 @@ def test_gains_follow_the_order_and_other_engines_refuse_it():
             jaxnet.load({"vehicle": "single_integrator", "engine": engine})
     with pytest.raises(jaxnet.ConfigError, match="vehicles of order 3 alone take some orders"):
         jaxnet.load({"vehicle": "double_integrator", "engine": "exact", "attack": {"orders": [0]}})
+
+
+def test_both_engines_hold_the_local_law_alike():
+    """Robots of order 3, with an attack and the paper's trimming, path by path to 1e-5 m."""
+    keys = {"law": "local", "attack": {"kind": "rotating", "magnitude": 10}, "tick": 0.05, "samples": 2}
+    keys |= {"horizon": 10.0, "initial": {"speed": 20.0}}
+    exact, nonlinear = (simulated(**keys, engine=engine) for engine in ("exact", "nonlinear"))
+    assert (exact.lanes["status"] == "ok").all()
+    states = [each.trajectories["states"].values[..., :2] for each in (exact, nonlinear)]
+    np.testing.assert_allclose(*states, atol=1e-5)
+
+
+def test_check_tells_whether_the_local_law_is_stable():
+    """Single integrators that step too far do not agree."""
+    keys = {"vehicle": "single_integrator", "engine": "exact", "law": "local", "attack": "none"}
+    keys |= {"topology": "cyclic", "tick": 0.1}
+    told = {gain: check_text(jaxnet.load({**keys, "gain": [gain]})) for gain in (10.0, 30.0)}
+    assert "stable, deviations times 0.9000 at each tick of 0.1 s" in told[10.0]
+    assert "UNSTABLE" in told[30.0]

@@ -8,7 +8,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from jaxnet.theory import exact, lyapunov, response
+from jaxnet.kinds.graphs.cyclic import Cyclic
+from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
+from jaxnet.theory import exact, lyapunov, response, rounds
+from tests.matrices import matrix_of
 
 BINOMIAL = {1: [1.0], 2: [1.0, 2.0], 3: [1.0, 3.0, 3.0]}
 # For each order: η, 2‖PB‖ and √κ(P), at binomial gain and Q = I.
@@ -64,3 +67,22 @@ def test_the_bounds_of_an_axis_are_ordered(gain):
     assert 1 / gain[0] - 1e-12 <= norm <= star * (1 + 1e-9)
     best = lyapunov.best_constant(gain)
     assert norm <= best <= lyapunov.corrected_constant(gain) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("gain", GAINS)
+@pytest.mark.parametrize("kind", [Cyclic(), ErdosRenyi(probability=0.4, navigator={"share": 0.5})])
+def test_the_local_law_grows_by_the_spectral_radius_of_the_whole_fleet(gain, kind):
+    """Of the step matrix of all vehicles, held for a tick, also where it is unstable."""
+    weights, order, tick = matrix_of(kind, 12), len(gain), 0.3
+    L = np.eye(12) - weights[:, 1:]
+    chain = np.kron(np.eye(order, k=1), np.eye(12))
+    whole = np.zeros((12 * (order + 1), 12 * (order + 1)))
+    whole[: 12 * order, : 12 * order] = chain
+    whole[12 * (order - 1) : 12 * order, 12 * order :] = np.eye(12)
+    flow = expm(whole * tick)
+    step = flow[: 12 * order, : 12 * order] - flow[: 12 * order, 12 * order :] @ np.kron(
+        np.array(gain)[None], L
+    )
+    radius = np.abs(np.linalg.eigvals(step)).max()
+    grown = rounds.local_growth(rounds.eigenvalues(weights), np.array(gain), tick)
+    assert grown == pytest.approx(radius, rel=1e-6)

@@ -291,11 +291,12 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     fixed = None if kept is None else kept.fixed
     honest = ~(known.attacked & scenario.attack.replaces())
     weights = dense((known.graph if fixed is None else fixed).only(honest))
-    left = law.left(rounds.eigenvalues(weights))
-    if left is None:
+    along = rounds.eigenvalues(weights)
+    left = law.left(along)
+    if left is None and not law.local:
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
-    grown = rounds.growth(left, gain, tick)
+    grown = rounds.local_growth(along, gain, tick) if left is None else rounds.growth(left, gain, tick)
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
