@@ -131,7 +131,7 @@ def test_the_page_s_script_runs(folder):
     )
     assert done.returncode == 0, done.stderr
     assert "peak_speed" in done.stdout
-    assert done.stdout.endswith("[8, 2]\n"), "the networks of the page's end"
+    assert done.stdout.endswith("[1.0, 2.0]\n[8, 2]\n"), "the vehicle and the networks of the page's end"
 
 
 def test_a_folder_never_mixes_two_versions_of_a_module(folder):
