@@ -116,7 +116,8 @@ def exchanged(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    jerk = tick.exchange(lane, network, drive, own, lane.navigator.jets(now.time), now.basis, last)
+    told = tick.Told(lane.navigator.jets(now.time), now.basis, now.path, now.drive)
+    jerk = tick.exchange(lane, network, drive, own, told, last)
     return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
 
 

@@ -225,8 +225,9 @@ class Held(Propagation):
         """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle cut off."""
         lane, network, plan = self.lane, self.network, self.plan
         drive = tick.drive(lane, decided, plan)
-        told = self.navigator(state), state.basis
-        jerk = tick.exchange(lane, network, drive, state.jets, *told, state.vectors[:, :, 0])
+        jets = self.navigator(state), state.basis
+        told = tick.Told(*jets, *barrier(tuple(control.driven(lane.gain, each) for each in jets)))
+        jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,
             lambda _: tick.cut_off(lane, network, decided, plan),

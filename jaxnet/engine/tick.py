@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.plan import Plan
@@ -69,6 +68,15 @@ class Drive(NamedTuple):
     vectors: Vectors  # of the attacks [m]
     noise: Jets | None  # errors of the sensed jets
     reception: Reception | None
+
+
+class Told(NamedTuple):
+    """Jets of the navigator and of the attacks' functions now, and R of both."""
+
+    navigator: Float[Array, "4 2 lanes"]
+    basis: Basis
+    path: Float[Array, "2 lanes"]
+    functions: Float[Array, "functions lanes"]
 
 
 class Seen(NamedTuple):
@@ -425,22 +433,20 @@ def exchange(
     network: Network,
     drive: Drive,
     own: Jets,
-    navigator: Float[Array, "4 2 lanes"],
-    basis: Basis,
+    told: Told,
     last: PerAxis,
 ) -> PerAxis:
     """Return the r-th derivative that vehicles hold until the next tick, under a law that holds one.
 
-    `own` are a vehicle's own jets of y, `navigator` those of the navigator, `basis` the attacks' functions,
-    and `last` is the derivative held until now, which a vehicle that hears nobody still holds.
+    `own` are a vehicle's own jets of y, and `last` is the derivative held until now, which a vehicle that
+    hears nobody still holds.
     """
     own, weights, rest = sensed(own, drive.noise), drive.weights, (network.hearing, drive.weights, lane.gain)
     if lane.law.local:
-        demand = control.local_demand(own, navigator, signal.jets(drive.vectors, basis), *rest)
+        demand = control.local_demand(own, told.navigator, signal.jets(drive.vectors, told.basis), *rest)
     else:
-        path, functions = barrier(tuple(control.driven(lane.gain, jets) for jets in (navigator, basis)))
-        attack = signal.combined(drive.vectors, functions)
-        demand = control.demand(own, path, attack, *rest)
+        attack = signal.combined(drive.vectors, told.functions)
+        demand = control.demand(own, told.path, attack, *rest)
     if drive.reception is not None:
         demand = jnp.where(drive.reception.keeps[None], last, demand)
 

@@ -10,6 +10,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
+from jaxnet.engine.methods.nonlinear import Nonlinear
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
@@ -105,6 +106,11 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     found = [each.nlargest(number, "tail_mean") for _, each in lanes]
     nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
     return pd.concat(found, ignore_index=True) if found else nothing
+
+
+def other_engine(cell: Cell) -> str | None:
+    """Return the nonlinear engine, which checks an answer, or None where it cannot move the vehicles."""
+    return "nonlinear" if cell.scenario.vehicle.order in Nonlinear.orders else None
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:
