@@ -394,12 +394,26 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
 
 
 def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
-    """Return the weights that would be in force if every message had arrived."""
-    return retained.in_force(lane.weights, state.decision) if plan.decides else lane.weights[None]
+    """Return the weights that would be in force if every message had arrived.
+
+    Under a local law, a vehicle that retains nobody has weights 0; under others, not-a-number.
+    """
+    if not plan.decides:
+        return lane.weights[None]
+    weights = retained.in_force(lane.weights, state.decision)
+    if not lane.law.local:
+        return weights
+    believed = retained.support(state.decision).reshape(weights.shape) & (lane.weights > 0)[None]
+    return jnp.where(believed.any(axis=1, keepdims=True), weights, 0.0)
 
 
 def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
-    """Return the lanes in which decisions alone, without any loss, cut a vehicle off from the navigator."""
+    """Return the lanes in which decisions alone, without any loss, cut a vehicle off from the navigator.
+
+    A local law, which has a solution all the same, has no such lanes.
+    """
+    if lane.law.local:
+        return jnp.zeros(lane.attack_scale.shape, bool)
     return ~network.hearing.all_reached(weights_without_loss(lane, state, plan))
 
 

@@ -67,12 +67,14 @@ def local_demand(
 ) -> Float[Array, "2 m *lanes"]:
     """Return `q = a0 ⊗ y_0^(r) - P(ε)`, for which no neighbour tells its r-th derivative.
 
-    The navigator tells its r-th derivative to those who hear it. `own`, `navigator` and `signals` are the
-    jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the attacks (2, signals, lanes).
+    A vehicle with weights 0 has q = 0. The navigator tells its r-th derivative to those who hear it. `own`,
+    `navigator` and `signals` are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the
+    attacks (2, signals, lanes).
     """
     mine, path, order = feedback(gain, own), feedback(gain, navigator), len(gain)
     sources = jnp.concatenate([path[:, None], mine], axis=1)
     told = jnp.concatenate([navigator[order][:, None], jnp.zeros_like(mine)], axis=1)
     ahead = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
     heard = hearing.mean(weights, sources, feedback(gain, signals))
-    return heard + hearing.mean(ahead, told, signals[order]) - mine
+    asked = heard + hearing.mean(ahead, told, signals[order]) - mine
+    return jnp.where((weights == 0).all(axis=1), 0.0, asked)
