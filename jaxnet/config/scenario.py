@@ -33,11 +33,28 @@ class Situation(NamedTuple):
 
 def situation_of(scenario: Scenario) -> Situation:
     """Return the situation of a scenario at the start."""
-    graph = scenario.topology.normalised(scenario.vehicles)
+    graph = graph_of(scenario)
     trusted = scenario.defence.trusts(graph)
     attacked = scenario.attack.attacked_links(graph)
     retained = scenario.defence.retained(graph, trusted) if is_ideal(scenario) else None
     return Situation(graph, attacked, trusted, retained)
+
+
+def graph_of(scenario: Scenario) -> Digraph:
+    """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
+    graph = scenario.topology.normalised(scenario.vehicles)
+    return graph if scenario.navigator.present else normalised(without_navigator(graph))
+
+
+def links_of(scenario: Scenario) -> Digraph:
+    """Return the graph of the possible links, each with weight 1."""
+    linked = scenario.topology.linked(scenario.vehicles)
+    return linked if scenario.navigator.present else without_navigator(linked)
+
+
+def without_navigator(graph: Digraph) -> Digraph:
+    """Return a graph without the links from the navigator."""
+    return graph.only(graph.heard & (graph.sources != 0))
 
 
 def is_ideal(scenario: Scenario) -> bool:

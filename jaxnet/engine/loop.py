@@ -14,7 +14,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import metrics, tick
 from jaxnet.engine.metrics import Gathered, Observation, Series
@@ -204,16 +204,31 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     speed, turn_rate, states = motion.seen(fleet.state)
     if batch.lane.vehicle.order == 1:  # the velocity is what the law asks for
         speed = plane.length(motion.jerk(fleet.state, fleet.decided))
+    error, lane = motion.errors(fleet.state)[0], batch.lane
+    attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
+    if not lane.navigator.present:
+        error = error - honest_mean(error, attacked)
     return Observation(
-        motion.errors(fleet.state)[0],
+        error,
         speed,
         turn_rate,
         states,
         signal.combined(shown, basis[0]),
         drive.weights,
         batch.network.hearing,
+        attacked,
+        lane.vehicle.output_jets(lane.initial)[0],
         lambda: motion.inputs(fleet.state, fleet.decided),
     )
+
+
+def honest_mean(
+    position: Float[Array, "2 m lanes"], attacked: Bool[Array, "m lanes"]
+) -> Float[Array, "2 1 lanes"]:
+    """Return the mean position of the vehicles that are not attacked; of all, where all are."""
+    counts = ~attacked | attacked.all(axis=0, keepdims=True)
+    total = jnp.where(counts[None], position, 0.0).sum(axis=1, keepdims=True)
+    return total / counts.sum(axis=0, keepdims=True)[None].astype(float)
 
 
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:

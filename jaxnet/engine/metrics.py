@@ -22,7 +22,8 @@ class Observation(NamedTuple):
     Attributes
     ----------
     error
-        `y_i - y_0` [m], (2, m, lanes).
+        `y_i - y_0` [m], (2, m, lanes); without a navigator, y_0 is the mean of the vehicles that are not
+        attacked.
     speed, turn_rate
         Speed [m/s] and turn rate [rad/s] of each vehicle, (m, lanes).
     state
@@ -34,6 +35,10 @@ class Observation(NamedTuple):
         Weights in force, (axes, slots, m, lanes).
     hearing
         Who hears whom.
+    attacked
+        Whether each vehicle is attacked, (m, lanes).
+    start
+        Position of each vehicle at t = 0 [m], (2, m, lanes).
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
 
@@ -55,6 +60,8 @@ class Observation(NamedTuple):
     attack: Float[Array, "2 m *lanes"]
     weights: Float[Array, "axes slots m *lanes"]
     hearing: Hearing
+    attacked: Bool[Array, "m *lanes"]
+    start: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
 
     @property

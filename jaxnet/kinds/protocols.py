@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jaxnet.kinds.fields import Number
     from jaxnet.kinds.graphs import Graph
     from jaxnet.kinds.laws import Law
+    from jaxnet.kinds.navigators import Navigator
     from jaxnet.kinds.shapes import (
         AnyTimes,
         Decision,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         SlotNumbers,
         SlotSources,
         VehicleInput,
+        VehicleMask,
         VehicleNumbers,
         VehicleState,
         VehicleVectors,
@@ -47,6 +49,11 @@ if TYPE_CHECKING:
         @property
         def tick(self) -> float:
             """Communication period in seconds."""
+            ...
+
+        @property
+        def navigator(self) -> Navigator:
+            """Navigator of the scenario."""
             ...
 
         @property
@@ -185,6 +192,16 @@ if TYPE_CHECKING:
         @property
         def state(self) -> VehicleState:
             """State of each vehicle, (n, m, lanes), as `Vehicle.states` and `Vehicle.units` tell."""
+            ...
+
+        @property
+        def attacked(self) -> VehicleMask:
+            """Whether each vehicle is attacked, (m, lanes)."""
+            ...
+
+        @property
+        def start(self) -> VehicleVectors:
+            """Position of each vehicle at t = 0 [m], (2, m, lanes)."""
             ...
 
         @property

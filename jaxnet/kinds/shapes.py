@@ -21,6 +21,7 @@ NumberJets = Float[Any, "4 ..."]  # a number and three derivatives
 PathJets = Float[Any, "4 2 ..."]  # position and three derivatives
 VehicleVectors = Float[Any, "2 m *lanes"]
 VehicleNumbers = Float[Any, "m *lanes"]
+VehicleMask = Bool[Any, "m *lanes"]
 VehicleJets = tuple[VehicleVectors, ...]  # position, velocity, …: as many as the order
 StackedJets = Float[Any, "r 2 m *lanes"]  # those of `VehicleJets` as one array
 VehicleState = Float[Any, "n m *lanes"]

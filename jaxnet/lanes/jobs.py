@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
-from jaxnet.config.scenario import has_ticks, interval_of, outputs_of, sources_of
+from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
@@ -105,8 +105,11 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     otherwise.
     """
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
+    if not scenario.navigator.present:
+        weights = np.where(sources == 0, 0.0, weights)
+        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     if attack.splits():
-        linked = scenario.topology.linked(scenario.vehicles)
+        linked = links_of(scenario)
         links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
         lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
@@ -118,7 +121,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
 
 def network_of(scenario: Scenario, sources: Any) -> Network:
     """Return the network that the lanes of a cell share, by slot."""
-    linked = scenario.topology.linked(scenario.vehicles)
+    linked = links_of(scenario)
     attacked = hearing.by_slot(linked, scenario.attack.attacked_links(linked), sources)
     if scenario.attack.splits():
         attacked = attacked & hearing.again(sources)
@@ -210,7 +213,7 @@ def attack_of(
 
 def heard_by(scenario: Scenario) -> np.ndarray:
     """Return which listeners (m,) receive an attacked link from the navigator."""
-    linked = scenario.topology.linked(scenario.vehicles)
+    linked = links_of(scenario)
     return (scenario.attack.attacked_links(linked) & (linked.sources == 0)).any(axis=1)
 
 

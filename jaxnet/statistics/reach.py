@@ -28,6 +28,8 @@ def scenario_gain(scenario: Scenario) -> AttackGain | None:
 
 def gap_of_theory(scenario: Scenario, known: Situation) -> str:
     """Return why no bound is known for a scenario; "" if a bound is known."""
+    if not scenario.navigator.present:
+        return "there is no navigator"
     if not is_ideal(scenario):
         return "vehicles sense with errors or messages are lost"
     if differs_by_lane(scenario):

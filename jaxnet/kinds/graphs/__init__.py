@@ -119,7 +119,9 @@ class Graph(Kind):
         return given
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if the navigator does not reach every vehicle, because L is singular then."""
+        """Yield a fault if there is a navigator that does not reach every vehicle: L is singular then."""
+        if not scenario.navigator.present:
+            return
         lost, least = check_reach(ByIdentity(self), scenario.vehicles)
         if lost:
             words = ", ".join(map(str, lost))

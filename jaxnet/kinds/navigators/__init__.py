@@ -1,6 +1,7 @@
 """The navigator's path `y_0(t)` with its derivatives, for arrays of NumPy and JAX."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,6 +32,8 @@ class Navigator(Kind):
     >>> jaxnet.simulate(keys, samples=2, progress=False).lanes["status"].to_list()
     ['ok', 'ok']
     """
+
+    present: ClassVar[bool] = True  # whether there is a navigator
 
     def jets(self, time: AnyTimes) -> PathJets:
         """Return the position and its first three derivatives.

@@ -13,6 +13,7 @@ from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
     Situation,
     attacked_draws,
+    graph_of,
     is_ideal,
     safe_in,
     safe_in_all,
@@ -43,6 +44,7 @@ PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which are not tried one by one"
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
+NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
 NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
 ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
 
@@ -177,9 +179,9 @@ class NetworkKeys:
         navigator, defence = scenario.navigator, scenario.defence
         by = id(topology), vehicles, id(navigator), id(defence)  # objects that the cells hold
         if by not in self.known:
-            if by[:2] not in self.graphs:
-                self.graphs[by[:2]] = topology.normalised(vehicles)
-            graph = self.graphs[by[:2]]
+            if by[:3] not in self.graphs:
+                self.graphs[by[:3]] = graph_of(scenario)
+            graph = self.graphs[by[:3]]
             links = graph.edges()
             network = links[0], *(each[links] for each in (*graph, defence.trusts(graph)))
             words = navigator.model_dump_json(), defence.model_dump_json()
@@ -211,6 +213,8 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     graph, attacked, trusted, _ = known
     closely = closely and graph.vehicles <= robustness.MOST_NODES
     facts = certificate.certify(graph, attacked)
+    if not scenario.navigator.present:
+        return leaderless_rows(scenario, known, closely)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
@@ -225,6 +229,30 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
         **promise_lines(scenario, known, closely),
         **drawn_lines(cells),
     }
+
+
+def leaderless_rows(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
+    """Return what is known of a network without navigator."""
+    graph, attacked, trusted, _ = known
+    facts = certificate.certify(graph, attacked)
+    return {
+        "graph": graph_line(scenario, facts),
+        **names_line(scenario),
+        **({"robustness": robust_words(graph)} if closely else {}),
+        "navigator": "none: errors are distances from the mean of the vehicles that are not attacked",
+        "attack": attack_line(scenario, facts),
+        **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
+        "law": stability_line(scenario, known),
+        **world_lines(scenario),
+        "safe": NO_LEADER,
+    }
+
+
+def robust_words(graph: Digraph) -> str:
+    """Return the robustness of the vehicles alone."""
+    found = robustness.robustness(dense(graph)[:, 1:] > 0)
+    pairs = ", ".join(f"({r}, {s})" for r, s in enumerate(found, 1))
+    return f"{pairs}-robust: (r, s) with the greatest s" if found else "not 1-robust"
 
 
 def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
@@ -292,6 +320,8 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     honest = ~(known.attacked & scenario.attack.replaces())
     weights = dense((known.graph if fixed is None else fixed).only(honest))
     along = rounds.eigenvalues(weights)
+    if not scenario.navigator.present:  # an eigenvalue of 1 belongs to agreement
+        along = np.delete(along, np.abs(along - 1).argmin())
     left = law.left(along)
     if left is None and not law.local:
         return f"{law.kind}: nothing is known of its stability"

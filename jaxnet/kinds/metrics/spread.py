@@ -1,0 +1,18 @@
+"""The greatest distance between two vehicles that are not attacked."""
+
+from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.shapes import VehicleNumbers
+from jaxnet.model.plane import length
+
+
+def farthest(seen: FleetView) -> VehicleNumbers:
+    """Return the distance [m] of each vehicle to the farthest other one, (m, lanes), attacked ones aside."""
+    xp, honest = seen.error.__array_namespace__(), ~seen.attacked
+    apart = length(seen.error[:, :, None] - seen.error[:, None])
+    return xp.where(honest[:, None] & honest[None], apart, 0.0).max(axis=0)
+
+
+SPREAD = Metric(
+    "spread", "m", farthest, "tail", "max", "max", "greatest distance of two vehicles that are not attacked"
+)

@@ -1,0 +1,114 @@
+"""Fleets without a navigator: agreement and safety under W-MSR, by a plain program and published graphs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.view.text.check import check_text
+from tests.engine.test_orders import subsequence
+
+PUBLISHED = Path(__file__).parents[1] / "theory" / "published_robustness.json"
+GRAPHS = {each["name"]: each for each in json.loads(PUBLISHED.read_text())}
+KEYS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [8.0], "tick": 0.1}
+KEYS |= {"engine": "exact", "output_step": 0.1, "metrics": ["spread", "outside"], "tail": 0.0}
+KEYS |= {"save": {"trajectories": "all"}}
+
+
+def edges_of(name):
+    """The edges of a published graph."""
+    return {"kind": "edges", "edges": [[i, j, 1.0] for i, j in GRAPHS[name]["hears"]]}
+
+
+def simulated(**keys):
+    """Results of a fleet without navigator."""
+    return jaxnet.simulate(KEYS | keys, progress=False)
+
+
+def honest_paths(results, liar, sample=0):
+    """Positions of the vehicles that are not attacked, (times, vehicles, 2)."""
+    states = results.trajectories["states"].sel(cell=0, sample=sample).values
+    return np.delete(states, liar - 1, axis=1)
+
+
+def test_vehicles_step_by_the_weights_of_their_neighbours():
+    """A plain program of W-MSR, step by step, and the spread and the way outside the hull in the row."""
+    liar, attack = 5, {"kind": "rotating", "magnitude": 30.0, "frequency": 0.9, "vehicles": [5]}
+    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=20.0)
+    data = results.trajectories.sel(cell=0, sample=0)
+    states, signal = data["states"].values, data["attack"].values
+    heard = [[j - 1 for i, j in sorted(GRAPHS["jia 10 union"]["hears"]) if i == n + 1] for n in range(10)]
+    x = states[0].copy()
+    for n in range(len(states) - 1):
+        sent, new = x + signal[n], x.copy()
+        for i in range(10):
+            weights = np.ones(len(heard[i]))
+            for axis in range(2):
+                _, mean = subsequence(x[i, axis], sent[heard[i], axis], weights, set(), 1)
+                new[i, axis] += 0.8 * (mean - x[i, axis])
+        x = new
+        np.testing.assert_allclose(states[n + 1], x, rtol=0, atol=1e-11)
+        if np.ptp(np.delete(x, liar - 1, axis=0), axis=0).max() < 1e-9:
+            break  # rounding chooses among equal values
+    honest = honest_paths(results, liar)
+    row = results.lanes.iloc[0]
+    apart = np.linalg.norm(honest[-1][:, None] - honest[-1][None], axis=2)
+    assert row["spread"] == pytest.approx(apart.max(), abs=1e-12)
+    middle = honest[-1] - honest[-1].mean(axis=0)
+    assert row["tail_max"] >= np.linalg.norm(middle, axis=1).max() - 1e-12
+
+
+@pytest.mark.parametrize("name", ["saldana canonical7", "oddi Test_1", "zhao L1 N6", "jia 10 union"])
+def test_a_network_that_is_robust_enough_agrees_inside_the_box_of_its_starts(name):
+    """(2, 2)-robust graphs, with each vehicle as the liar in some of 64 lanes, by two attacks."""
+    keys = {
+        "topology": edges_of(name),
+        "defence": "w_msr",
+        "horizon": 60.0,
+        "output_step": 0.5,
+        "samples": 64,
+    }
+    attacks = [{"kind": kind, "magnitude": 40.0, "vehicles": {"random": 1}} for kind in ("bias", "rotating")]
+    results = simulated(**keys, sweep={"attack": attacks})
+    assert (results.lanes["spread"] < 1e-3).all()
+    for cell in range(2):
+        data = results.trajectories.sel(cell=cell)
+        lies = (data["attack"].isel(time=0).values != 0).any(axis=-1)
+        assert lies.any(axis=0).all()
+        honest = np.where(lies[:, None, :, None], np.nan, data["states"].values)
+        assert (np.nanmin(honest, axis=2) >= np.nanmin(honest[:, :1], axis=2) - 1e-9).all()
+        assert (np.nanmax(honest, axis=2) <= np.nanmax(honest[:, :1], axis=2) + 1e-9).all()
+
+
+def test_a_network_that_is_not_robust_enough_may_stay_apart():
+    """Two complete graphs of four with a matching: each half keeps its own value, under any liar tried."""
+    attack = {"kind": "bias", "magnitude": 40.0, "vehicles": [1]}
+    results = simulated(
+        topology=edges_of("two K4 matched"), attack=attack, defence="w_msr", horizon=60.0, samples=5
+    )
+    assert (results.lanes["spread"] > 1.0).all()
+
+
+def test_the_way_outside_the_hull_is_measured_along_half_planes():
+    """A liar that everybody believes draws the fleet out of the hull of its starts."""
+    attack = {"kind": "bias", "magnitude": 500.0, "vehicles": [1]}
+    results = simulated(topology=edges_of("oddi Test_6"), attack=attack, defence="none", horizon=20.0)
+    honest = honest_paths(results, 1)
+    angles = np.linspace(0, 2 * np.pi, 3601)
+    along = honest @ np.stack([np.cos(angles), np.sin(angles)])
+    exact = (along - along[0].max(axis=0)).max(axis=(0, 1)).max()
+    assert exact > 100
+    assert exact * (1 - 0.0013) <= results.lanes["outside"].iloc[0] <= exact + 1e-9
+
+
+def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known():
+    """L is singular without a navigator; a lattice of six neighbours is 3-robust."""
+    with pytest.raises(jaxnet.ConfigError, match="the law has no solution: give law: local"):
+        jaxnet.load(KEYS | {"law": "exact"})
+    lattice = {"topology": {"kind": "lattice", "neighbours": 6}, "vehicles": 9, "attack": "none"}
+    text = " ".join(check_text(jaxnet.load(KEYS | lattice | {"defence": "w_msr"})).split())
+    assert "9 vehicles, 54 links: 1-9 hear 6 sources" in text
+    assert "law stable, deviations times" in text
+    assert "the theorems presuppose a navigator" in text
