@@ -36,7 +36,7 @@ def honest_paths(results, liar, sample=0):
 def test_vehicles_step_by_the_weights_of_their_neighbours():
     """A plain program of W-MSR, step by step, and the spread and the way outside the hull in the row."""
     liar, attack = 5, {"kind": "rotating", "magnitude": 30.0, "frequency": 0.9, "vehicles": [5]}
-    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=20.0)
+    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="w_msr", horizon=8.0)
     data = results.trajectories.sel(cell=0, sample=0)
     states, signal = data["states"].values, data["attack"].values
     heard = [[j - 1 for i, j in sorted(GRAPHS["jia 10 union"]["hears"]) if i == n + 1] for n in range(10)]

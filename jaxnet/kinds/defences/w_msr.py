@@ -19,8 +19,10 @@ class WMSR(Sparing):
     kind = "w_msr"
     words = "W-MSR"
     guarantee = (
-        "none under this law: what is known of W-MSR is of vehicles that move to the values retained; here"
-        " derivatives drive them, and are believed unseen"
+        "none where derivatives drive vehicles, which this rule does not check; with law local, vehicles of"
+        " order 1, k0 below 1/tick and no navigator, honest vehicles agree axis by axis inside the range of"
+        " their starts if the graph is (F + 1, F + 1)-robust and F are attacked in all, or (2F + 1)-robust and"
+        " each hears F at most"
     )
 
     F: int = Field(

@@ -140,7 +140,8 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
         draw_link(panel, places[j], places[i + 1], bend, across / 2 + 0.5, LINK_STYLES[called])
     if network.graph.vehicles <= MOST_ON_CIRCLE or not weight_classes(network.graph):
         label_weights(panel, network.graph, places)
-    for source, (x, y) in enumerate(places):
+    first = 0 if cell.scenario.navigator.present else 1
+    for source, (x, y) in enumerate(places[first:], start=first):
         draw_node(panel, source, x, y, source in attacked, across)
     for name, (x, y) in zip(cell.scenario.topology.vehicle_names(), places[1:], strict=False):
         write_name(panel, name, x, y, across)

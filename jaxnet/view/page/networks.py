@@ -76,7 +76,8 @@ def network_svg(cell: Cell, situation: Situation) -> str:
         bend = ARROW_BEND * is_bent(i, j, names, unit)
         drawn.append(arrow_path(places[j], places[i + 1], radius, bend, called))
     attacked, vehicles = attacked_vehicles(cell), ["", *cell.scenario.topology.vehicle_names()]
-    for source, place in enumerate(places):
+    first = 0 if cell.scenario.navigator.present else 1
+    for source, place in enumerate(places[first:], start=first):
         called = ("attacked vehicle" if source in attacked else "vehicle") if source else "navigator"
         number = f'x="{place[0]:.1f}" y="{place[1]:.1f}" font-size="{1.1 * radius:.1f}"'
         drawn += [node_svg(called, place, radius), f"<text {number}>{source}</text>"]
