@@ -205,6 +205,7 @@ def show_page(page: "UPath") -> None:
     is_flag=True,
     help="In matplotlib's own style (matplotlibrc), not in that for print.",
 )
+@click.option("--no-note", is_flag=True, help="Without the small line at the top: a caption says it.")
 @out_option
 @takes_code
 def figure_command(
@@ -213,6 +214,7 @@ def figure_command(
     where: tuple[str, ...],
     column: str,
     plain: bool,
+    no_note: bool,
     out: str | None,
     trust: bool,
     config: Path | None,
@@ -240,7 +242,7 @@ def figure_command(
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain):
+        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain, not no_note):
             click.echo(f"wrote {path}", err=True)
 
 

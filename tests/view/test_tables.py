@@ -6,10 +6,11 @@ import pandas as pd
 import pytest
 from upath import UPath
 
+from jaxnet.statistics.groups import Group
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 from jaxnet.view import columns
-from jaxnet.view.text import formats, tables
+from jaxnet.view.text import formats, slopes, tables
 from tests import systems
 
 STATISTICS = ("mean", "low", "high", "median", "q05", "q95", "max")
@@ -210,6 +211,17 @@ def test_a_long_table_is_cut_only_if_asked():
     """What is cut names the way to the rest."""
     results = results_of({"attack.magnitude": list(range(1, 73))}, False, 72)
     cut = tables.summary_text(results, ["tail_mean"])
-    assert "… 12 more rows: --all shows them, --where KEY=VALUE chooses" in cut
+    assert "… 12 more rows: `show --all` has all, `show --where KEY=VALUE` some" in cut
     whole = tables.summary_text(results, ["tail_mean"], most=None)
     assert len([line for line in whole.splitlines() if line.strip()[:1].isdigit()]) == 72
+
+
+def test_fits_show_swept_values_as_the_summary_does():
+    """Names of kinds, drawn vehicles and units; what is rounding is 0."""
+    rows = {"attack.vehicles": ['{"random": 1}'], "defence": ["w_msr"], "mean": ["0.1"]}
+    group = Group({"attack.vehicles": '{"random": 1}', "defence": "w_msr"}, ())
+    text = slopes.group_table("slopes", pd.DataFrame(rows), group, (), "fit.csv")
+    assert text.splitlines()[-1].split() == ["1", "drawn", "W-MSR", "0.1"]
+    assert "attacked" in text.splitlines()[1]
+    assert slopes.slope_interval_text((5e-20, 4e-20, 0.35)) == "0 (0 to 0.35)"
+    assert slopes.slope_interval_text((0.4, 0.3, float("nan"))) == "0.4 (0.3 -)"

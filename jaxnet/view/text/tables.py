@@ -73,7 +73,7 @@ def summary_text(
     if not any(each.ends for each in fitting):
         shown = [each._replace(ends=None) for each in shown]
     if most is not None and rows > most:
-        lines.append(f"… {rows - most} more rows: --all shows them, --where KEY=VALUE chooses")
+        lines.append(f"… {rows - most} more rows: `show --all` has all, `show --where KEY=VALUE` some")
         shown = shown if pivot else [first_rows(each, most) for each in shown]
     lines += [fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each]
     return "\n".join([*lines, *table_notes(left_out_titles(varied, fitting), is_cut, "cells.csv")])
