@@ -165,7 +165,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
 
 def lanes_of_each(results: Results, table: pd.DataFrame, which: str) -> int:
     """Return the number of lanes behind each known value, 0 if the numbers differ."""
-    counts = set(results.cells.loc[table.index[table["value"].notna()], which].tolist())
+    known = table["value"].dropna().index.tolist()
+    counts = set(results.cells.loc[known, which].tolist())
     return int(counts.pop()) if len(counts) == 1 else 0
 
 

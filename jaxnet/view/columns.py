@@ -104,7 +104,7 @@ def is_rounding(value: float, size: float) -> bool:
 
     An unknown size counts as 1 m. A size of 0 switches the test off.
     """
-    return 0 < abs(value) < ROUNDING_ERROR * (1.0 if np.isnan(size) else size)
+    return bool(0 < abs(value) < ROUNDING_ERROR * (1.0 if np.isnan(size) else size))
 
 
 def without_rounding(value: float, size: float) -> float:
