@@ -34,7 +34,7 @@ from jaxnet.view.text.width import (
 )
 
 MOST_FAILURES = 20
-SHARE = "unrecovered"
+SHARE_NAME = "unrecovered"
 FAILURE_REASONS = {
     "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
@@ -166,11 +166,13 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
 def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     """Return a note on the intervals of shares, and one on those of means, where these are shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
-    shares = [each for each in shown if each.ends and each.name == SHARE]
-    means = [each.title.partition(" [")[0] for each in shown if each.ends and each.name != SHARE]
+    shares = [each for each in shown if each.ends and each.name == SHARE_NAME]
+    means = [each.title.partition(" [")[0] for each in shown if each.ends and each.name != SHARE_NAME]
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
-    told = [f"[low, high] of {SHARE}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(shares)
+    told = [f"[low, high] of {SHARE_NAME}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(
+        shares
+    )
     basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
     return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
 
@@ -191,7 +193,7 @@ def missing_end_lines(shown: Sequence[Column]) -> list[str]:
     where = {
         number
         for each in shown
-        if each.ends and each.name != SHARE
+        if each.ends and each.name != SHARE_NAME
         for number, value, *ends in zip(numbers, each.values, *each.ends, strict=True)
         if not np.isnan(value) and np.isnan(ends).any()
     }
