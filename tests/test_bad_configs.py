@@ -186,7 +186,16 @@ KINDS = [
     Bad("attack: {kind: bias, →frequency: 3}", "attack.frequency", "unknown key (known here:"),
     Bad("attack:\n  →magnitude: 5\n  kind: none", "attack.magnitude", "unknown key"),
     Bad("attack: {→links: navigater}", "attack.links", "'auto', 'neighbour' or 'navigator' (got"),
-    Bad("attack: {→vehicles: 2}", "attack.vehicles", "must be a list (got 2)"),
+    Bad(
+        "attack: {→vehicles: 2}",
+        "attack.vehicles",
+        "must be a list (got 2): {random: 2} draws 2 in each lane, [2] is vehicle 2",
+    ),
+    Bad(
+        "attack: {vehicles: {random: 1, →label: one}}",
+        "attack.vehicles.label",
+        "unknown key (known here: random)",
+    ),
     Bad("attack: {vehicles: [2, →5.0]}", "attack.vehicles.1", "must be a whole number (got 5.0)"),
     Bad("attack: {vehicles: [→true]}", "attack.vehicles.0", "must be a whole number (got true)"),
     Bad("attack: {kind: envelope, →of: {}}", "attack.of|attack.of.kind", "must be one of bias, chirp, "),

@@ -101,9 +101,19 @@ def test_the_summary_is_shown_in_other_formats(swept):
     assert f"| {given} [" in rows[5]
     rows = jaxnet_does("show", swept, "--format", "latex").stdout.splitlines()
     assert len({row.count("&") for row in rows if row.endswith("\\\\")}) == 1
-    assert f"& {given} [" in rows[9]
-    assert "uniform 1, 2" in rows[9]
+    assert f"& {given} [" in rows[-3]
+    assert any("uniform 1, 2" in row for row in rows)
+    assert "% [low, high] of tail mean: 95 % intervals of a mean over lanes" in rows
     assert jaxnet_does("show", swept, "--format", "html").exit_code == 2
+
+
+def test_a_key_is_put_across(swept):
+    """In every format; what is written elsewhere than to a terminal has all rows."""
+    key = next(iter(jaxnet.open(swept).study.cells[0].labels))
+    for form in ("text", "csv", "markdown", "latex"):
+        done = jaxnet_does("show", swept, "--pivot", key, "--columns", "tail_mean", "--format", form, "--all")
+        assert done.exit_code == 0, done.output
+    assert "is not swept" in jaxnet_does("show", swept, "--pivot", "gain.0").output
 
 
 def test_a_second_run_of_the_same_study_has_nothing_to_do(finished, config):

@@ -146,7 +146,7 @@ def test_what_the_readme_shows_works(reader):
     """The study, every command, the script, and the defence of one's own in the sentence after it."""
     page = (ROOT / "README.md").read_text()
     reader.reads(page)
-    assert reader.done == ["check", "run", "fit", "report", "replay", "python"]
+    assert reader.done == ["check", "run", "fit", "report", "show", "replay", "python"]
     (command,) = re.findall(r"^`jaxnet (run .*?)`", page, re.M)
     *words, _, folder = shlex.split(command)
     assert folder == "results/within"

@@ -124,11 +124,13 @@ def write_figure(
     column: str = "two",
     axes: Mapping[str, object] | None = None,
     plain: bool = False,
+    note: bool = True,
 ) -> Iterator[UPath]:
     """Write one of the figures in `view.figures.FIGURE_NAMES`.
 
-    `where` selects cells, `column` a width, `plain` matplotlib's own style, and `axes` has the arguments x,
-    y, hue and panel, as in `Results.plot`. Raises FolderError if the folder has no data for the figure.
+    `where` selects cells, `column` a width, `plain` matplotlib's own style, `note` the small line at the top,
+    and `axes` has the arguments x, y, hue and panel, as in `Results.plot`. Raises FolderError if the folder
+    has no data for the figure.
     """
     enable()
     with results.folder.writing():
@@ -136,8 +138,8 @@ def write_figure(
             _ = results.cells  # refuses an unfinished run
         axes = axes or {}
         plots = figures.Plots(results)
-        drawn = getattr(plots.plain if plain else plots, name)(where, column, **axes)
-        file = figures.file_name(name, where or {}, column, axes, plain)
+        drawn = getattr(plots.plain if plain else plots, name)(where, column, note=note, **axes)
+        file = figures.file_name(name, where or {}, column, axes, plain, note)
         yield from figures.save_figure(results, file, drawn)
 
 

@@ -1,5 +1,6 @@
 """Commands on results: tables, fits, the report, its figures, two studies held against each other."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from jaxnet.api import writing
     from jaxnet.store import folder as storage
     from jaxnet.view import columns as summary
-    from jaxnet.view.text import analyses, comparison, folders, formats, progress, slopes, tables
+    from jaxnet.view.text import analyses, comparison, folders, formats, progress, slopes, tables, width
 else:
     analyses = LazyModule("jaxnet.view.text.analyses")
     comparison = LazyModule("jaxnet.view.text.comparison")
@@ -30,6 +31,7 @@ else:
     summary = LazyModule("jaxnet.view.columns")
     storage = LazyModule("jaxnet.store.folder")
     tables = LazyModule("jaxnet.view.text.tables")
+    width = LazyModule("jaxnet.view.text.width")
     webbrowser = LazyModule("webbrowser")
     writing = LazyModule("jaxnet.api.writing")
 
@@ -85,20 +87,35 @@ where_option = click.option(
 )
 @click.option("--sort", metavar="COLUMN", help="Column to sort by; -COLUMN: the greatest first.")
 @where_option
-def show(results: str, form: str, columns: str | None, sort: str | None, where: tuple[str, ...]) -> None:
+@click.option("--pivot", metavar="KEY", help="Swept key whose values stand across.")
+@click.option("--all", "whole", is_flag=True, help="All rows, on a terminal too.")
+def show(
+    results: str,
+    form: str,
+    columns: str | None,
+    sort: str | None,
+    where: tuple[str, ...],
+    pivot: str | None,
+    whole: bool,
+) -> None:
     """Print the summary table again, a line per cell, and what search, sensitivity and rare found.
 
-    As text it is as wide as the terminal and 60 cells long, and says what it leaves out; the other formats
-    have all of it. A column that is the same in all cells is one line of text.
+    As text it is as wide as the terminal, and says what it leaves out. On a terminal it has 60 rows at most
+    without --all. The other formats have all of it. A column that is the same in all cells is one line of
+    text.
     """
     names = columns.split(",") if columns else ()
     with user_errors():
         opened = jaxnet.open(results)
+        chosen = names, wanted(where), sort, pivot
         if form == "text":
-            whole = tables.summary_text(opened, names, wanted(where), sort) if opened.has_run else ""
-            click.echo("\n\n".join(filter(None, [whole, analyses.analyses_text(opened)])))
+            most = None if whole or not sys.stdout.isatty() else width.MOST_ROWS
+            table = tables.summary_text(opened, *chosen, most) if opened.has_run else ""
+            click.echo("\n\n".join(filter(None, [table, analyses.analyses_text(opened)])))
         elif opened.has_run:
-            click.echo(formats.in_format(summary.summary_columns(opened, names, wanted(where), sort), form))
+            asked = tables.asked_columns(opened, *chosen)
+            notes = [*tables.summary_notes(opened, asked), tables.setting_note(opened)]
+            click.echo(formats.in_format(summary.pivoted(asked, pivot) if pivot else asked, form, notes))
         else:
             found = [getattr(opened, name) for name in opened.analyses]
             click.echo("\n\n".join(formats.in_format(formats.columns_of(each), form) for each in found))
@@ -188,6 +205,7 @@ def show_page(page: "UPath") -> None:
     is_flag=True,
     help="In matplotlib's own style (matplotlibrc), not in that for print.",
 )
+@click.option("--no-note", is_flag=True, help="Without the small line at the top: a caption says it.")
 @out_option
 @takes_code
 def figure_command(
@@ -196,6 +214,7 @@ def figure_command(
     where: tuple[str, ...],
     column: str,
     plain: bool,
+    no_note: bool,
     out: str | None,
     trust: bool,
     config: Path | None,
@@ -223,7 +242,7 @@ def figure_command(
         raise click.UsageError(f"{name} takes no --{unknown[0]}")
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
-        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain):
+        for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain, not no_note):
             click.echo(f"wrote {path}", err=True)
 
 

@@ -21,6 +21,7 @@ from jaxnet.kinds.kind import KindError
 from jaxnet.outside.families import base_of
 
 MAGNITUDE = "attack.magnitude"
+ATTACKED, ATTACKED_NUMBER = "attack.vehicles", "attack.vehicles.random"
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
@@ -47,9 +48,20 @@ def value_name(key: str, value: object) -> str:
         return f"no{NO_BREAK}{key_name(key)}"
     if is_kind(key):
         return words_of_kind(key, str(value))
+    if own_name(key) is None and (number := attacked_number(key, value)):
+        noun = "attacked vehicle" if number == 1 else "attacked vehicles"
+        return f"{number}{NO_BREAK}{noun} drawn at random"
     shown = format_value(value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
     return NO_BREAK.join(filter(None, [name, shown, unit(key)]))
+
+
+def attacked_number(key: str, value: object) -> int:
+    """Return how many attacked vehicles a swept value draws at random, 0 if it names them."""
+    if key == ATTACKED_NUMBER and isinstance(value, int):
+        return value
+    given = yaml.safe_load(value) if key == ATTACKED and isinstance(value, str) else None
+    return given["random"] if isinstance(given, dict) else 0
 
 
 def value_alone(key: str, value: object) -> str:
@@ -117,6 +129,8 @@ def words_of_kind(key: str, label: str) -> str:
 def plain_words(value: object) -> str:
     """Return a list or mapping of a config in words."""
     if isinstance(value, dict):
+        if set(value) == {"random"}:  # attacked vehicles: the number must not read as that of a vehicle
+            return f"{value['random']} drawn"
         return ", ".join(f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items())
     if isinstance(value, list):
         inner = ", ".join(map(plain_words, value))

@@ -31,7 +31,15 @@ def explain(error: ErrorDetails, data: Plain) -> str:
         name = given.get("kind") if isinstance(given, dict) else given
         known = registry.kind_names(error.get("ctx", {})["family"])
         return value_message(error) + suggestion(str(name), known, fallback=False)
-    return value_message(error)
+    return value_message(error) + (attacked_hint(error["loc"], given) if kind == "list_type" else "")
+
+
+def attacked_hint(location: tuple[int | str, ...], given: object) -> str:
+    """Return a hint for a number in place of the list of attacked vehicles; "" for another mistake."""
+    places = [part for part in location if not str(part).startswith(MARK)]
+    if type(given) is not int or (places[0], places[-1]) != ("attack", "vehicles"):
+        return ""
+    return f": {{random: {given}}} draws {given} in each lane, [{given}] is vehicle {given}"
 
 
 def renamed_key(location: tuple[int | str, ...]) -> str:
@@ -70,7 +78,11 @@ def model_in(field: FieldInfo, value: Plain) -> object:
 
 def record_of(member: str, union: object) -> type[BaseModel] | None:
     """Return the member of a union of records with this tag, None if there is none."""
-    found = [each for each in records(union) if member in (each.__name__.lower(), *each.model_fields)]
+    found = [
+        each
+        for each in records(union)
+        if each.__name__.lower().startswith(member) or member in each.model_fields
+    ]
     return found[0] if found else None
 
 

@@ -77,8 +77,8 @@ def value_text(value: object) -> str:
 
 
 def suggestion(word: str, known: list[str], fallback: bool = True) -> str:
-    """Return the known word that was probably meant, or a list of the known words."""
+    """Return the known word that was probably meant, or a list of the known words if there are any."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
         return f" (did you mean '{near[0]}'?)"
-    return f" (known here: {', '.join(known)})" if fallback else ""
+    return f" (known here: {', '.join(known)})" if fallback and known else ""

@@ -3,9 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxnet.config.cells import Cell
+import yaml
+
+from jaxnet.config.cells import Cell, full_kind, to_plain, with_kind
+from jaxnet.config.keys import KINDS
+from jaxnet.config.naming import NO_BREAK, format_value, value_alone, value_name
+from jaxnet.kinds.refusals import value_text
 from jaxnet.statistics.curves import canonical_value
-from jaxnet.statistics.groups import swept_values_of
+from jaxnet.statistics.groups import Label, swept_values_of
 from jaxnet.store.folder import FolderError
 
 Where = Mapping[str, Any]  # swept key: the wanted value, or a list of wanted values
@@ -14,21 +19,29 @@ Where = Mapping[str, Any]  # swept key: the wanted value, or a list of wanted va
 def select_cells(cells: Sequence[Cell], where: Where) -> list[Cell]:
     """Return the cells whose swept keys have one of the wanted values.
 
+    A value may be written as in tables, as in the config, or as in `cells.csv`.
+
     Raises FolderError for a key that is not swept, and for a value without a cell.
     """
     swept = swept_values_of(cells)
-    listing = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in swept.items())
+    listing = "; ".join(f"{key}: {', '.join(shown_values(key, values))}" for key, values in swept.items())
     found = list(cells)
     for key, wanted in where.items():
         if key not in swept:
             raise FolderError(f"where: {key} is not swept (swept are {listing or 'no keys'})")
+        chosen: set[Label] = set()
         for value in as_list(wanted):
-            if not any(matches_label(value, label) for label in swept[key]):
+            labels = matching_labels(cells, key, value)
+            if not labels:
                 raise FolderError(f"where: {key} has no value {value} (swept are {listing})")
-        found = [
-            cell for cell in found if any(matches_label(value, cell.labels[key]) for value in as_list(wanted))
-        ]
+            chosen |= labels
+        found = [cell for cell in found if cell.labels[key] in chosen]
     return found
+
+
+def shown_values(key: str, values: Sequence[Label]) -> list[str]:
+    """Return swept values as tables show them, with plain spaces."""
+    return [plain_spaces(value_alone(key, value)) for value in values]
 
 
 def as_list(values: object) -> list[object]:
@@ -36,11 +49,42 @@ def as_list(values: object) -> list[object]:
     return list(values) if isinstance(values, list | tuple) else [values]
 
 
-def matches_label(value: object, label: object) -> bool:
-    """Return whether a value equals a label.
+def plain_spaces(words: str) -> str:
+    """Return words with plain spaces for those that do not break."""
+    return words.replace(NO_BREAK, " ")
 
-    A number may also equal the label to the four digits that tables show.
+
+def matching_labels(cells: Sequence[Cell], key: str, value: object) -> set[Label]:
+    """Return the labels of a swept key that a wanted value means."""
+    first = {cell.labels[key]: cell for cell in reversed(cells)}  # the first cell of each label
+    named = next(each for each in cells[0].labels if each == key)  # with the name that the config gives it
+    return {
+        label
+        for label, cell in first.items()
+        if matches_label(named, value, label) or matches_config(cell, named, value)
+    }
+
+
+def matches_label(key: str, value: object, label: Label) -> bool:
+    """Return whether a value equals a label, or is written as tables or titles show the label.
+
+    A number may equal the label to the four digits that tables show.
     """
-    if isinstance(label, float) and canonical_value(value) == canonical_value(f"{label:.4g}"):
+    if isinstance(value, dict):
+        return value_text(value) == label
+    if isinstance(label, float) and canonical_value(value) == canonical_value(format_value(label)):
         return True
-    return canonical_value(value) == canonical_value(label)
+    shown = (plain_spaces(value_alone(key, label)), plain_spaces(value_name(key, label)))
+    return canonical_value(value) == canonical_value(label) or plain_spaces(str(value)) in shown
+
+
+def matches_config(cell: Cell, key: str, value: object) -> bool:
+    """Return whether a value is what the config gives the cell, as YAML or as a mapping."""
+    try:
+        given = yaml.safe_load(value) if isinstance(value, str) else value
+    except yaml.YAMLError:
+        return False
+    if isinstance(given, dict) and key in KINDS:
+        mine = to_plain(getattr(cell.scenario, key))
+        return full_kind(key, with_kind(key, given)) == full_kind(key, mine)
+    return isinstance(given, dict | list) and value_text(given) == cell.labels[key]

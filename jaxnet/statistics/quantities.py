@@ -16,6 +16,7 @@ from scipy import stats
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import Metric
+from jaxnet.model.wording import count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
 from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson, confidence_told, criterion_words
@@ -51,6 +52,7 @@ class Quantity(NamedTuple):
     confidence: float
     values: pd.DataFrame
     note: str = ""  # what the words leave open
+    lanes: int = 0  # of each cell, 0 if the cells differ
 
     @property
     def known(self) -> Float[np.ndarray, " known"]:
@@ -89,7 +91,8 @@ class Quantity(NamedTuple):
         bars = f"bars: {100 * self.confidence:g} % intervals" if known else "no interval is known"
         below = self.log and self.known.min() < self.floor
         cut = f"values below {self.floor:.1g} {self.unit} are drawn there" if below else ""
-        return "; ".join(filter(None, [self.note, bars, cut]))
+        lanes = f"{count(self.lanes, 'lane')} a point" if self.lanes else ""
+        return "; ".join(filter(None, [self.note, lanes, bars, cut]))
 
     @property
     def axis(self) -> str:
@@ -145,15 +148,26 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         table = found.set_axis(["value", "low", "high"], axis=1)
         reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
         note = "; ".join(filter(None, [f"unrecovered: {criterion_words(study.recovery)}", reduced]))
-        return Quantity(name, "lanes unrecovered", "%", True, confidence, table, note)
+        told = Quantity(name, "lanes unrecovered", "%", True, confidence, table, note)
+        return told._replace(lanes=lanes_of_each(results, table, "ok"))
     if name == "failed":
-        return Quantity(name, "lanes failed", "%", True, CONFIDENCE, failed_table(results, cells))
+        table = failed_table(results, cells)
+        told = Quantity(name, "lanes failed", "%", True, CONFIDENCE, table)
+        return told._replace(lanes=lanes_of_each(results, table, "lanes"))
     metric, statistic = metric_and_statistic(study, name)
     words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
     if metric.over == "tail":
         words = f"{words.partition(',')[0]} over the tail,{words.partition(',')[2]}"
     table = statistic_table(results, cells, metric, statistic)
-    return Quantity(name, words, metric.column_unit, False, CONFIDENCE, table)
+    told = Quantity(name, words, metric.column_unit, False, CONFIDENCE, table)
+    return told._replace(lanes=lanes_of_each(results, table, "ok"))
+
+
+def lanes_of_each(results: Results, table: pd.DataFrame, which: str) -> int:
+    """Return the number of lanes behind each known value, 0 if the numbers differ."""
+    known = table["value"].dropna().index.tolist()
+    counts = set(results.cells.loc[known, which].tolist())
+    return int(counts.pop()) if len(counts) == 1 else 0
 
 
 def metric_and_statistic(study: Config, name: str) -> tuple[Metric, Statistic]:

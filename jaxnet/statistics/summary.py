@@ -19,7 +19,7 @@ from jaxnet.store.layout import Shard
 
 SUMMARISED = ("tail_mean", "tail_max")  # norms, so not negative
 NO_MEAN_INTERVAL = (
-    "no interval of a mean holds without a bound on every lane: an end is blank where theory gives none"
+    "no interval of a mean holds without a bound on every lane: an end is missing where theory gives none"
 )
 
 MetricRange = tuple[float, float]  # least and greatest of a metric

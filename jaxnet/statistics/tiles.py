@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from decimal import ROUND_HALF_DOWN, ROUND_HALF_UP, Decimal
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,17 +104,35 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     return words
 
 
-def tile_text(metric: str, value: float) -> str:
-    """Return a value with few digits.
+def tile_text(metric: str, value: float, whole: bool = False) -> str:
+    """Return a value with few digits, halves rounded up; a `whole` share has the four digits of tables.
 
     A share over 50 % has two digits of its distance from 100 %, so that only a share of all lanes reads 100
     %.
     """
     if metric == "unrecovered":
-        return f"{value:.2g}" if value <= 50 else f"{100 - float(f'{100 - value:.2g}'):.6g}"
+        told = f"{value:.4g}"
+        if whole and (told != "100" or value == 100):
+            return told
+        return two_digits(value) if value <= 50 else plain_text(100 - Decimal(two_digits(100 - value, False)))
     if value >= 0.1:
-        return f"{value:.2g}"
+        return two_digits(value)
     return "0" if value < NEGLIGIBLE_ERROR else f"{value:.0e}".replace("e-0", "e-")
+
+
+def two_digits(value: float, halves_up: bool = True) -> str:
+    """Return a number with two significant digits, halves rounded up or down, as a reader rounds them."""
+    given = Decimal(f"{value:.9g}")  # 36.5 where a float is 36.499999999999996
+    if not given:
+        return "0"
+    way = ROUND_HALF_UP if halves_up else ROUND_HALF_DOWN
+    return plain_text(given.quantize(Decimal(1).scaleb(given.adjusted() - 1), way))
+
+
+def plain_text(value: Decimal) -> str:
+    """Return a number without an exponent and without zeros at its end."""
+    text = f"{value:f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def interval_text(low: float, high: float) -> str:

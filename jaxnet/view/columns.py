@@ -8,14 +8,16 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config
-from jaxnet.config.naming import MAGNITUDE, own_name, quantity, unit, value_alone
+from jaxnet.config.naming import MAGNITUDE, is_kind, own_name, quantity, unit, value_alone, value_name
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
+from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
@@ -36,6 +38,9 @@ LATEX_SYMBOLS = {
     "tail_mean": r"$\tilde e$",
     "tail_max": r"$\hat\delta$",
 }
+# Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
+# ticks, some 1e-12 m: smaller errors are rounding, and far below any error that a robot has.
+ROUNDING_ERROR = 1e-9
 UNITS = {"%": r"\%", "m/s²": "m/s$^2$", "m/s³": "m/s$^3$"}
 
 
@@ -49,10 +54,12 @@ class Column(NamedTuple):
     ends: tuple[list[float], list[float]] | None = None
     scale: float = 1.0  # by which text multiplies the values: 100 for shares
     key: str | None = None  # the swept key whose labels the values are
+    sizes: Sequence[float] | None = None  # of the cells' attacks, where the values are errors
+    across: str = ""  # in a pivoted table, the LaTeX title above the columns of one quantity
 
     def texts(self, intervals: bool = True) -> list[str]:
         """Return the values as text: numbers to four digits, intervals in brackets to three."""
-        texts = [self.text(value) for value in self.values]
+        texts = [self.text(*each) for each in zip(self.values, self.scales, strict=True)]
         if not intervals:
             return texts
         pairs = zip(texts, self.intervals(), strict=True)
@@ -62,8 +69,15 @@ class Column(NamedTuple):
         """Return the intervals as text, empty where no end is known."""
         if self.ends is None:
             return [""] * len(self.values)
-        pairs = zip(*self.ends, strict=True)
-        return [bracketed(self.scale * low, self.scale * high) for low, high in pairs]
+        return [
+            bracketed(*(without_rounding(self.scale * end, size) for end in ends))
+            for *ends, size in zip(*self.ends, self.scales, strict=True)
+        ]
+
+    @property
+    def scales(self) -> Sequence[float]:
+        """The size of each cell's attack, 0 where the values are no errors."""
+        return [0.0] * len(self.values) if self.sizes is None else self.sizes
 
     def scaled(self) -> list[Any]:
         """Return numbers in the unit of the title, and other values as text."""
@@ -71,16 +85,31 @@ class Column(NamedTuple):
             return self.texts(intervals=False)
         return self.values if self.scale == 1.0 else [self.scale * value for value in self.values]
 
-    def text(self, value: Any) -> str:
-        """Return one value as text."""
+    def text(self, value: Any, size: float = 0.0) -> str:
+        """Return one value as text; an error that is rounding, beside an attack of this size, is 0."""
         if self.key is not None and not isinstance(value, int | float):
             return value_alone(self.key, value)
-        return digits_text(self.scale * value if self.scale != 1.0 else value, 4)
+        if not isinstance(value, float):
+            return digits_text(self.scale * value if self.scale != 1.0 else value, 4)
+        return digits_text(without_rounding(self.scale * value, size), 4)
 
     @property
     def numeric(self) -> bool:
         """Whether the values are numbers."""
         return all(isinstance(value, int | float) for value in self.values)
+
+
+def is_rounding(value: float, size: float) -> bool:
+    """Return whether an error is rounding beside an attack of this size.
+
+    An unknown size counts as 1 m. A size of 0 switches the test off.
+    """
+    return bool(0 < abs(value) < ROUNDING_ERROR * (1.0 if np.isnan(size) else size))
+
+
+def without_rounding(value: float, size: float) -> float:
+    """Return an error, or 0 if it is rounding."""
+    return 0.0 if is_rounding(value, size) else value
 
 
 def digits_text(value: object, digits: int) -> str:
@@ -142,7 +171,60 @@ def summary_columns(
     wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table)
     if not names and (reduced := reduced_amplitudes(cells)):
         swept.append(amplitude_column(cells, reduced))
-    return [numbers, *swept, *(statistic_column(each, rows, study) for each in wanted if each not in keys)]
+    found = [statistic_column(each, rows, study) for each in wanted if each not in keys]
+    sizes = cell_magnitudes(results)[numbers.values].tolist()
+    return [
+        numbers,
+        *swept,
+        *(each._replace(sizes=sizes) if each.title.endswith("[m]") else each for each in found),
+    ]
+
+
+def pivoted(columns: Sequence[Column], key: str) -> list[Column]:
+    """Return columns of a summary with the values of one swept key across.
+
+    The other swept keys stand first, a row for each combination of their values. Then come the columns of
+    each quantity, one for each value of the key.
+
+    Raises FolderError if the key is not swept.
+    """
+    swept = {each.name: each for each in columns if each.key == each.name}
+    if key not in swept:
+        raise FolderError(f"pivot: {key} is not swept (swept are {', '.join(swept) or 'no keys'})")
+    rows = [each for name, each in swept.items() if name != key]
+    quantities = [each for each in columns[1:] if each.key is None]
+    count = len(columns[0].values)
+    combinations = [tuple(each.values[place] for each in rows) for place in range(count)]
+    first = {combination: place for place, combination in reversed(list(enumerate(combinations)))}
+    order = sorted(first.values())
+    places = {
+        (combination, value): place
+        for place, (combination, value) in enumerate(zip(combinations, swept[key].values, strict=True))
+    }
+    across = [
+        across_column(each, swept[key], value, [places[combinations[place], value] for place in order])
+        for each in quantities
+        for value in dict.fromkeys(swept[key].values)
+    ]
+    return [*(each._replace(values=[each.values[place] for place in order]) for each in rows), *across]
+
+
+def across_column(column: Column, key: Column, value: Any, places: Sequence[int]) -> Column:
+    """Return the column of one quantity for one value of the key across, with the cells at these places."""
+
+    def chosen(values: Sequence[Any]) -> list[Any]:
+        return [values[place] for place in places]
+
+    above = column.latex if is_kind(key.name) else f"{column.latex} by {key.latex}"
+    return column._replace(
+        name=f"{key.name}={value}:{column.name}",
+        title=f"{column.title}, {value_name(key.key or key.name, value)}",
+        latex=value_alone(key.key or key.name, value),
+        values=chosen(column.values),
+        ends=column.ends and (chosen(column.ends[0]), chosen(column.ends[1])),
+        sizes=column.sizes and chosen(column.sizes),
+        across=above,
+    )
 
 
 def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
@@ -222,7 +304,8 @@ def split_constant(columns: Sequence[Column]) -> tuple[list[Column], str]:
     for each in columns:
         texts = each.texts()
         same = all(text == texts[0] for text in texts)
-        (constant if same and each.name not in ("cell", *quantities[:1]) else kept).append(each)
+        stays = each.across or each.name in ("cell", *quantities[:1])
+        (constant if same and not stays else kept).append(each)
     told = ", ".join(f"{each.title} {each.texts()[0]}" for each in constant)
     return kept, f"all cells: {told}" if told else ""
 

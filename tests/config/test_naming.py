@@ -7,7 +7,7 @@ import pytest
 
 import jaxnet
 from jaxnet.config.document import ConfigError
-from jaxnet.config.naming import Key, labels_title, quantity, value_name
+from jaxnet.config.naming import Key, labels_title, quantity, value_alone, value_name
 
 
 @pytest.mark.parametrize(
@@ -39,13 +39,22 @@ def test_keys_have_words_and_units(key, words):
         ("topology", "my own graph", "my own graph"),
         ("topology", "random_regular(degree=4)", "random regular (degree 4)"),
         ("attack.vehicles", "[2, 5]", "attacked vehicles = 2, 5"),
-        ("attack.vehicles", '{"random": 2}', "attacked vehicles = random 2"),
+        ("attack.vehicles", '{"random": 1}', "1 attacked vehicle drawn at random"),
+        ("attack.vehicles", '{"random": 4}', "4 attacked vehicles drawn at random"),
+        ("attack.vehicles.random", 2, "2 attacked vehicles drawn at random"),
+        (Key("attack.vehicles", "liars"), '{"random": 2}', "liars = 2 drawn"),
         ("initial.speed", '{"uniform": [0.2, 0.4]}', "initial speed = uniform 0.2, 0.4 m/s"),
     ],
 )
 def test_values_have_no_json_and_few_digits(key, value, words):
     """Non-breaking spaces hold a number and its unit together."""
     assert value_name(key, value).replace("\N{NO-BREAK SPACE}", " ") == words
+
+
+def test_a_number_of_vehicles_does_not_read_as_a_vehicle():
+    """Cells of tables and entries of legends are short: so many are drawn; a list names vehicles."""
+    assert value_alone("attack.vehicles", '{"random": 1}') == "1 drawn"
+    assert value_alone("attack.vehicles", "[1]") == "1"
 
 
 def test_a_config_names_its_keys_and_changes_no_row():

@@ -1,5 +1,6 @@
 """Figures say what they show: axes with units, a legend, every cell drawn, nothing over the edge."""
 
+import inspect
 import itertools
 from typing import Any
 
@@ -15,7 +16,7 @@ from jaxnet.api import writing
 from jaxnet.config.scenario import situation_of
 from jaxnet.statistics.bands import error_bands
 from jaxnet.store.results import Results
-from jaxnet.view.figures import bands, every, multiples, panels, style, tails, topology
+from jaxnet.view.figures import FIGURE_NAMES, bands, every, multiples, panels, style, tails, topology
 from jaxnet.view.page import networks
 from jaxnet.view.page.plots import bands_data
 from tests import systems
@@ -321,3 +322,13 @@ def test_the_style_for_print_can_be_left_out(tmp_path):
     assert name.name == "tails-plain.png"
     width = imread(str(name)).shape[1]
     assert width == pytest.approx(50 * plain.get_figwidth(), abs=1)
+
+
+def test_the_note_can_be_left_out(results, tmp_path):
+    """Every figure takes `note`; the file's name tells that there is none."""
+    assert results.plot.tails().get_suptitle()
+    assert results.plot.tails(note=False).get_suptitle() == ""
+    assert results.plot.plain.tails(note=False).get_suptitle() == ""
+    assert every.file_name("curve", {}, "two", note=False) == "curve-no-note"
+    taking = [inspect.signature(getattr(every.Plots, name)).parameters for name in FIGURE_NAMES]
+    assert all("note" in parameters for parameters in taking)

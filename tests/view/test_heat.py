@@ -109,6 +109,25 @@ def test_only_all_lanes_are_100_per_cent():
             assert abs(Fraction(words) - share) <= min(share, 100 - share) / 20
 
 
+@pytest.mark.parametrize(
+    ("share", "few", "many"),
+    [
+        *(
+            (36.5, "37", "36.5"),
+            (36.499999999999996, "37", "36.5"),
+            (29.5, "30", "29.5"),
+            (62.5, "63", "62.5"),
+            (63.5, "64", "63.5"),
+        ),
+        *((0.0, "0", "0"), (100.0, "100", "100"), (99.75, "99.75", "99.75"), (99.998, "99.998", "99.998")),
+    ],
+)
+def test_a_tile_agrees_with_the_table(share, few, many):
+    """Its four digits where there is room, else halves are rounded up on both sides of 50 %."""
+    assert tiles.tile_text("unrecovered", share) == few
+    assert tiles.tile_text("unrecovered", share, whole=True) == many
+
+
 @pytest.mark.parametrize("lanes", [7, 40, 5000])
 def test_a_rounded_interval_holds_the_exact_one(lanes):
     """And is not much wider."""
@@ -174,7 +193,7 @@ def test_a_tile_tells_its_cells_share_and_interval():
     ]
     words = tile_words(panels[1])
     assert words[0, 1] == [tiles.interval_text(*interval_of(6, 40)), "15"]
-    assert words[0, 0] == [tiles.interval_text(*interval_of(7, 38)), "18*"]
+    assert words[0, 0] == [tiles.interval_text(*interval_of(7, 38)), "18.42*"]
     assert {word for each in tile_words(panels[0]).values() for word in each} == {""}
     assert tile_words(panels[3])[0, 1] == ["*"]
     assert plain(figure.get_suptitle()) == (

@@ -111,3 +111,37 @@ def test_more_colours_than_a_palette_has_are_a_scale():
     many = lines.hue_looks("attack.magnitude", list(range(1, 11)))
     assert len({str(each.look["color"]) for each in many}) == 10
     assert [each.label for each in many] == [str(value) for value in range(1, 11)]
+
+
+def test_ticks_stand_at_the_values_where_they_are_few():
+    """Also on a log axis; each value that has room has its number, with few digits."""
+    sweep = {"attack.frequency": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "defence": ["none", "w_msr"]}
+    cells = study_cells(**sweep)
+    with mpl.rc_context(style.PRINT_STYLE):
+        figure = lines.curve_figure(numbered(cells), choose_axes(cells), cells, COLUMN_WIDTHS["one"])
+        figure.draw_without_rendering()
+    panel = figure.axes[0]
+    assert panel.get_xscale() == "log"
+    assert panel.get_xticks().tolist() == sweep["attack.frequency"]
+    assert [each.get_text() for each in panel.get_xticklabels()] == ["0.1", "0.2", "0.4", "0.8", "1.6", "3.2"]
+    assert set(range(0, 101, 20)) <= set(panel.get_yticks())
+    rates = np.geomspace(0.1, 3, 5).tolist()
+    with mpl.rc_context(style.PRINT_STYLE):
+        assert lines.value_ticks(rates, True, 1.3) == ["0.1", "0.23", "0.55", "1.3", "3"]
+        assert lines.value_ticks([100, 101, 102, 200, 1000], False, 1.0) == ["100", "", "", "", "1000"]
+        assert lines.value_ticks([123, 1000], False, 3.0) == ["123", "1000"]
+
+
+def test_moved_points_are_said_to_be():
+    """With several colours; one colour stays at its values."""
+    for defences, told in ((["none", "w_msr"], True), (["none"], False)):
+        cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0], "defence": defences})
+        drawn = lines.curve_figure(numbered(cells), choose_axes(cells), cells)
+        assert (lines.MOVED_NOTE in drawn.get_suptitle()) == told
+
+
+def test_the_note_says_how_many_lanes_a_point_has():
+    """Where that is equal everywhere."""
+    cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0]})
+    assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
+    assert "lanes a point" not in numbered(cells).notes

@@ -21,8 +21,8 @@ class WMSR(Sparing):
     guarantee = (
         "none where derivatives drive vehicles, which this rule does not check; with law local, vehicles of"
         " order 1, k0 below 1/tick and no navigator, honest vehicles agree axis by axis inside the range of"
-        " their starts if the graph is (F + 1, F + 1)-robust and F are attacked in all, or (2F + 1)-robust and"
-        " each hears F at most"
+        " their starts if F are attacked in all and the graph is (F + 1, F + 1)-robust, or if each hears F at"
+        " most and the graph is (2F + 1)-robust"
     )
 
     F: int = Field(

@@ -50,12 +50,14 @@ Drawing = TypeVar("Drawing", bound=Callable[..., Figure])
 
 
 def styled(draw: Drawing) -> Drawing:
-    """Draw, and later save, a figure in the style of its `Plots`."""
+    """Draw, and later save, a figure in the style of its `Plots`; without `note` its notes go."""
 
     @functools.wraps(draw)
-    def drawn(self: "Plots", *given: object, **named: object) -> Figure:
+    def drawn(self: "Plots", *given: object, note: bool = True, **named: object) -> Figure:
         with mpl.rc_context(self.style):
             made = draw(self, *given, **named)
+        if not note:
+            multiples.drop_note(made)
         made.style = self.style
         return made
 
@@ -77,7 +79,8 @@ class Plots:
     Notes
     -----
     Each method takes `where`, the wanted value or values of swept keys, and `column`, "one" or "two", the
-    figure's width in columns of a journal. Each method returns a matplotlib figure.
+    figure's width in columns of a journal. `note=False` leaves out the small line at the top, for a paper
+    whose caption says it. Each method returns a matplotlib figure.
 
     Raises
     ------
@@ -94,17 +97,17 @@ class Plots:
         return Plots(self.results, style.LAYOUT)
 
     @styled
-    def topologies(self, where: Where | None = None, column: str = "two") -> Figure:
+    def topologies(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw each graph with its weights and attacked links."""
         return topology.topology_figure(*cells_and_width(self.results, where, column))
 
     @styled
-    def tails(self, where: Where | None = None, column: str = "two") -> Figure:
+    def tails(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the mean error over the tail: a dot per lane, a row per cell."""
         return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
 
     @styled
-    def panels(self, where: Where | None = None, column: str = "two") -> Figure:
+    def panels(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the paper's figure: trajectories of each topology, and the errors over time."""
         there = {name: has_store(self.results, name) for name in ("trajectories", "errors")}
         if not any(there.values()):
@@ -114,7 +117,7 @@ class Plots:
         return panels.panels_figure(self.results, *cells_and_width(self.results, where, column), **there)
 
     @styled
-    def bands(self, where: Where | None = None, column: str = "two") -> Figure:
+    def bands(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the tracking error over time: median, 5 to 95 % and maximum over the lanes."""
         if not has_store(self.results, "errors"):
             raise lacking_error(self.results, "errors.zarr", "save.errors=true")
@@ -130,6 +133,8 @@ class Plots:
         y: str | None = None,
         hue: str | None = None,
         panel: str | Sequence[str] | None = None,
+        *,
+        note: bool = True,
     ) -> Figure:
         """Draw a quantity of lanes with its interval against a swept key.
 
@@ -146,6 +151,8 @@ class Plots:
         y
             `unrecovered`, `failed`, a metric (its median over lanes), or METRIC_STATISTIC with a statistic
             of mean, median, q05, q95 and max. None takes what the study asks for.
+        note
+            Whether the small line at the top stands there: definition, lanes a point, intervals.
 
         Raises
         ------
@@ -164,29 +171,33 @@ class Plots:
         return lines.curve_figure(found, axes, cells, width)
 
     @styled
-    def heat(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
+    def heat(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True, **axes: Any
+    ) -> Figure:
         """Draw a heat map of the share of lanes that do not recover: `x` across, `hue` down, `panel`."""
         cells, width = cells_and_width(self.results, where, column)
         return over_two_keys(self.results, "unrecovered", cells, width, **axes)
 
     @styled
-    def heat_worst(self, where: Where | None = None, column: str = "two", **axes: Any) -> Figure:
+    def heat_worst(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True, **axes: Any
+    ) -> Figure:
         """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does."""
         cells, width = cells_and_width(self.results, where, column)
         return over_two_keys(self.results, "worst", cells, width, **axes)
 
     @styled
-    def ultimate(self, where: Where | None = None, column: str = "two") -> Figure:
+    def ultimate(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the greatest tail error against ā, with stored bounds and fits."""
         return against_magnitude(self.results, "tail_max", *cells_and_width(self.results, where, column))
 
     @styled
-    def ultimate_mean(self, where: Where | None = None, column: str = "two") -> Figure:
+    def ultimate_mean(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the mean tail error against ā, with stored bounds and fits."""
         return against_magnitude(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
     @styled
-    def search(self, where: Where | None = None, column: str = "two") -> Figure:
+    def search(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
         cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results)
@@ -195,7 +206,7 @@ class Plots:
         return search.course_figure(list(search_courses(self.results, shown)), len(cells), words, width)
 
     @styled
-    def search_worst(self, where: Where | None = None, column: str = "two") -> Figure:
+    def search_worst(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
         cells, width = cells_and_width(self.results, where, column)
         refuse_unsearched(self.results)
@@ -203,12 +214,14 @@ class Plots:
         return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
 
     @styled
-    def sensitivity(self, where: Where | None = None, column: str = "two") -> Figure:
+    def sensitivity(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw Sobol's indices of the mean tail error, a panel per cell."""
         return parts_of_variance(self.results, "tail_mean", *cells_and_width(self.results, where, column))
 
     @styled
-    def sensitivity_unrecovered(self, where: Where | None = None, column: str = "two") -> Figure:
+    def sensitivity_unrecovered(
+        self, where: Where | None = None, column: str = "two", *, note: bool = True
+    ) -> Figure:
         """Draw Sobol's indices of the event that a lane does not recover."""
         return parts_of_variance(self.results, "unrecovered", *cells_and_width(self.results, where, column))
 
@@ -283,12 +296,19 @@ def draw_figures(
 
 
 def file_name(
-    name: str, where: Where, column: str, axes: Mapping[str, object] = NO_AXES, plain: bool = False
+    name: str,
+    where: Where,
+    column: str,
+    axes: Mapping[str, object] = NO_AXES,
+    plain: bool = False,
+    note: bool = True,
 ) -> str:
     """Return the file name of a figure, without extension; what was chosen is part of it."""
     chosen = [*axes.items(), *where.items()]
     words = [f"{key}={value}" for key, values in chosen for value in as_list(values)]
-    told = "-".join([name, *words, *["one-column"] * (column == "one"), *["plain"] * plain])
+    told = "-".join(
+        [name, *words, *["one-column"] * (column == "one"), *["plain"] * plain, *["no-note"] * (not note)]
+    )
     safe = re.sub(r"[^\w.=-]+", "_", told)
     if safe == told and len(told) <= LONGEST_FILE_NAME:
         return told

@@ -28,6 +28,7 @@ TILE_WITH_INTERVAL, TILE_ALONE = (
     (0.24, 0.17),
 )  # [in] of a tile with its interval, and without it
 LEAST_TILE = 0.2, 0.1  # [in] of a tile whose number can be read
+DIGIT_WIDTH, TILE_PAD = 0.05, 0.04  # [in] of a letter in a tile, and of what is beside its number
 LETTER_WIDTH = 0.055  # [in] of a row's name
 TITLE_ROOM, COLOUR_BAR_ROOM = 0.3, 0.35  # [in] for a panel's title, and for the scale of colours
 HATCHED_STYLE: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0}
@@ -49,6 +50,7 @@ class TileStyle(NamedTuple):
     norm: Normalize
     numbers: bool  # whether tiles have room for them, and for intervals
     intervals: bool
+    whole: bool  # whether tiles have room for the digits of tables
 
 
 def text_colour(colour: str) -> str:
@@ -95,9 +97,12 @@ def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = sty
     )
     legible, wide = (all(np.greater_equal(tile, least)) for least in (LEAST_TILE, TILE_WITH_INTERVAL))
     found: Any = tile_table(results)
-    look = TileStyle(
-        found, metric, colour_scale(metric, found[metric]), legible, wide and metric == "unrecovered"
-    )
+    intervals = wide and metric == "unrecovered"
+    scale = colour_scale(metric, found[metric])
+    shares = found["unrecovered"].reindex(tiles.cells[:shown].ravel()).dropna()
+    longest = max((len(tile_text("unrecovered", each, whole=True)) for each in shares), default=0)
+    whole = DIGIT_WIDTH * longest + TILE_PAD <= tile[0]
+    look = TileStyle(found, metric, scale, legible, intervals, whole)
     axes = quantity(tiles.column), quantity(tiles.row)
     drawn, panels = multiples.panel_grid(tiles.panels[:shown], *axes, width, height, most, margin)
     drawn.set_figheight(min(style.GREATEST_HEIGHT, drawn.get_figheight() + COLOUR_BAR_ROOM))
@@ -145,7 +150,7 @@ def write_tile(panel: Axes, place: tuple[float, float], tile: Tile, look: TileSt
     drawn: Any = {"ha": "center", "color": text_colour(to_hex(COLOUR_MAP(look.norm(value))))}
     if look.intervals:
         panel.text(*place, tile.interval, fontsize=5, va="top", **drawn)
-    words = f"{tile_text(look.metric, value)}{star}"
+    words = f"{tile_text(look.metric, value, look.whole)}{star}"
     panel.text(*place, words, fontsize=6, va="bottom" if look.intervals else "center", **drawn)
 
 

@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes as Panel
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator, MultipleLocator, NullLocator
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.naming import format_value, key_name, quantity, value_alone
+from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.statistics.axes import Axes, by_hue, geometric, numeric, on_a_scale, ordered_values, panels_of
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import Quantity
@@ -23,7 +24,14 @@ BAR_STYLE: dict[str, Any] = {"fmt": "none", "elinewidth": 0.8, "capsize": 1.5}
 MOST_BARS = 24  # values on x that have error bars; more have a band
 DODGE = 0.012  # of the axis, between neighbouring colours
 ROW_OF_HUE, ROW_OF_NAME = 0.13, 0.125  # [in] of a row for each colour, and for each line of its name
-LETTERS_OF_TICKS = 14  # of the values of x, where ticks stand at them
+MOST_VALUE_TICKS = 8  # values of x, where ticks stand at them
+TICK_GAP = 0.06  # [in] between labels of ticks
+DIGIT_OF_TICK, DOT_OF_TICK = 0.64, 0.32  # of the size of the type, the widths of letters
+PANEL_FRAME = 0.55, 0.12  # [in] beside the panels of a row, and between two of them
+ROOM_FOR_TWENTIES = 1.25  # [in] of an axis of shares with ticks at 0, 20 to 100
+TICK_ERROR = 0.02  # of a value, what the label of its tick may be off
+DIGITS_OF_TICKS = 4, 3, 2  # the first that fit
+MOVED_NOTE = "points are moved sideways to part them"
 LINES_HEIGHT = 1.6  # [in]
 LEGEND_LINE = 0.16  # [in]
 LEGEND_LETTERS_PER_INCH, HANDLE_LETTERS = 14.5, 9  # of a legend, and the width of an entry's handle
@@ -44,13 +52,15 @@ def curve_figure(
     looks = hue_looks(axes.hue, hues)
     values = ordered_values(cells, axes.x)
     groups = panels_of(cells, axes)
+    is_moved = False
     if axes.x is not None and on_a_scale(values):
+        is_moved = dodge(0, len(looks), values, geometric(values)) != (1.0, 0.0)
         drawn, shown = numbers_figure(found, axes, groups, hues, values, looks, width)
     else:
         drawn, shown = rows_figure(found, axes, groups, hues, values, looks, width)
     if axes.hue is not None:
         write_legend(drawn, key_name(axes.hue), looks, width)
-    multiples.write_note(drawn, found.notes)
+    multiples.write_note(drawn, "; ".join(filter(None, [found.notes, MOVED_NOTE * is_moved])))
     multiples.write_left_out(drawn, (shown, len(groups), "panels"), where="cells.csv")
     return drawn
 
@@ -124,9 +134,15 @@ def numbers_figure(
             draw_line(panel, found, axes.x, mine, looks[place], moved)
     panels[0].set_xscale("log" if log else "linear")
     panels[0].autoscale_view()
-    x_ticks(panels[0], values, log)
-    scale_values(panels[0].yaxis, panels[0], found, "y")
+    across = multiples.panel_columns(labels[:shown], multiples.panels_across(width))
+    x_ticks(panels[0], values, log, panel_room(width, across))
+    scale_values(panels[0].yaxis, panels[0], found, "y", LINES_HEIGHT)
     return drawn, shown
+
+
+def panel_room(width: float, across: int) -> float:
+    """Return about how wide each of so many panels in a row is [in]."""
+    return (width - PANEL_FRAME[0]) / across - PANEL_FRAME[1]
 
 
 def dodge(place: int, many: int, values: Sequence[Any], log: bool) -> tuple[float, float]:
@@ -164,11 +180,11 @@ def drawn_values(found: Quantity, cells: Sequence[Cell]) -> list[np.ndarray]:
     return columns
 
 
-def scale_values(axis: Any, panel: Panel, found: Quantity, letter: str) -> None:
-    """Set scale, ends and ticks of the axis of the quantity."""
+def scale_values(axis: Any, panel: Panel, found: Quantity, letter: str, room: float) -> None:
+    """Set scale, ends and ticks of the axis of the quantity, which has this room [in]."""
     if found.share:
         panel.set(**{f"{letter}lim": (-4, 104)})
-        axis.set_major_locator(MaxNLocator(5, steps=[2, 5, 10]))
+        axis.set_major_locator(MultipleLocator(20 if room >= ROOM_FOR_TWENTIES else 50))
         return
     known = found.values[["value", "low", "high"]].to_numpy(dtype=float)
     known = known[np.isfinite(known)]
@@ -180,17 +196,45 @@ def scale_values(axis: Any, panel: Panel, found: Quantity, letter: str) -> None:
         axis.set_major_locator(MaxNLocator(4))
 
 
-def x_ticks(panel: Panel, values: Sequence[Any], log: bool) -> None:
+def x_ticks(panel: Panel, values: Sequence[Any], log: bool, room: float) -> None:
     """Set ticks of the axis of numbers: at the values where they are few, else at round numbers."""
-    short = sum(len(format_value(value)) for value in values) <= LETTERS_OF_TICKS
-    if log and not short:
-        multiples.log_ticks(panel.xaxis)
-    elif short:
+    if len(values) <= MOST_VALUE_TICKS:
         panel.xaxis.set_major_locator(FixedLocator(values))
         panel.xaxis.set_minor_locator(NullLocator())
-        panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+        panel.xaxis.set_major_formatter(FixedFormatter(value_ticks(values, log, room)))
+    elif log:
+        multiples.log_ticks(panel.xaxis)
     else:
         panel.xaxis.set_major_locator(MaxNLocator(5))
+
+
+def value_ticks(values: Sequence[int | float], log: bool, room: float) -> list[str]:
+    """Return the labels of ticks at these values on an axis of this room [in], none over another.
+
+    The labels have as many digits as there is room for. Where two digits are too many, some are empty.
+    """
+    size = FontProperties(size=mpl.rcParams["xtick.labelsize"]).get_size_in_points() / 72
+    given = np.log(values) if log else np.asarray(values, float)
+    places = 0.9 * room * (given - given.min()) / (np.ptp(given) or 1.0)
+    fitting: list[str] = []
+    for digits in DIGITS_OF_TICKS:
+        texts = [tick_text(value, digits) for value in values]
+        shown, end = [], -np.inf
+        for place, text in zip(places, texts, strict=True):
+            half = size * (DIGIT_OF_TICK * len(text) - DOT_OF_TICK * text.count(".")) / 2
+            is_clear = place - half >= end + TICK_GAP
+            shown.append(text if is_clear else "")
+            end = place + half if is_clear else end
+        if shown == texts:
+            return texts
+        fitting = max(shown, fitting, key=lambda each: len(list(filter(None, each))))
+    return fitting
+
+
+def tick_text(value: int | float, digits: int) -> str:
+    """Return a number to so many digits, or to four where these are too few for it."""
+    short = float(f"{value:.{digits}g}")
+    return f"{short if abs(short - value) <= TICK_ERROR * abs(value) else value:.4g}"
 
 
 def rows_figure(
@@ -232,7 +276,8 @@ def rows_figure(
     panels[0].set_ylim(len(names) - 0.5, -0.5)
     if key is not None:
         panels[0].set_ylabel("")
-    scale_values(panels[0].xaxis, panels[0], found, "x")
+    across = multiples.panel_columns(labels[:shown], most)
+    scale_values(panels[0].xaxis, panels[0], found, "x", panel_room(width - margin, across))
     return drawn, shown
 
 

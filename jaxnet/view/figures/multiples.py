@@ -66,6 +66,11 @@ def write_note(drawn: Figure, words: str) -> None:
     drawn.suptitle(wrapped, x=0.01, ha="left", fontsize=7)
 
 
+def drop_note(drawn: Figure) -> None:
+    """Take the small line above all panels away, and its room."""
+    drawn.suptitle("").set_in_layout(False)
+
+
 def shared_labels(labels: Sequence[Labels]) -> Labels:
     """Return the labels that all panels share; a single panel shares none."""
     if len(labels) < 2:

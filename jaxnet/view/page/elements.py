@@ -6,11 +6,8 @@ from html import escape
 import numpy as np
 import pandas as pd
 
+from jaxnet.view.columns import is_rounding
 from jaxnet.view.text.width import four_digits
-
-# Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
-# ticks, some 1e-12 m: what is below this is arithmetic, and far below any error that a robot has.
-ROUNDING_ERROR = 1e-9
 
 
 def folded_text(name: str, text: str) -> str:
@@ -77,7 +74,6 @@ def error_text(value: float, scale: float = 1.0) -> str:
 
     An unknown scale counts as 1 m. A scale of 0 switches the test for rounding off.
     """
-    known = 1.0 if np.isnan(scale) else scale
-    if 0 < abs(value) < ROUNDING_ERROR * known:
+    if is_rounding(value, scale):
         return "0 (rounding)"
     return "∞" if value == np.inf else four_digits(value)

@@ -13,7 +13,8 @@ from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
 from jaxnet.store.results import Results
-from jaxnet.view.page.elements import ROUNDING_ERROR, error_text
+from jaxnet.view.columns import ROUNDING_ERROR
+from jaxnet.view.page.elements import error_text
 from jaxnet.view.text.width import four_digits
 
 UNSOUND_BOUND = "lyapunov_printed"  # it is false in general (theorems.md O5), so it is no bound to be tight

@@ -1,5 +1,6 @@
 """Tables for other programs: CSV with all digits, Markdown and LaTeX with four."""
 
+import itertools
 import re
 from collections.abc import Callable, Sequence
 
@@ -18,9 +19,11 @@ LATEX_ESCAPES = str.maketrans(
 )
 
 
-def in_format(columns: Sequence[Column], name: str) -> str:
-    """Return a table in the named format."""
-    return FORMAT_WRITERS[name](columns).rstrip("\n")
+def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -> str:
+    """Return a table in the named format; LaTeX has the notes as comments."""
+    first, *lines = FORMAT_WRITERS[name](columns).rstrip("\n").split("\n")
+    comments = [f"% {each}" for each in notes] if name == "latex" else []
+    return "\n".join([first, *comments, *lines])
 
 
 def columns_of(table: pd.DataFrame) -> list[Column]:
@@ -44,24 +47,65 @@ def markdown(columns: Sequence[Column]) -> str:
 
 
 def latex(columns: Sequence[Column]) -> str:
-    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a comment."""
+    r"""Return a LaTeX `tabular` of the package booktabs; what is the same in all cells is a comment.
+
+    A value of a swept key stands once where rows below it repeat it, and `\addlinespace` parts the groups of
+    the first key.
+    """
     shown, constant = split_constant(columns)
     shown = [each for each in shown if each.name != "cell"] or shown
     sides = "".join("r" if each.numeric else "l" for each in shown)
-    texts = ([latex_text(text) for text in each.texts()] for each in shown)
-    rows = [f"{' & '.join(row)} \\\\" for row in zip(*texts, strict=True)]
     head = [r"% \usepackage{booktabs}", *([f"% {constant}"] if constant else [])]
-    titles = f"{' & '.join(each.latex for each in shown)} \\\\"
+    titles = [latex_text(each.latex) if each.across else each.latex for each in shown]
     start, end = rf"\begin{{tabular}}{{{sides}}}", r"\end{tabular}"
-    return "\n".join([*head, start, r"\toprule", titles, r"\midrule", *rows, r"\bottomrule", end])
+    top = [start, r"\toprule", *spanning_titles(shown), f"{' & '.join(titles)} \\\\", r"\midrule"]
+    return "\n".join([*head, *top, *grouped_rows(shown), r"\bottomrule", end])
 
 
-def latex_text(text: str) -> str:
-    """Return a value in LaTeX; powers of ten are typeset."""
+def spanning_titles(shown: Sequence[Column]) -> list[str]:
+    """Return the line of titles above the columns of one quantity each, with its rules; none without any."""
+    runs = [(title, len(list(run))) for title, run in itertools.groupby(each.across for each in shown)]
+    if len(runs) == 1 and not runs[0][0]:
+        return []
+    entries, rules, place = [], [], 1
+    for title, width in runs:
+        entries += [rf"\multicolumn{{{width}}}{{c}}{{{title}}}"] if title else [""] * width
+        rules += [rf"\cmidrule(lr){{{place}-{place + width - 1}}}"] if title else []
+        place += width
+    return [f"{' & '.join(entries)} \\\\", " ".join(rules)]
+
+
+def grouped_rows(shown: Sequence[Column]) -> list[str]:
+    """Return the rows; all swept keys but the last have their values once, the first has space between."""
+    texts = [
+        [latex_number(text) if each.numeric else latex_text(text) for text in each.texts()] for each in shown
+    ]
+    keys = sum(1 for _ in itertools.takewhile(lambda each: each.key is not None, shown))
+    rows, before = [], None
+    for row in zip(*texts, strict=True):
+        same = 0
+        while before and same < keys - 1 and row[same] == before[same]:
+            same += 1
+        if before and keys > 1 and not same:
+            rows.append(r"\addlinespace")
+        rows.append(f"{' & '.join([''] * same + list(row[same:]))} \\\\")
+        before = row
+    return rows
+
+
+def latex_number(text: str) -> str:
+    """Return a number with its interval in LaTeX: a dash for what is not known, minus signs as such."""
+    dashed = re.sub(r"(?<!\w)-(?!\d)", "--", text)
+    return latex_text(dashed, minus="$-$")
+
+
+def latex_text(text: str, minus: str = "-") -> str:
+    """Return a value in LaTeX; powers of ten are typeset. `minus` stands before negative numbers."""
+    signed = re.sub(r"(?<![\w-])-(?=\d)", lambda _: minus, text.translate(LATEX_ESCAPES))
     return re.sub(
         r"(\d)e([-+]?)0*(\d+)",
         lambda found: rf"{found[1]}$\cdot10^{{{found[2].strip('+')}{found[3]}}}$",
-        text.translate(LATEX_ESCAPES),
+        signed,
     )
 
 

@@ -1,18 +1,21 @@
 """Output of `jaxnet fit`: the ultimate error per ā, simulated and fitted, and its bounds."""
 
 from collections.abc import Sequence
+from functools import partial
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import Curve, curves, no_magnitudes, stored_table
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
-from jaxnet.statistics.groups import Group
+from jaxnet.statistics.groups import Group, Label
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.recovery import below_greatest
 from jaxnet.store.results import Results
+from jaxnet.view.columns import without_rounding
 from jaxnet.view.text.tables import lane_title
 from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_notes, table_text, terminal_width
 
@@ -83,12 +86,20 @@ def slopes_text(results: Results) -> str:
 def group_table(
     title: str, table: pd.DataFrame, group: Group, least_wanted: Sequence[Sequence[str]], file: str
 ) -> str:
-    """Return a titled table of groups, no wider than a terminal."""
-    shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), list(group.labels), least_wanted)
+    """Return a titled table of groups, no wider than a terminal; swept values read as in `show`."""
+    names = {key: quantity(key) for key in group.labels}
+    worded: Any = table.assign(**{key: table[key].map(partial(shown_label, key)) for key in names})
+    named = worded.rename(columns=names).head(MOST_ROWS)
+    shown, left_out, is_cut = fit_terminal(named, list(names.values()), least_wanted)
     lines = [fill(title, terminal_width()), table_text(shown)]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more lines; all are in {file}")
     return "\n".join([*lines, *table_notes(left_out, is_cut, file)])
+
+
+def shown_label(key: str, label: Label) -> Label:
+    """Return a swept value as tables show it: text in words, numbers as they are."""
+    return value_alone(key, label) if isinstance(label, str) else label
 
 
 def power_exponent(fits: pd.DataFrame, metric: str) -> tuple[float, float, float] | None:
@@ -101,7 +112,7 @@ def slope_interval_text(found: tuple[float, float, float] | None) -> str:
     """Return an estimate with its interval, or a dash for None."""
     if found is None:
         return "-"
-    estimate, low, high = found
+    estimate, low, high = (without_rounding(each, 1.0) for each in found)
     if not np.isfinite(low):
         return f"{estimate:.4g}"
     return (
@@ -120,7 +131,7 @@ def bound_ratios(results: Results) -> pd.DataFrame:
 def group_ratios(curve: Curve) -> dict[str, float]:
     """Return the worst error per ā of a group, and the ratio of each bound to it."""
     over = curve.worst if curve.worst > LEAST_UNRECOVERED else np.nan
-    return {"worst error / ā": curve.worst} | {
+    return {"worst error / ā": without_rounding(curve.worst, 1.0)} | {
         name: curve.slope(*bound) / over for name, bound in BOUND_COLUMNS.items()
     }
 

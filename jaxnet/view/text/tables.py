@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Sequential
-from jaxnet.model.wording import cells_named
+from jaxnet.config.keys import Config, Sequential
+from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
@@ -34,6 +34,7 @@ from jaxnet.view.text.width import (
 )
 
 MOST_FAILURES = 20
+SHARE_NAME = "unrecovered"
 FAILURE_REASONS = {
     "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
@@ -51,50 +52,90 @@ class LaneRow(Protocol):
 
 
 def summary_text(
-    results: Results, names: Sequence[str] = (), where: Where | None = None, sort: str | None = None
+    results: Results,
+    names: Sequence[str] = (),
+    where: Where | None = None,
+    sort: str | None = None,
+    pivot: str | None = None,
+    most: int | None = MOST_ROWS,
 ) -> str:
     """Return the summary table with notes, as many columns as the terminal holds.
 
-    `names`, `where` and `sort` are as for `columns.summary_columns`.
+    `names`, `where` and `sort` are as for `columns.summary_columns`, `pivot` is the key of
+    `columns.pivoted`. The table has `most` rows at most, None for all.
     """
-    whole = columns.summary_columns(results, names, where, sort)
+    asked = asked_columns(results, names, where, sort, pivot)
+    whole = columns.pivoted(asked, pivot) if pivot else asked
     varied, constant = columns.split_constant(whole)
-    swept = 1 + sum(each.key is not None for each in varied)
-    shown, text, is_cut = fit_columns(varied, swept)
-    lines, count = [text], len(whole[0].values)
-    if count > MOST_ROWS:
-        lines.append(f"… {count - MOST_ROWS} more cells in {results.path / 'cells.csv'}")
+    fitting, text, is_cut = fit_columns(varied, most)
+    lines, rows = [text], len(whole[0].values)
+    shown = [each for each in asked if each.key is None] if pivot else fitting
+    if not any(each.ends for each in fitting):
+        shown = [each._replace(ends=None) for each in shown]
+    if most is not None and rows > most:
+        lines.append(f"… {rows - most} more rows: `show --all` has all, `show --where KEY=VALUE` some")
+        shown = shown if pivot else [first_rows(each, most) for each in shown]
     lines += [fill(each, terminal_width()) for each in [constant, *summary_notes(results, shown)] if each]
-    left_out = [each.title for each in varied if each not in shown]
-    return "\n".join([*lines, *table_notes(left_out, is_cut, "cells.csv")])
+    return "\n".join([*lines, *table_notes(left_out_titles(varied, fitting), is_cut, "cells.csv")])
 
 
-def fit_columns(whole: Sequence[Column], first: int) -> tuple[list[Column], str, bool]:
+def asked_columns(
+    results: Results, names: Sequence[str], where: Where | None, sort: str | None, pivot: str | None
+) -> list[Column]:
+    """Return the columns of the summary; without names, a pivoted one has the first quantity alone."""
+    found = columns.summary_columns(results, names, where, sort)
+    if pivot is None or names:
+        return found
+    quantities = [each.name for each in found[1:] if each.key is None]
+    return [each for each in found if each.name not in quantities[1:]]
+
+
+def first_rows(column: Column, most: int) -> Column:
+    """Return the first rows of a column."""
+    ends = column.ends and (column.ends[0][:most], column.ends[1][:most])
+    return column._replace(values=column.values[:most], ends=ends, sizes=column.sizes and column.sizes[:most])
+
+
+def left_out_titles(varied: Sequence[Column], shown: Sequence[Column]) -> list[str]:
+    """Return the titles of the columns that are not shown, and of those shown without their intervals."""
+    there = {each.name: each for each in shown}
+    bare = [each.title for each in varied if each.ends and each.name in there and not there[each.name].ends]
+    lost = [each.title for each in varied if each.name not in there]
+    which = "all intervals" if not any(each.ends for each in shown) else f"intervals of {', '.join(bare)}"
+    return [*[which] * bool(bare), *lost]
+
+
+def fit_columns(whole: Sequence[Column], most: int | None) -> tuple[list[Column], str, bool]:
     """Return the columns that fit the terminal, as text, and whether labels were cut.
 
-    Beside the `first` columns, which are labels, one quantity keeps its interval. The others lose theirs,
-    then the last columns go. Then long labels lose their ends. Finally label columns go, from the last on.
+    Beside the number of the cell and the labels, the first quantity keeps its interval. The others lose
+    theirs, then the last columns go; pivoted quantities lose theirs together. Then long labels lose their
+    ends. Finally label columns go, from the last on.
     """
+    numbered = whole[0].name == "cell"
+    first = numbered + sum(each.key is not None for each in whole)
     kept = list(whole)
-    shown = [lettered(each, True) for each in kept]
+    shown = [lettered(each, most) for each in kept]
     if text_width(shown) > terminal_width():
-        shown = [lettered(each, place <= first) for place, each in enumerate(kept)]
+        intervals = first + (not any(each.across for each in whole))
+        kept = [each if place < intervals else each._replace(ends=None) for place, each in enumerate(kept)]
+        shown = [lettered(each, most) for each in kept]
     while text_width(shown) > terminal_width() and len(shown) > first + 1:
         del kept[-1], shown[-1]
     is_cut = False
     for room in LABEL_LENGTHS:
         if text_width(shown) > terminal_width():
             is_cut = True
-            shown[1:first] = [cut_column(each, room) for each in shown[1:first]]
+            shown[numbered:first] = [cut_column(each, room) for each in shown[numbered:first]]
     while text_width(shown) > terminal_width() and first > 1:
         first -= 1
         del kept[first], shown[first]
     return kept, lettered_text(shown), is_cut
 
 
-def lettered(column: Column, intervals: bool) -> Lettered:
-    """Return a column of the summary as text."""
-    return Lettered(column.title, column.texts(intervals)[:MOST_ROWS], column.numeric)
+def lettered(column: Column, most: int | None) -> Lettered:
+    """Return the first rows of a column of the summary as text."""
+    return Lettered(column.title, column.texts()[:most], column.numeric)
 
 
 def cut_column(column: Lettered, room: int) -> Lettered:
@@ -112,11 +153,7 @@ def text_width(shown: Sequence[Lettered]) -> int:
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """Return what the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names = results.study.config, {each.name for each in shown}
-    notes = []
-    if any(each.ends is not None for each in shown):
-        sure = 100 * confidence_told(config.samples)
-        notes.append(f"[low, high]: {sure:g} % intervals, of a mean over {interval_basis(config)}")
-        notes += blank_interval_lines(results) if "tail_mean_mean" in names else []
+    notes = [*interval_lines(config, shown), *missing_end_lines(shown)]
     if "unrecovered" in names and config.recovery is not None:
         notes.append(f"unrecovered: {recovery.criterion_words(config.recovery)}")
     if "amplitude" in names:
@@ -124,6 +161,20 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     if "tail_max_max" in names:
         notes += greatest_lines(results)
     return notes + caveat_lines(results.study.cells)
+
+
+def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
+    """Return a note on the intervals of shares, and one on those of means, where these are shown."""
+    sure = f"{100 * confidence_told(config.samples):g} %"
+    shares = [each for each in shown if each.ends and each.name == SHARE_NAME]
+    means = [each.title.partition(" [")[0] for each in shown if each.ends and each.name != SHARE_NAME]
+    exact = "exact binomial " if config.draws == "random" else "binomial "
+    at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
+    told = [f"[low, high] of {SHARE_NAME}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(
+        shares
+    )
+    basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
+    return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
 
 
 def greatest_lines(results: Results) -> list[str]:
@@ -136,12 +187,29 @@ def greatest_lines(results: Results) -> list[str]:
     return [f"{words} lanes of a cell are over it"]
 
 
-def blank_interval_lines(results: Results) -> list[str]:
-    """Return a note on cells whose mean has no complete interval, if there are any."""
-    cells: Any = results.cells
-    blank = cells["tail_mean_mean"].notna() & cells[["tail_mean_low", "tail_mean_high"]].isna().any(axis=1)
-    where = cells.index[blank].tolist()
-    return [f"{NO_MEAN_INTERVAL}: {cells_named(where)}"] if where else []
+def missing_end_lines(shown: Sequence[Column]) -> list[str]:
+    """Return a note on cells whose mean has no complete interval, if the table shows such a mean."""
+    numbers = next((each.values for each in shown if each.name == "cell"), [])
+    where = {
+        number
+        for each in shown
+        if each.ends and each.name != SHARE_NAME
+        for number, value, *ends in zip(numbers, each.values, *each.ends, strict=True)
+        if not np.isnan(value) and np.isnan(ends).any()
+    }
+    if not where:
+        return []
+    return [f"{NO_MEAN_INTERVAL}: {cells_named(sorted(where))}"]
+
+
+def setting_note(results: Results) -> str:
+    """Return samples, horizon and tail of a study, for a table that leaves the folder."""
+    study = results.study
+    samples = f"{count(results.manifest['samples'], 'lane')} a cell"
+    horizons = sorted({cell.scenario.horizon for cell in study.cells})
+    tails = sorted({cell.scenario.tail for cell in study.cells})
+    told = (" or ".join(f"{each:g}" for each in values) for values in (horizons, tails))
+    return "{}; horizon {} s, of which the tail is the last {} s".format(samples, *told)
 
 
 def caveat_lines(cells: Sequence[Cell]) -> list[str]:
