@@ -134,8 +134,13 @@ def settle_gain(scenario: AnyScenario) -> AnyScenario:
 
 
 def settle_vehicles(scenario: AnyScenario) -> AnyScenario:
-    """Return the scenario with as many vehicles as its network has, if the network has a number."""
-    size = scenario.topology.size()
+    """Return the scenario with as many vehicles as its network has, if the network has a number.
+
+    A network whose code is missing keeps the number that was stored.
+    """
+    size = None
+    with contextlib.suppress(KindError):
+        size = scenario.topology.size()
     fits = size is not None and 1 <= size <= LARGEST_FLEET and size != scenario.vehicles
     return scenario.model_copy(update={"vehicles": size}) if fits else scenario
 

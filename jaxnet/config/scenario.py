@@ -33,14 +33,14 @@ class Situation(NamedTuple):
 
 def situation_of(scenario: Scenario) -> Situation:
     """Return the situation of a scenario at the start."""
-    graph = graph_of(scenario)
+    graph = scenario_graph(scenario)
     trusted = scenario.defence.trusts(graph)
     attacked = scenario.attack.attacked_links(graph)
     retained = scenario.defence.retained(graph, trusted) if is_ideal(scenario) else None
     return Situation(graph, attacked, trusted, retained)
 
 
-def graph_of(scenario: Scenario) -> Digraph:
+def scenario_graph(scenario: Scenario) -> Digraph:
     """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
     graph = scenario.topology.normalised(scenario.vehicles)
     return graph if scenario.navigator.present else normalised(without_navigator(graph))

@@ -10,7 +10,6 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
-from jaxnet.engine.methods.nonlinear import Nonlinear
 from jaxnet.kinds import registry
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.model import hearing
@@ -110,7 +109,8 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
 
 def other_engine(cell: Cell) -> str | None:
     """Return the nonlinear engine, which checks an answer, or None where it cannot move the vehicles."""
-    return "nonlinear" if cell.scenario.vehicle.order in Nonlinear.orders else None
+    orders = registry.find("engine", "nonlinear").orders
+    return "nonlinear" if cell.scenario.vehicle.order in orders else None
 
 
 def with_engine(cell: Cell, engine: str | None) -> Cell:

@@ -473,7 +473,7 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
             yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
-def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
+def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int = 3) -> np.ndarray:
     """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
     A vehicle of an order r hears derivatives up to r.

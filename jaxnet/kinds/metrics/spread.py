@@ -6,7 +6,7 @@ from jaxnet.kinds.shapes import VehicleNumbers
 from jaxnet.model.plane import length
 
 
-def farthest(seen: FleetView) -> VehicleNumbers:
+def farthest_honest(seen: FleetView) -> VehicleNumbers:
     """Return the distance [m] of each vehicle to the farthest other one, (m, lanes), attacked ones aside."""
     xp, honest = seen.error.__array_namespace__(), ~seen.attacked
     apart = length(seen.error[:, :, None] - seen.error[:, None])
@@ -14,5 +14,11 @@ def farthest(seen: FleetView) -> VehicleNumbers:
 
 
 SPREAD = Metric(
-    "spread", "m", farthest, "tail", "max", "max", "greatest distance of two vehicles that are not attacked"
+    "spread",
+    "m",
+    farthest_honest,
+    "tail",
+    "max",
+    "max",
+    "greatest distance of two vehicles that are not attacked",
 )

@@ -13,10 +13,10 @@ from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
     Situation,
     attacked_draws,
-    graph_of,
     is_ideal,
     safe_in,
     safe_in_all,
+    scenario_graph,
     situation_of,
 )
 from jaxnet.config.study import Study
@@ -180,7 +180,7 @@ class NetworkKeys:
         by = id(topology), vehicles, id(navigator), id(defence)  # objects that the cells hold
         if by not in self.known:
             if by[:3] not in self.graphs:
-                self.graphs[by[:3]] = graph_of(scenario)
+                self.graphs[by[:3]] = scenario_graph(scenario)
             graph = self.graphs[by[:3]]
             links = graph.edges()
             network = links[0], *(each[links] for each in (*graph, defence.trusts(graph)))
