@@ -171,7 +171,7 @@ KINDS = [
     Bad(
         "→navigator: circle",
         "navigator|navigator.kind",
-        'one of lissajous, none, or module:Class (got "circle")',
+        "one of lissajous, none, or module",
     ),
     Bad("navigator: {→amplitude: 3}", "navigator.amplitude", "must be a list (got 3)"),
     Bad("navigator: {→phase: [0, 0, 0]}", "navigator.phase", "2 entries (got [0, 0, 0])"),
@@ -433,7 +433,7 @@ GRAPHS = [
         "the graph has 2 vehicles (got 9)",
     ),
     Bad("topology: {kind: file, path: a, content: {→a: b}}", "topology.content.a", "must be edges i,j,w"),
-    Bad("topology: figure1", "attack.vehicles", "vehicles are 1 to 5 (got 8, 11)"),
+    Bad("attack: {→vehicles: [2, 8]}\ntopology: figure1", "attack.vehicles", "are 1 to 5 (got 8)"),
     Bad("→vehicles: 12\ntopology: figure1", "vehicles", "figure1 has 5 vehicles (got 12)"),
     Bad("attack: none\n→vehicles: 2", "vehicles", "at least 3 vehicles (got 2)"),
 ]
@@ -579,7 +579,7 @@ SWEEPS = [
         "topology.navigator_weight",
         "must be at most 1 (got 7), in cell 1",
     ),
-    Bad("sweep: {topology: [star, figure1]}", "attack.vehicles", "in cell 1 (topology=figure1)"),
+    Bad("attack: {→vehicles: [8]}\nsweep: {topology: [star, figure1]}", "attack.vehicles", "in cell 1 (top"),
     Bad("sweep: {gain: [[1, 3, 3], →[1, 0.1, 0.1]]}", "gain", "0.45+0.893j"),
     Bad("sweep: {attack.vehicles: [[2], →[13]]}", "attack.vehicles", "(got 13), in cell 1"),
     Bad("sweep: {→tail: {linspace: [5, 35, 2]}}", "tail", "must fit into horizon = 30 (got 35)"),

@@ -20,6 +20,7 @@ from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
 from jaxnet.store.folder import FolderError
+from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 COUNTS = ("ok", "failed", "lanes")
@@ -172,7 +173,8 @@ def summary_columns(
     if not names and (reduced := reduced_amplitudes(cells)):
         swept.append(amplitude_column(cells, reduced))
     found = [statistic_column(each, rows, study) for each in wanted if each not in keys]
-    sizes = cell_magnitudes(results)[numbers.values].tolist()
+    sizes = known_or(np.full(len(results.study.cells), np.nan), lambda: cell_magnitudes(results))
+    sizes = sizes[numbers.values].tolist()
     return [
         numbers,
         *swept,
