@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jaxnet.model.graph import of_matrix
-from jaxnet.theory.robustness import leader_robustness, percolated_vehicles, robustness
+from jaxnet.theory.robustness import leader_robustness, pairs, percolated_vehicles, robustness
 from tests.matrices import slotwise
 
 
@@ -121,10 +121,7 @@ PUBLISHED = json.loads((Path(__file__).parent / "published_robustness.json").rea
 @pytest.mark.parametrize("published", PUBLISHED, ids=lambda each: each["name"])
 def test_published_graphs_are_as_robust_as_claimed(published):
     """The greatest s for each r, by brute force of another program, and the source's own claims."""
-    heard = np.zeros((published["nodes"], published["nodes"]), bool)
-    listeners, sources = np.array(published["hears"]).T - 1
-    heard[listeners, sources] = True
-    found = robustness(heard)
+    found = pairs(published["hears"], published["nodes"])
     assert found == published["greatest_s_for_r"]
     claims = published["claims"]
     if claims == "exactly 1-robust":
@@ -133,6 +130,34 @@ def test_published_graphs_are_as_robust_as_claimed(published):
     for r, s in re.findall(r"\((\d),(\d)\)", claims):
         holds = len(found) >= int(r) and found[int(r) - 1] >= int(s)
         assert holds != claims.startswith("not")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pairs_are_links_from_one_in_any_order(seed):
+    """A pair that stands twice is one link; NumPy's numbers are numbers."""
+    heard = digraph(seed)
+    hears = np.random.default_rng(seed).permutation(np.argwhere(heard) + 1)
+    assert pairs(hears, len(heard)) == pairs([*hears.tolist()] * 2, len(heard)) == robustness(heard)
+
+
+@pytest.mark.parametrize(
+    ("hears", "nodes", "words"),
+    [
+        ([[1, 2], [1, 4]], 3, "hears[1]: must be [listener, source], two nodes from 1 to 3 (got [1, 4])"),
+        ([[0, 1]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [0, 1])"),
+        ([[1, 2, 3]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2, 3])"),
+        ([[1, 2.0]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2.0])"),
+        ([[True, 2]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [True, 2])"),
+        (["12"], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got '12')"),
+        ([3], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got 3)"),
+        ([[2, 2]], 3, "hears[0]: node 2 hears itself"),
+        ([], 0, "nodes: must be at least 1 (got 0)"),
+        ([], 17, "nodes: must be at most 16 (got 17); larger: robustness_bracket"),
+    ],
+)
+def test_a_wrong_pair_is_named(hears, nodes, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        pairs(hears, nodes)
 
 
 @pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 13) for k in range(1, n)])
