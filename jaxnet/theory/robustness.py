@@ -213,8 +213,8 @@ def percolated_nodes(
     """Return the nodes that bootstrap percolation from leaders reaches, with no leader trusted by default.
 
     A node is reached if it hears 2F + 1 reached nodes. At most F of them are attackers if attackers are
-    F-local, so the honest ones are the majority. If percolation without trust reaches every node, the digraph is
-    strongly (2F + 1)-robust with respect to the leaders (Usevitch and Panagou, 2020).
+    F-local, so the honest ones are the majority. Percolation without trust reaches every node if and only if
+    the digraph is strongly (2F + 1)-robust with respect to the leaders (Usevitch and Panagou, 2020).
 
     Parameters
     ----------
