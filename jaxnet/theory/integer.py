@@ -17,10 +17,10 @@ from jaxnet.theory.robustness import most_local
 
 MOST_PROGRAMMED = 200  # nodes in a program; of a larger digraph, no program ends in some seconds
 INFEASIBLE = 2  # SciPy's status
-ROUNDING = 1e-6  # tolerance of the solver's bounds, which are whole numbers
+SOLVER_TOLERANCE = 1e-6  # tolerance of the solver's bounds, which are whole numbers
 
 Heard = Bool[np.ndarray, "n n"]  # entry (i, j): node i hears node j
-Rows = tuple[Any, Any, Any]  # matrix of constraints with lower and upper limits
+Constraint = tuple[Any, Any, Any]  # matrix of constraints with lower and upper limits
 
 
 class RobustnessBracket(NamedTuple):
@@ -56,6 +56,16 @@ def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
     that any node of the two sets hears. Bounds by the in-degree come first. Half of the time goes to the
     minimisation of r, and the rest to proofs for r = low + 1, low + 2, ….
 
+    Times to equal bounds, measured with SciPy 1.17 on two cores:
+
+    - Random digraphs of 20 nodes, a link with probability 0.3 or 0.5: 0.1 to 0.5 s.
+    - 30 nodes, probability 0.2: 0.1 to 0.5 s; 24 nodes, probability 0.5: 2 to 5 s.
+    - 30 nodes, probability 0.5: 3 to 20 s, and once over 60 s; 40 nodes, probability 0.2: 0.2 to 1 s.
+    - Each node hears the 6 before it: 0.3 s for 30 nodes, 6 s for 100.
+    - 60 nodes, probability 0.2: still 5 to 7 after 20 s; probability 0.5: still 11 to 18.
+
+    HiGHS may exceed a time limit of 2 s by 1 s, for 150 nodes or more.
+
     Parameters
     ----------
     heard : array of bool, shape (n, n)
@@ -73,7 +83,7 @@ def robustness_bracket(heard: Heard, seconds: float) -> RobustnessBracket:
     >>> from jaxnet.theory.integer import robustness_bracket
     >>> from jaxnet.theory.robustness import heard_matrix
     >>> ring = [[i, (i + step) % 20 + 1] for i in range(1, 21) for step in range(4)]  # node i hears 4 nodes
-    >>> robustness_bracket(heard_matrix(ring, 20), seconds=60)
+    >>> robustness_bracket(heard_matrix(ring, 20), seconds=60.0)
     RobustnessBracket(low=2, high=2)
     """
     end, found = monotonic() + seconds, degree_bracket(heard)
@@ -117,7 +127,7 @@ def minimised(heard: Heard, known: RobustnessBracket, seconds: float) -> Robustn
     found = solve(cost, [(rows, -np.inf, np.tile(slack - degrees, 2)), *two_sets(n, 1)], known, seconds)
     if found is None:
         return known
-    high = known.high if found.x is None else min(known.high, most_outside(heard, sets_of(found.x, n)))
+    high = known.high if found.x is None else min(known.high, most_outside(heard, both_sets(found.x, n)))
     return RobustnessBracket(min(high, max(known.low, proved(found))), high)
 
 
@@ -146,7 +156,7 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
     >>> from jaxnet.theory.integer import s_bracket
     >>> from jaxnet.theory.robustness import heard_matrix
     >>> ring = [[i, (i + step) % 20 + 1] for i in range(1, 21) for step in range(4)]  # node i hears 4 nodes
-    >>> s_bracket(heard_matrix(ring, 20), r=2, seconds=60)
+    >>> s_bracket(heard_matrix(ring, 20), r=2, seconds=60.0)
     RobustnessBracket(low=6, high=6)
     """
     n = len(heard)
@@ -155,7 +165,7 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
         return RobustnessBracket(0, n)
     if found.status == INFEASIBLE:
         return RobustnessBracket(n, n)
-    high = n if found.x is None else reachable(heard, sets_of(found.x, n), r)
+    high = n if found.x is None else reachable(heard, both_sets(found.x, n), r)
     return RobustnessBracket(min(high, max(0, proved(found))), high)
 
 
@@ -198,7 +208,7 @@ def violation(heard: Heard, r: int, most: int, cost: Any, seconds: float) -> Any
     return solve(cost, [*rows, *two_sets(n, 2 * n)], RobustnessBracket(0, 1), seconds)
 
 
-def two_sets(n: int, more: int) -> list[Rows]:
+def two_sets(n: int, more: int) -> list[Constraint]:
     """Return constraints that two sets are disjoint and nonempty, and the first is not the larger one.
 
     `more` is the number of further variables.
@@ -215,7 +225,7 @@ def twice(block: Float[np.ndarray, "n n"] | Any) -> Any:
     return sparse.block_diag([sparse.csr_array(block)] * 2)
 
 
-def solve(cost: Any, rows: Sequence[Rows], last: RobustnessBracket, seconds: float) -> Any:
+def solve(cost: Any, rows: Sequence[Constraint], last: RobustnessBracket, seconds: float) -> Any:
     """Return SciPy's result for a program with binary variables, or None if no time is left.
 
     The last variable is a whole number within the bounds `last`.
@@ -234,10 +244,10 @@ def solve(cost: Any, rows: Sequence[Rows], last: RobustnessBracket, seconds: flo
 def proved(found: Any) -> int:
     """Return the solver's lower bound on a minimum, as a whole number; 0 if the solver has none."""
     bound = found.mip_dual_bound
-    return 0 if bound is None or not np.isfinite(bound) else int(np.ceil(bound - ROUNDING))
+    return 0 if bound is None or not np.isfinite(bound) else int(np.ceil(bound - SOLVER_TOLERANCE))
 
 
-def sets_of(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2 n"]:
+def both_sets(x: Float[np.ndarray, " variables"], n: int) -> Bool[np.ndarray, "2 n"]:
     """Return the two sets of a solution."""
     return x[: 2 * n].reshape(2, n) > 0.5
 
