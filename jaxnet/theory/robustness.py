@@ -2,16 +2,113 @@
 
 Sources: LeBlanc, Zhang, Koutsoukos and Sundaram, Resilient asymptotic consensus in robust networks, 2013, for
 (r, s)-robustness; Usevitch and Panagou, Resilient leader-follower consensus to arbitrary reference values in
-time-varying graphs, 2020, for strong r-robustness with respect to leaders.
+time-varying graphs, 2020, for strong r-robustness with respect to leaders. `integer` treats larger graphs.
 """
+
+from collections.abc import Iterable
+from numbers import Integral
 
 import numpy as np
 from jaxtyping import Bool
 
-from jaxnet.model.graph import Digraph, Links
+from jaxnet.model.graph import Digraph, Links, dense, of_links
 from jaxnet.model.safety import Nodes, Vehicles, percolate
 
 MOST_NODES = 16  # in a graph whose subsets are all enumerated
+
+
+def pairs(hears: Iterable[object], nodes: int) -> list[int]:
+    """Return, for r = 1, 2, …, the greatest s for which a digraph is (r, s)-robust, while s > 0.
+
+    Consider any two disjoint nonempty sets of nodes. A node of a set is r-reachable if it hears at least r
+    nodes outside its set. The digraph is (r, s)-robust if at least one of three conditions holds for the two
+    sets (LeBlanc et al., 2013):
+
+    - Every node of the first set is r-reachable.
+    - Every node of the second set is r-reachable.
+    - The two sets together contain at least s r-reachable nodes.
+
+    The digraph is r-robust if it is (r, 1)-robust. The result is exact, by enumeration of all sets.
+
+    Parameters
+    ----------
+    hears : list of [int, int]
+        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
+    nodes : int
+        The number of nodes, from 1 to 16.
+
+    Returns
+    -------
+    list of int
+        The greatest s, at place r - 1. Its length is the greatest r for which the digraph is r-robust.
+
+    Raises
+    ------
+    ValueError
+        If `nodes` is not from 1 to 16, or if a pair is not of two different nodes.
+
+    Examples
+    --------
+    >>> from jaxnet.theory.robustness import pairs
+    >>> pairs([[1, 2], [2, 3], [3, 1]], nodes=3)  # a directed ring
+    [3]
+    >>> pairs([[i, j] for i in range(1, 6) for j in range(1, 6) if i != j], nodes=5)  # a complete graph
+    [5, 5, 5]
+    """
+    heard = heard_matrix(hears, nodes)
+    if nodes > MOST_NODES:
+        raise ValueError(f"nodes: must be at most {MOST_NODES} (got {nodes}); larger: robustness_bracket")
+    return robustness(heard)
+
+
+def heard_matrix(hears: Iterable[object], nodes: int) -> Bool[np.ndarray, "n n"]:
+    """Return the matrix of a digraph: entry (i - 1, j - 1) tells whether node i hears node j.
+
+    Parameters
+    ----------
+    hears : list of [int, int]
+        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
+    nodes : int
+        The number of nodes.
+
+    Returns
+    -------
+    array of bool, shape (nodes, nodes)
+        A row lists the sources of a node.
+
+    Raises
+    ------
+    ValueError
+        If `nodes` is less than 1, or if a pair is not of two different nodes.
+
+    Examples
+    --------
+    >>> from jaxnet.theory.robustness import heard_matrix
+    >>> heard_matrix([[1, 2], [2, 3]], nodes=3).astype(int).tolist()
+    [[0, 1, 0], [0, 0, 1], [0, 0, 0]]
+    """
+    if nodes < 1:
+        raise ValueError(f"nodes: must be at least 1 (got {nodes})")
+    heard = np.zeros((nodes, nodes), bool)
+    for place, pair in enumerate(hears):
+        i, j = checked_pair(pair, nodes, f"hears[{place}]")
+        heard[i - 1, j - 1] = True
+    return heard
+
+
+def checked_pair(pair: object, nodes: int, where: str) -> tuple[int, int]:
+    """Return listener and source of a pair, or raise ValueError with the pair and its place."""
+    ends = tuple(pair) if isinstance(pair, Iterable) else ()
+    if len(ends) != 2 or not all(is_node(end, nodes) for end in ends):
+        raise ValueError(f"{where}: must be [listener, source], two nodes from 1 to {nodes} (got {pair!r})")
+    if ends[0] == ends[1]:
+        raise ValueError(f"{where}: node {ends[0]} hears itself")
+    return int(ends[0]), int(ends[1])
+
+
+def is_node(value: object, nodes: int) -> bool:
+    """Return whether a value is a whole number, of Python or NumPy, from 1 to the number of nodes."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and 1 <= int(value) <= nodes
 
 
 def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
@@ -38,6 +135,24 @@ def robustness(heard: Bool[np.ndarray, "n n"]) -> list[int]:
     return found
 
 
+def most_local(r: int) -> int:
+    """Return the greatest F for which r-robustness is enough for W-MSR with F-local attackers, -1 for none.
+
+    The digraph must be (2F + 1)-robust, which is sufficient. Each vehicle hears at most F attackers, and they
+    tell all their listeners alike.
+    """
+    return (r - 1) // 2
+
+
+def most_total(found: list[int]) -> int:
+    """Return the greatest F for which W-MSR tolerates F-total attackers, -1 for none.
+
+    `found` has the greatest s for each r. The digraph must be (F + 1, F + 1)-robust, which is necessary and
+    sufficient. There are at most F attackers, and they tell all their listeners alike.
+    """
+    return max((r for r, s in enumerate(found, 1) if s >= r), default=0) - 1
+
+
 def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
     """Return the greatest r for which a graph of any size is strongly r-robust with respect to leaders.
 
@@ -50,9 +165,125 @@ def leader_robustness(graph: Digraph, leaders: Nodes) -> int:
     return r
 
 
-def percolated_vehicles(graph: Digraph, trusted: Links, leaders: Nodes) -> Vehicles:
-    """Return the leaders and the vehicles that percolation from them reaches despite one liar, F = 1.
+def strong_robustness(hears: Iterable[object], nodes: int, leaders: Iterable[object]) -> int:
+    """Return the greatest r for which a digraph is strongly r-robust with respect to leaders.
 
-    A vehicle is reached if it hears 2F + 1 reached vehicles or trusts F + 1 of them.
+    Every nonempty set of nodes without leaders must contain a node that hears at least r nodes outside the
+    set (Usevitch and Panagou, 2020). Percolation with threshold r decides this, for any number of nodes.
+
+    Parameters
+    ----------
+    hears : list of [int, int]
+        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
+    nodes : int
+        The number of nodes.
+    leaders : list of int
+        The leaders. At least one node must be no leader.
+
+    Returns
+    -------
+    int
+        The greatest r. Followers with W-MSR follow the leaders despite F-local attackers, leaders among them,
+        if r ≥ 2F + 1.
+
+    Raises
+    ------
+    ValueError
+        If a pair is not of two different nodes, a leader is no node, or every node is a leader.
+
+    Examples
+    --------
+    >>> from jaxnet.theory.robustness import strong_robustness
+    >>> strong_robustness([[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4]], nodes=5, leaders=[1, 2, 3])
+    3
     """
-    return percolate(graph, np.where(trusted, 3, 2), np.full(graph.vehicles, 6), leaders)[1:]
+    network, seeds = led_digraph(hears, nodes, leaders)
+    if seeds.all():
+        raise ValueError("leaders: at least one node must be no leader")
+    return leader_robustness(network, seeds)
+
+
+def percolated_nodes(
+    hears: Iterable[object],
+    nodes: int,
+    leaders: Iterable[object],
+    F: int,
+    trusted: Iterable[object] = (),
+) -> list[int]:
+    """Return the nodes that bootstrap percolation from leaders reaches, with no leader trusted by default.
+
+    A node is reached if it hears 2F + 1 reached nodes. At most F of them are attackers if attackers are
+    F-local, so the honest ones are the majority. Percolation without trust reaches every node if and only if
+    the digraph is strongly (2F + 1)-robust with respect to the leaders (Usevitch and Panagou, 2020).
+
+    Parameters
+    ----------
+    hears : list of [int, int]
+        The links: [i, j] means "node i hears node j". Nodes have numbers from 1.
+    nodes : int
+        The number of nodes.
+    leaders : list of int
+        The nodes from which percolation starts.
+    F : int
+        The greatest number of attackers that a node hears.
+    trusted : list of [int, int], optional
+        The links whose listener trusts the source. F + 1 reached trusted sources reach a node, too: a link
+        counts 1 / (2F + 1), a trusted link 1 / (F + 1).
+
+    Returns
+    -------
+    list of int
+        The reached nodes, with the leaders.
+
+    Raises
+    ------
+    ValueError
+        If a pair is not of two different nodes, a leader is no node, F is negative, or a trusted pair is no
+        link.
+
+    Examples
+    --------
+    >>> from jaxnet.theory.robustness import percolated_nodes
+    >>> hears = [[4, 1], [4, 2], [4, 3], [5, 2], [5, 3], [5, 4], [6, 4], [6, 5]]
+    >>> percolated_nodes(hears, nodes=6, leaders=[1, 2, 3], F=1)
+    [1, 2, 3, 4, 5]
+    >>> percolated_nodes(hears, nodes=6, leaders=[1, 2, 3], F=1, trusted=[[6, 4], [6, 5]])
+    [1, 2, 3, 4, 5, 6]
+    """
+    if F < 0:
+        raise ValueError(f"F: must be at least 0 (got {F})")
+    network, seeds = led_digraph(hears, nodes, leaders)
+    marks = trusted_matrix(trusted, dense(network)[:, 1:] > 0)
+    slots = marks[np.arange(nodes)[:, None], network.sources - 1]
+    reached = percolated_vehicles(network, slots & network.heard, seeds, F)
+    return [int(node) for node in np.flatnonzero(reached) + 1]
+
+
+def led_digraph(hears: Iterable[object], nodes: int, leaders: Iterable[object]) -> tuple[Digraph, Nodes]:
+    """Return the graph of pairs and the flags of its leaders; nobody hears the navigator, a leader too."""
+    seeds = np.arange(nodes + 1) == 0
+    for leader in leaders:
+        if not is_node(leader, nodes):
+            raise ValueError(f"leaders: must be nodes from 1 to {nodes} (got {leader!r})")
+        seeds[leader] = True
+    listeners, sources = np.nonzero(heard_matrix(hears, nodes))
+    return of_links(nodes, listeners, sources + 1), seeds
+
+
+def trusted_matrix(trusted: Iterable[object], heard: Bool[np.ndarray, "n n"]) -> Bool[np.ndarray, "n n"]:
+    """Return the matrix of trusted pairs, or raise ValueError if one is no link."""
+    marks = heard_matrix(trusted, len(heard))
+    for i, j in np.argwhere(marks & ~heard).tolist():
+        raise ValueError(f"trusted: node {i + 1} does not hear node {j + 1}")
+    return marks
+
+
+def percolated_vehicles(graph: Digraph, trusted: Links, leaders: Nodes, F: int = 1) -> Vehicles:
+    """Return the leaders and the vehicles that percolation from them reaches despite F-local attackers.
+
+    Percolation reaches a vehicle that hears 2F + 1 reached sources or trusts F + 1 of them. A link counts
+    1 / (2F + 1), and a trusted link 1 / (F + 1). Leaders whom nobody trusts may be attackers.
+    """
+    needed = (2 * F + 1) * (F + 1)
+    votes = np.where(trusted, 2 * F + 1, F + 1)
+    return percolate(graph, votes, np.full(graph.vehicles, needed), leaders)[1:]

@@ -2,6 +2,7 @@
 
 import json
 import re
+from fractions import Fraction
 from itertools import combinations, product
 from pathlib import Path
 
@@ -9,7 +10,14 @@ import numpy as np
 import pytest
 
 from jaxnet.model.graph import of_matrix
-from jaxnet.theory.robustness import leader_robustness, percolated_vehicles, robustness
+from jaxnet.theory.robustness import (
+    leader_robustness,
+    pairs,
+    percolated_nodes,
+    percolated_vehicles,
+    robustness,
+    strong_robustness,
+)
 from tests.matrices import slotwise
 
 
@@ -114,6 +122,65 @@ def test_percolation_that_bears_one_liar():
     )
 
 
+def led(seed):
+    """Two to seven nodes, the links among them from 1, some of them trusted, and leaders, not all nodes."""
+    rng = np.random.default_rng(seed)
+    n = rng.integers(2, 8)
+    heard = (rng.random((n, n)) < rng.uniform(0.3, 1.0)) & ~np.eye(n, dtype=bool)
+    hears = (np.argwhere(heard) + 1).tolist()
+    trusted = [pair for pair in hears if rng.random() < 0.3]
+    leaders = rng.permutation(np.arange(1, n + 1))[: rng.integers(0, n)].tolist()
+    return hears, int(n), leaders, trusted
+
+
+def sets_without(nodes, leaders):
+    """All nonempty sets of nodes that are no leaders."""
+    others = [i for i in range(1, nodes + 1) if i not in leaders]
+    return [set(each) for size in range(1, len(others) + 1) for each in combinations(others, size)]
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_strong_robustness_of_pairs_is_what_trying_all_sets_gives(seed):
+    hears, nodes, leaders, _ = led(seed)
+
+    def outside(i, each):
+        return sum(listener == i and source not in each for listener, source in hears)
+
+    least = min(max(outside(i, each) for i in each) for each in sets_without(nodes, leaders))
+    assert strong_robustness(hears, nodes, leaders) == least
+    for F in (0, 1, 2):
+        reached = percolated_nodes(hears, nodes, leaders, F)
+        assert (reached == [*range(1, nodes + 1)]) == (least >= 2 * F + 1)
+
+
+@pytest.mark.parametrize("F", [0, 1, 2, 3])
+@pytest.mark.parametrize("seed", range(50))
+def test_percolation_leaves_the_greatest_set_that_cannot_be_entered(seed, F):
+    """No node of the set is reached from outside; all sets are tried, with and without trust."""
+    hears, nodes, leaders, trusted = led(seed)
+    for trust in ([], trusted):
+
+        def share(i, each, trust=trust):
+            outside = [pair for pair in hears if pair[0] == i and pair[1] not in each]
+            return sum(Fraction(1, F + 1 if pair in trust else 2 * F + 1) for pair in outside)
+
+        closed = [each for each in sets_without(nodes, leaders) if all(share(i, each) < 1 for i in each)]
+        left = set().union(*closed)
+        assert percolated_nodes(hears, nodes, leaders, F, trust) == sorted({*range(1, nodes + 1)} - left)
+
+
+def test_wrong_leaders_and_trust_are_named():
+    for wrong in (0, 4, 1.0):
+        with pytest.raises(ValueError, match=rf"leaders: must be nodes from 1 to 3 \(got {wrong}\)"):
+            percolated_nodes([[1, 2]], 3, [wrong], 1)
+    with pytest.raises(ValueError, match="leaders: at least one node must be no leader"):
+        strong_robustness([[1, 2]], 2, [1, 2])
+    with pytest.raises(ValueError, match=r"F: must be at least 0 \(got -1\)"):
+        percolated_nodes([[1, 2]], 2, [2], -1)
+    with pytest.raises(ValueError, match="trusted: node 2 does not hear node 1"):
+        percolated_nodes([[1, 2]], 2, [2], 1, [[2, 1]])
+
+
 # Graphs of the literature: `hears` lists [i, j], i hears j, from 1; `claims` is what the source says.
 PUBLISHED = json.loads((Path(__file__).parent / "published_robustness.json").read_text())
 
@@ -121,10 +188,7 @@ PUBLISHED = json.loads((Path(__file__).parent / "published_robustness.json").rea
 @pytest.mark.parametrize("published", PUBLISHED, ids=lambda each: each["name"])
 def test_published_graphs_are_as_robust_as_claimed(published):
     """The greatest s for each r, by brute force of another program, and the source's own claims."""
-    heard = np.zeros((published["nodes"], published["nodes"]), bool)
-    listeners, sources = np.array(published["hears"]).T - 1
-    heard[listeners, sources] = True
-    found = robustness(heard)
+    found = pairs(published["hears"], published["nodes"])
     assert found == published["greatest_s_for_r"]
     claims = published["claims"]
     if claims == "exactly 1-robust":
@@ -133,6 +197,34 @@ def test_published_graphs_are_as_robust_as_claimed(published):
     for r, s in re.findall(r"\((\d),(\d)\)", claims):
         holds = len(found) >= int(r) and found[int(r) - 1] >= int(s)
         assert holds != claims.startswith("not")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pairs_are_links_from_one_in_any_order(seed):
+    """A pair that stands twice is one link; NumPy's numbers are numbers."""
+    heard = digraph(seed)
+    hears = np.random.default_rng(seed).permutation(np.argwhere(heard) + 1)
+    assert pairs(hears, len(heard)) == pairs([*hears.tolist()] * 2, len(heard)) == robustness(heard)
+
+
+@pytest.mark.parametrize(
+    ("hears", "nodes", "words"),
+    [
+        ([[1, 2], [1, 4]], 3, "hears[1]: must be [listener, source], two nodes from 1 to 3 (got [1, 4])"),
+        ([[0, 1]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [0, 1])"),
+        ([[1, 2, 3]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2, 3])"),
+        ([[1, 2.0]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [1, 2.0])"),
+        ([[True, 2]], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got [True, 2])"),
+        (["12"], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got '12')"),
+        ([3], 3, "hears[0]: must be [listener, source], two nodes from 1 to 3 (got 3)"),
+        ([[2, 2]], 3, "hears[0]: node 2 hears itself"),
+        ([], 0, "nodes: must be at least 1 (got 0)"),
+        ([], 17, "nodes: must be at most 16 (got 17); larger: robustness_bracket"),
+    ],
+)
+def test_a_wrong_pair_is_named(hears, nodes, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        pairs(hears, nodes)
 
 
 @pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 13) for k in range(1, n)])

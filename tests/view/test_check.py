@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxnet.config.scenario import attacked_draws, safe_in, safe_in_all, situation_of
+from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text import check
 from tests import systems
 
@@ -31,6 +32,89 @@ def test_the_papers_topologies():
     for part in (star, cyclic, path):
         assert "exactly 1-robust" in part
         assert "13.23 m/s" in part
+
+
+def robustness_of(**keys):
+    """The line of robustness, without its beginning."""
+    rows = section(check.certificates(systems.study(**keys).cells)[0], keys["topology"]["kind"]).splitlines()
+    (line,) = [row.strip() for row in rows if row.startswith("  robustness")]
+    start = (
+        "robustness    exactly 1-robust with the navigator, as every graph that it reaches, while W-MSR with"
+    )
+    start += (
+        " F = 1 asks for 3-robustness against F-local attackers, (2, 2)-robustness against F-total attackers"
+    )
+    assert line.startswith(start)
+    return line.removeprefix(start)
+
+
+COMPLETE = {"kind": "random_regular", "degree": 6}
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "topology", "told"),
+    [
+        (
+            7,
+            COMPLETE,
+            "(1, 7), (2, 7), (3, 7), (4, 7)-robust, {}F-local attackers up to F = 1, F-total up to F = 3",
+        ),
+        (12, {"kind": "cyclic"}, "(1, 4)-robust, enough for W-MSR only without attackers"),
+        (12, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
+        (30, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
+        (40, {"kind": "cyclic"}, "1-robust, enough for W-MSR only without attackers"),
+        (200, {"kind": "star"}, "not 1-robust, so not enough for W-MSR"),
+        (201, {"kind": "cyclic"}, "not examined: they are more than 200"),
+    ],
+)
+def test_the_robustness_of_the_vehicles_alone(vehicles, topology, told):
+    """All pairs (r, s), and the attackers that W-MSR tolerates by the theorems of LeBlanc et al."""
+    line = robustness_of(vehicles=vehicles, topology=topology, attack="none", defence="none")
+    assert line == "; the vehicles alone " + told.format("enough for W-MSR with ")
+
+
+@pytest.mark.parametrize(
+    ("known", "total", "told"),
+    [
+        ((3, 3), (1, 2), "3-robust, {}F-local attackers up to F = 1, F-total up to at least F = 1"),
+        (
+            (3, 6),
+            (1, 5),
+            "{between}3 and 6, {}F-local attackers up to at least F = 1, F-total up to at least F = 1",
+        ),
+        ((5, 6), (4, 4), "{between}5 and 6, {}F-local attackers up to F = 2, F-total up to F = 4"),
+        (
+            (1, 4),
+            (0, 3),
+            "{between}1 and 4, enough for W-MSR without attackers; with attackers it is not known",
+        ),
+        ((0, 4), (-1, 3), "{between}0 and 4, so nothing is proved of W-MSR"),
+        ((1, 1), (0, 0), "1-robust, enough for W-MSR only without attackers"),
+        ((0, 0), (-1, -1), "not 1-robust, so not enough for W-MSR"),
+    ],
+)
+def test_a_search_that_ends_early_tells_bounds(known, total, told):
+    between = "r-robust, with the greatest r between "
+    found = check.bracket_text(RobustnessBracket(*known), RobustnessBracket(*total))
+    assert found == told.format("enough for W-MSR with ", between=between)
+
+
+def test_programs_of_many_networks_share_their_time(monkeypatch):
+    """None runs for 16 vehicles or fewer, nor for more than twenty networks."""
+    asked = []
+    monkeypatch.setattr(check, "brackets", lambda n, heard, seconds: (asked.append(seconds), BOUNDS)[1])
+    keys = {"vehicles": 20, "attack": "none", "defence": "none"}
+    for seeds in (1, 4, 21):
+        topology = {
+            "topology": {"kind": "random_regular", "degree": 4},
+            "sweep": {"topology.seed": [*range(seeds)]},
+        }
+        check.certificates(systems.study(**keys, **topology).cells)
+    check.certificates(systems.study(vehicles=16).cells)
+    assert asked == [2.0] + [0.5] * 4
+
+
+BOUNDS = RobustnessBracket(2, 3), RobustnessBracket(0, 2)
 
 
 def test_some_are_protected_and_some_outnumbered():

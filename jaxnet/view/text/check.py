@@ -2,7 +2,9 @@
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
+from functools import lru_cache
 from textwrap import fill
+from time import monotonic
 
 import numpy as np
 
@@ -31,7 +33,8 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, robustness, rounds
+from jaxnet.theory import announced, certificate, integer, robustness, rounds
+from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
@@ -46,6 +49,8 @@ NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
 NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
 NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
+NOT_ROBUST = "not 1-robust, so not enough for W-MSR"
+PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
 
 
@@ -68,8 +73,9 @@ def amplitude_advice(study: Study) -> str:
 def certificates(cells: Sequence[Cell]) -> list[str]:
     """Return the certificate of each network in full, with the cells that share the network."""
     groups = group_by_network(cells)
-    closely = len(groups) <= MOST_NETWORKS
-    return [network_text(network_title(group, len(group)), network_rows(group, closely)) for group in groups]
+    return [
+        network_text(network_title(group, len(group)), network_rows(group, len(groups))) for group in groups
+    ]
 
 
 def network_texts(cells: Sequence[Cell]) -> list[str]:
@@ -77,7 +83,7 @@ def network_texts(cells: Sequence[Cell]) -> list[str]:
     found: dict[tuple[str, tuple[tuple[str, str], ...]], list[Cell]] = {}
     groups = group_by_network(cells)
     for group in groups:
-        rows = network_rows(group, len(groups) <= MOST_NETWORKS)
+        rows = network_rows(group, len(groups))
         key = group[0].scenario.topology.kind, tuple(rows.items())
         found.setdefault(key, []).extend(group)
     (_, first), *_ = found
@@ -203,24 +209,25 @@ def network_text(title: str, rows: Mapping[str, str]) -> str:
     return "\n".join([title, *(f"  {name:<{width}}  {line}" for name, line in rows.items())])
 
 
-def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
-    """Return the certificate of a network, by line; random weights count with their medians.
+def network_rows(cells: Sequence[Cell], networks: int) -> dict[str, str]:
+    """Return the certificate of one of several networks, by line; random weights count with their medians.
 
-    Lines that need a search over sets of vehicles appear only if `closely` is true and the network is small.
+    Lines that need a search over sets of vehicles appear only if the networks are few and small.
     """
     scenario = cells[0].scenario
     known = situation_of(scenario)
     graph, attacked, trusted, _ = known
-    closely = closely and graph.vehicles <= robustness.MOST_NODES
+    seconds = PROGRAM_SECONDS / networks if networks <= MOST_NETWORKS else 0.0
+    closely = seconds > 0 and graph.vehicles <= robustness.MOST_NODES
     facts = certificate.certify(graph, attacked)
     if not scenario.navigator.present:
-        return leaderless_rows(scenario, known, closely)
+        return leaderless_rows(scenario, known, seconds)
     slowest, when = scenario.navigator.slowest(scenario.horizon)
     return {
         "graph": graph_line(scenario, facts),
         **names_line(scenario),
         **({} if facts.inverse_norm is None else {"‖L⁻¹‖₂": f"{facts.inverse_norm:.4g}"}),
-        "robustness": robustness_line(graph, trusted, closely),
+        "robustness": robustness_line(graph, trusted, seconds),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
         "Assumption 1": assumption_line(facts, cut_off_draws(scenario, graph)),
@@ -231,14 +238,14 @@ def network_rows(cells: Sequence[Cell], closely: bool) -> dict[str, str]:
     }
 
 
-def leaderless_rows(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
+def leaderless_rows(scenario: Scenario, known: Situation, seconds: float) -> dict[str, str]:
     """Return what is known of a network without navigator."""
     graph, attacked, trusted, _ = known
     facts = certificate.certify(graph, attacked)
     return {
         "graph": graph_line(scenario, facts),
         **names_line(scenario),
-        **({"robustness": robust_words(graph)} if closely else {}),
+        **({"robustness": f"the vehicles are {alone_text(graph, seconds)}"} if seconds > 0 else {}),
         "navigator": "none: errors are distances from the mean of the vehicles that are not attacked",
         "attack": attack_line(scenario, facts),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
@@ -246,13 +253,6 @@ def leaderless_rows(scenario: Scenario, known: Situation, closely: bool) -> dict
         **world_lines(scenario),
         "safe": NO_LEADER,
     }
-
-
-def robust_words(graph: Digraph) -> str:
-    """Return the robustness of the vehicles alone."""
-    found = robustness.robustness(dense(graph)[:, 1:] > 0)
-    pairs = ", ".join(f"({r}, {s})" for r, s in enumerate(found, 1))
-    return f"{pairs}-robust: (r, s) with the greatest s" if found else "not 1-robust"
 
 
 def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:
@@ -413,15 +413,11 @@ def assumption_line(facts: certificate.Certificate, cut_off: list[int] | None) -
     return line + f"; {ranges(facts.all_attacked)} hear{plural_s(ranges(facts.all_attacked))} nobody honest"
 
 
-def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
-    """Return the robustness measures of rules in the literature."""
-    line = "exactly 1-robust with the navigator, as every graph that it reaches; W-MSR with F = 1 asks for 3"
-    if closely:
-        found = robustness.robustness(dense(graph)[:, 1:] > 0)
-        line += f"; the vehicles alone {len(found)}-robust"
-        if found:
-            most = max(r for r, s in enumerate(found, 1) if s >= r)
-            line += f" and ({most}, {found[most - 1]})-robust"
+def robustness_line(graph: Digraph, trusted: Links, seconds: float) -> str:
+    """Return the robustness measures of rules in the literature; a search takes at most some seconds."""
+    line = with_navigator(graph)
+    if seconds > 0:
+        line += f"; the vehicles alone {alone_text(graph, seconds)}"
     leaders = np.isin(np.arange(graph.vehicles + 1), graph.sources[trusted])
     if leaders[1:].any() and not leaders[1:].all():
         names = ranges(np.flatnonzero(leaders).tolist())
@@ -430,6 +426,61 @@ def robustness_line(graph: Digraph, trusted: Links, closely: bool) -> str:
         line += f"; led by {names}, whom somebody trusts, strongly {most}-robust,"
         line += f" and percolation with F = 1 reaches {ranges(reached) or 'nobody else'}"
     return line
+
+
+def with_navigator(graph: Digraph) -> str:
+    """Return the robustness of a graph with its navigator, which hears nobody, and what W-MSR needs."""
+    exactly = "exactly 1-robust with the navigator, as every graph that it reaches"
+    line = (
+        "not 1-robust with the navigator, which does not reach every vehicle"
+        if unreachable(graph)
+        else exactly
+    )
+    needs = "3-robustness against F-local attackers, (2, 2)-robustness against F-total attackers"
+    return f"{line}, while W-MSR with F = 1 asks for {needs}"
+
+
+def alone_text(graph: Digraph, seconds: float) -> str:
+    """Return the robustness of the vehicles without the navigator, and the attackers that W-MSR tolerates."""
+    if graph.vehicles > integer.MOST_PROGRAMMED:
+        return f"not examined: they are more than {integer.MOST_PROGRAMMED}"
+    heard = dense(graph)[:, 1:] > 0
+    if graph.vehicles > robustness.MOST_NODES:
+        return bracket_text(*brackets(len(heard), heard.tobytes(), seconds))
+    found = robustness.robustness(heard)
+    if not found:
+        return NOT_ROBUST
+    pairs = ", ".join(f"({r}, {s})" for r, s in enumerate(found, 1))
+    local, total = robustness.most_local(len(found)), robustness.most_total(found)
+    return f"{pairs}-robust, {tolerance_text(f'F = {local}', f'F = {total}')}"
+
+
+@lru_cache(maxsize=MOST_NETWORKS)  # the cells of several attacks share one graph
+def brackets(n: int, heard: bytes, seconds: float) -> tuple[RobustnessBracket, RobustnessBracket]:
+    """Return bounds on the greatest r, and on the greatest F of F-total attackers, of a matrix as bytes."""
+    matrix, end = np.frombuffer(heard, bool).reshape(n, n), monotonic() + seconds
+    known = integer.robustness_bracket(matrix, seconds)
+    return known, integer.total_bracket(matrix, known, end - monotonic())
+
+
+def bracket_text(known: RobustnessBracket, total: RobustnessBracket) -> str:
+    """Return bounds on the greatest r, and the attackers that W-MSR surely tolerates."""
+    if known.high == 0:
+        return NOT_ROBUST
+    between = f"r-robust, with the greatest r between {known.low} and {known.high}"
+    line = f"{known.high}-robust" if known.known else between
+    local = RobustnessBracket(*map(robustness.most_local, known))
+    if local.low == total.low == 0 and not (local.known and total.known):
+        return f"{line}, enough for W-MSR without attackers; with attackers it is not known"
+    borne = [f"{'' if each.known else 'at least '}F = {each.low}" for each in (local, total)]
+    return f"{line}, {tolerance_text(*borne)}" if known.low > 0 else f"{line}, so nothing is proved of W-MSR"
+
+
+def tolerance_text(local: str, total: str) -> str:
+    """Return the greatest F of F-local and of F-total attackers, both as text."""
+    if local == total == "F = 0":
+        return "enough for W-MSR only without attackers"
+    return f"enough for W-MSR with F-local attackers up to {local}, F-total up to {total}"
 
 
 def cut_off_line(drops: DropPolicy) -> dict[str, str]:

@@ -1,0 +1,107 @@
+"""Robustness by integer programs: equal to enumeration on small digraphs, and known values on larger ones."""
+
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from jaxnet.theory.integer import (
+    RobustnessBracket,
+    degree_bracket,
+    is_robust,
+    robustness_bracket,
+    s_bracket,
+    total_bracket,
+)
+from jaxnet.theory.robustness import most_total, robustness
+
+LONG = 60.0  # s, far more than any of these programs takes
+
+
+def digraph(seed):
+    """Four to nine nodes, from sparse to dense."""
+    rng = np.random.default_rng(seed)
+    n = rng.integers(4, 10)
+    return (rng.random((n, n)) < (0.15, 0.3, 0.5, 0.7, 0.9)[seed % 5]) & ~np.eye(n, dtype=bool)
+
+
+def circulant(n, k):
+    """Each node hears the k before it."""
+    return sum(np.roll(np.eye(n, dtype=int), step, axis=0) for step in range(1, k + 1)) > 0
+
+
+def exactly(number):
+    """A bracket that is closed."""
+    return RobustnessBracket(number, number)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_greatest_r_is_what_enumeration_gives(seed):
+    heard = digraph(seed)
+    assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_greatest_s_is_what_enumeration_gives(seed):
+    """For each r and the first r of which there is none; and F of F-total attackers."""
+    heard = digraph(seed)
+    found = robustness(heard)
+    for r, s in enumerate([*found, 0], 1):
+        assert s_bracket(heard, r, LONG) == exactly(s)
+        assert is_robust(heard, r, s + 1, LONG) is (s == len(heard))
+    assert total_bracket(heard, exactly(len(found)), LONG) == exactly(most_total(found))
+    known = RobustnessBracket(0, (len(heard) + 1) // 2)
+    assert total_bracket(heard, known, LONG) == exactly(most_total(found))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_bounds_by_degree_are_bounds(seed):
+    low, high = degree_bracket(digraph(seed))
+    assert low <= len(robustness(digraph(seed))) <= high
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 17, 24, 200])
+def test_the_complete_graph_is_known_by_its_degree(n):
+    assert robustness_bracket(~np.eye(n, dtype=bool), 0.0) == exactly((n + 1) // 2)
+
+
+@pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 13) for k in range(1, n)])
+def test_circulant_digraphs_are_as_robust_as_enumerated(n, k):
+    heard = circulant(n, k)
+    assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
+
+
+@pytest.mark.parametrize(("n", "k", "r"), [(20, 4, 2), (24, 6, 3), (30, 5, 3), (25, 6, 4), (21, 4, 3)])
+def test_larger_circulant_digraphs_are_as_robust_as_proved(n, k, r):
+    """⌈k/2⌉ for even n, ⌊k/2⌋ + 1 for odd n and even k."""
+    assert robustness_bracket(circulant(n, k), LONG) == exactly(r)
+
+
+def test_two_complete_graphs_with_a_matching_are_one_robust():
+    """Each node hears one of the other half, whatever its degree."""
+    half = ~np.eye(12, dtype=bool)
+    heard = np.block([[half, np.eye(12, dtype=bool)], [np.eye(12, dtype=bool), half]])
+    assert robustness_bracket(heard, LONG) == exactly(1)
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seconds", [-1.0, 0.0, 1e-9, 1e-3, 0.02])
+def test_a_short_time_limit_gives_true_bounds(seed, seconds):
+    heard = digraph(seed)
+    found = robustness(heard)
+    low, high = robustness_bracket(heard, seconds)
+    assert low <= len(found) <= high
+    low, high = s_bracket(heard, len(found) + 1, seconds)
+    assert low <= 0 <= high
+    low, high = total_bracket(heard, RobustnessBracket(low=0, high=len(heard)), seconds)
+    assert low <= most_total(found) <= high
+
+
+def test_a_large_digraph_ends_near_its_time_limit():
+    """The bracket holds what the degrees prove, and is open."""
+    rng = np.random.default_rng(0)
+    heard = (rng.random((60, 60)) < 0.5) & ~np.eye(60, dtype=bool)
+    began, known = monotonic(), degree_bracket(heard)
+    found = robustness_bracket(heard, 0.5)
+    assert monotonic() - began < 5
+    assert known.low <= found.low < found.high <= known.high
