@@ -171,7 +171,7 @@ KINDS = [
     Bad(
         "→navigator: circle",
         "navigator|navigator.kind",
-        "one of lissajous, none, or module",
+        'one of lissajous, none, or module:Class (got "circle")',
     ),
     Bad("navigator: {→amplitude: 3}", "navigator.amplitude", "must be a list (got 3)"),
     Bad("navigator: {→phase: [0, 0, 0]}", "navigator.phase", "2 entries (got [0, 0, 0])"),

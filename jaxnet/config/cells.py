@@ -401,7 +401,8 @@ class CellParts:
         self.problems = [problem for _, wrong in fixed.values() for problem in wrong]
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
-        self.shared = DEFAULT_SCENARIO.model_copy(update=right)
+        self.shared = settle(DEFAULT_SCENARIO.model_copy(update=right), document)
+        self.follows = not self.swept.keys().isdisjoint(("topology", "vehicle"))
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """Return a cell's scenario by the indices of its swept values, or None and all problems.
@@ -416,7 +417,8 @@ class CellParts:
                 wrong.add(root)
                 del right[root]
         made = self.shared.model_copy(update=right)
-        made = settle(made, self.document)
+        if self.follows:
+            made = settle(made, self.document)
         place = functools.partial(place_in_cell, self.document, chosen)
         if registry.scope().judges:
             problems += [

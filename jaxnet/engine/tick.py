@@ -248,13 +248,16 @@ def keep_drive(
 ) -> DecisionState:
     """Return the state with the vehicles that keep their drive: those that no believed message reaches.
 
-    A vehicle that kept its drive at the tick before still keeps the same one.
+    A vehicle that kept its drive at the tick before still keeps the same one. Under a local law, a vehicle
+    that hears nobody has no drive, and others need no word from the navigator.
     """
     reception = state.reception
     if reception is None or before is None or drive is None:
         return state
     heard = (weights_without_loss(lane, state, plan) > 0) & reception.arrived[None]
     nobody = ~heard.any(axis=1)
+    if lane.law.local:
+        return state._replace(reception=reception._replace(keeps=nobody.any(axis=0)))
     keeps = (nobody | ~network.hearing.reached(heard, nobody)).any(axis=0)
     kept = jnp.where(keeps[None], jnp.where(before.keeps[None], before.kept, drive), 0.0)
     return state._replace(reception=reception._replace(keeps=keeps, kept=kept))
@@ -461,7 +464,7 @@ def exchange(
     else:
         attack = signal.combined(drive.vectors, told.functions)
         demand = control.demand(own, told.path, attack, *rest)
-    if drive.reception is not None:
+    if drive.reception is not None and not lane.law.local:
         demand = jnp.where(drive.reception.keeps[None], last, demand)
 
     def heard(jerk: PerAxis) -> PerAxis:

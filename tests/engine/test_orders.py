@@ -164,9 +164,9 @@ def test_gains_follow_the_order_and_other_engines_refuse_it():
     with pytest.raises(jaxnet.ConfigError, match=r"gain: unstable: eigenvalues 1\+0j"):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [-1]})
     for engine in ("nonlinear", "stacked"):
-        with pytest.raises(jaxnet.ConfigError, match="vehicles of order 3; single_integrator has order 1"):
+        with pytest.raises(jaxnet.ConfigError, match="moves vehicles of order 3, single_integrator has 1"):
             jaxnet.load({"vehicle": "single_integrator", "engine": engine})
-    with pytest.raises(jaxnet.ConfigError, match="vehicles of order 3 alone take some orders"):
+    with pytest.raises(jaxnet.ConfigError, match="a choice of orders needs a vehicle of order 3"):
         jaxnet.load({"vehicle": "double_integrator", "engine": "exact", "attack": {"orders": [0]}})
 
 

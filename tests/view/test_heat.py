@@ -285,6 +285,7 @@ def test_where_nothing_suits_it_says_why(sweep, where, remedy):
         drawn(results, where=where)
     if not where:
         section = sections.heat_section(results)
+        assert (section is None) == (len(sweep) < 2)
         assert section is None or section.plots is None
 
 

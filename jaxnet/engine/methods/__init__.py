@@ -64,8 +64,9 @@ class Engine(Kind):
             )
             yield Fault(("engine", "law"), message)
         if scenario.vehicle.order not in self.orders:
-            message = f"the {self.kind} engine moves vehicles of order 3; {scenario.vehicle.kind} has order"
-            yield Fault(("engine", "vehicle"), f"{message} {scenario.vehicle.order}: give engine: exact")
+            orders, vehicle = " or ".join(map(str, self.orders)), scenario.vehicle
+            message = f"the {self.kind} engine moves vehicles of order {orders}, {vehicle.kind} has"
+            yield Fault(("engine", "vehicle"), f"{message} {vehicle.order}: give engine: exact")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
 

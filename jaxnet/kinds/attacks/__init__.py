@@ -444,7 +444,7 @@ class Attack(AnyAttack):
         if self.falsified() != ORDERS and scenario.vehicle.order < 3:
             kind = scenario.vehicle.kind
             yield Fault(
-                ("attack.orders", "vehicle"), f"vehicles of order 3 alone take some orders (got {kind})"
+                ("attack.orders", "vehicle"), f"a choice of orders needs a vehicle of order 3 (got {kind})"
             )
         yield from self.number_faults()
 
@@ -473,7 +473,7 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
             yield dotted, value, not any(isinstance(mark, Each) for mark in field.metadata)
 
 
-def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int = 3) -> np.ndarray:
+def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
     """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
     A vehicle of an order r hears derivatives up to r.

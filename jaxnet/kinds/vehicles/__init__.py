@@ -82,6 +82,41 @@ class Vehicle(Kind):
         raise KindError(f"{self.kind}: a vehicle gives pace(self, state)")
 
 
+class Integrators(Vehicle):
+    """An agent of order r, `y^(r) = σ + u`, never singular. A subclass may give a drift σ.
+
+    The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
+    """
+
+    singular: ClassVar[bool] = False
+
+    def output_jets(self, state: VehicleState) -> VehicleJets:
+        """Return the parts of the state."""
+        return tuple(state[2 * k : 2 * k + 2] for k in range(self.order))
+
+    def drift(self, state: VehicleState) -> VehicleVectors:
+        """Return σ = 0."""
+        return 0.0 * state[:2]
+
+    def decoupling(self, state: VehicleState) -> AxisMatrices:
+        """Return the identity for ψ."""
+        one, zero = 0.0 * state[0] + 1.0, 0.0 * state[0]
+        xp = state.__array_namespace__()
+        return xp.stack([xp.stack([one, zero]), xp.stack([zero, one])])
+
+    def inputs_for(self, state: VehicleState, jerk: VehicleVectors) -> VehicleInput:
+        """Return the input that gives this derivative of order r: `u = jerk - σ`."""
+        return jerk - self.drift(state)
+
+    def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
+        """Return the derivatives of the state: the jets above the position, and `σ + u`."""
+        return state.__array_namespace__().concatenate([state[2:], self.drift(state) + inputs])
+
+    def state_of(self, jets: VehicleJets | StackedJets) -> VehicleState:
+        """Return the jets in one array."""
+        return jets[0].__array_namespace__().concatenate([*jets])
+
+
 def directions(state: VehicleState) -> tuple[VehicleVectors, VehicleVectors]:
     """Return the unit vectors along the heading, `h = [cosθ, sinθ]`, and to its left, `n = [-sinθ, cosθ]`."""
     xp = state.__array_namespace__()

@@ -230,7 +230,7 @@ def network_rows(cells: Sequence[Cell], networks: int) -> dict[str, str]:
         "robustness": robustness_line(graph, trusted, seconds),
         "navigator": f"never slower than {slowest:.4g} m/s (t = {when:.4g} s)",
         "attack": attack_line(scenario, facts),
-        "Assumption 1": assumption_line(facts, cut_off_draws(scenario, graph)),
+        "Assumption 1": assumption_line(facts, cut_off_draws(scenario, graph) if facts.cut_off else []),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
         **cut_off_line(scenario.defence.may_drop(graph, trusted)),
         **promise_lines(scenario, known, closely),
@@ -403,7 +403,7 @@ def cut_off_draws(scenario: Scenario, graph: Digraph) -> list[int] | None:
 
 def assumption_line(facts: certificate.Certificate, cut_off: list[int] | None) -> str:
     """Return whether the paper's Assumption 1 holds: an honest path from navigator to every vehicle."""
-    if not facts.cut_off or cut_off == []:
+    if cut_off == []:
         return "holds: an honest path from the navigator to every vehicle"
     if cut_off is None:
         return f"not known where {ranges(facts.cut_off)} have no path but through others: {NOT_TRIED}"

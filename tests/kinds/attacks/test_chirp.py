@@ -29,7 +29,7 @@ def chirp(**numbers):
 def jets_of(attack, horizon, times):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
     return np.stack(
-        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon)), attack.basis(times))
+        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times))
     )
 
 

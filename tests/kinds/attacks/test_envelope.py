@@ -35,7 +35,7 @@ def drawn(attack):
 def jets_of(attack, times, horizon=HORIZON):
     """The signals as the engines make them, times for lanes: (4, 2, m, times)."""
     return np.stack(
-        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon)), attack.basis(times))
+        signal.jets(attack.vectors() * signal_scale(attack, attack.sizes(horizon), 3), attack.basis(times))
     )
 
 
@@ -49,7 +49,7 @@ def test_jets_are_the_derivatives_and_within_the_magnitude(kind, start, rise, pl
     times = np.concatenate([rising, np.linspace(start + rise, stop, 50)[1:-1], falling])
     horizon = stop + rise
     ours = jets_of(attack, times, horizon)
-    known = signal_scale(attack, attack.sizes(horizon)) * by_hand.unit_jets(attack, 0, 5, times)
+    known = signal_scale(attack, attack.sizes(horizon), 3) * by_hand.unit_jets(attack, 0, 5, times)
     scale = np.abs(known).max(axis=(1, 2), keepdims=True) + 1e-12
     np.testing.assert_allclose(ours[:, :, 4].swapaxes(1, 2) / scale, known / scale, rtol=0, atol=1e-9)
     norms = np.linalg.norm(ours, axis=1)
