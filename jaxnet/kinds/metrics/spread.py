@@ -20,5 +20,5 @@ SPREAD = Metric(
     "tail",
     "max",
     "max",
-    "greatest distance of two vehicles that are not attacked",
+    "distance of two honest vehicles",
 )

@@ -154,11 +154,12 @@ def draw_graph(panel: Axes, cell: Cell, network: Situation, size: float) -> None
 def source_positions(graph: Digraph) -> np.ndarray:
     """Return positions of navigator and vehicles in the drawing, on a circle or a serpentine.
 
-    The navigator stands in the centre where a third of the vehicles hear it. Many vehicles alternate between
-    two circles, which leaves space for the links between neighbours.
+    The navigator stands in the centre where a third of the vehicles hear it, or nobody does. Many vehicles
+    alternate between two circles, which leaves space for the links between neighbours.
     """
     m = graph.vehicles
-    if (graph.heard & (graph.sources == 0)).sum() * 3 >= m:
+    informed = int((graph.heard & (graph.sources == 0)).sum())
+    if informed == 0 or informed * 3 >= m:
         angle = np.pi / 2 - 2 * np.pi * np.arange(m) / m
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         if m > MOST_ON_CIRCLE:
@@ -309,7 +310,9 @@ def node_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]
     if not shown:
         return []
     node = {"linestyle": "", "markersize": 7}
-    handles: list[Line2D | Patch] = [Line2D([], [], marker="s", color="0.15", label="navigator", **node)]
+    handles: list[Line2D | Patch] = []
+    if any(cell.scenario.navigator.present for cell, _ in shown):
+        handles.append(Line2D([], [], marker="s", color="0.15", label="navigator", **node))
     if any(attacked_vehicles(cell) for cell, _ in shown):
         rim = {"markerfacecolor": "white", "markeredgecolor": style.RED, "markeredgewidth": 1.6}
         handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))

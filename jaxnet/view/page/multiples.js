@@ -112,7 +112,7 @@ const ALONE = 340; // [px], height of the only panel
 const curve = {
   curves: (given) => (given.hue === null ? [] : given.looks.map((each) => ({ name: each.name, look: lookOf(each) }))),
   title: (given) => given.hue,
-  height: (given) => (given.x.names ? 70 + Math.max(26, 13 * given.looks.length) * given.x.names.length
+  height: (given) => (given.x.names ? 34 + 36 * wrapped(given.y.label).split("<br>").length + Math.max(26, 13 * given.looks.length) * given.x.names.length
     : given.panels.length === 1 && ALONE),
   figure(given, [panel]) {
     const rows = given.x.names !== null, unit = given.y.share ? " %" : "";

@@ -36,7 +36,7 @@ def networks_html(cells: Sequence[Cell]) -> str:
     if not shown:
         return "<p>Too large to be drawn here: as densities of links in figures/topologies.</p>"
     called = [
-        "navigator",
+        *["navigator"] * any(cell.scenario.navigator.present for cell, _ in shown),
         "vehicle",
         *["attacked vehicle"] * any(attacked_vehicles(cell) for cell, _ in shown),
     ]
