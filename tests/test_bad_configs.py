@@ -393,7 +393,7 @@ GRAPHS = [
             - →[2, 2, 1]
         """,
         "topology.edges.1",
-        "2 hears itself",
+        "2 hears itself, which law: local alone allows",
     ),
     Bad(
         """

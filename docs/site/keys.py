@@ -76,10 +76,10 @@ def wrapped(text: str) -> str:
 
 
 def titled(names: list[str], among: list[str]) -> str:
-    """Names among others, or these others if they are fewer."""
+    """Names among others, or these others if they are fewer; "all" if there are no others."""
     others = [name for name in among if name not in names]
     shown = ", ".join(f"`{name}`" for name in min(others, names, key=len))
-    return shown if len(names) <= len(others) else f"all but {shown}"
+    return shown if len(names) <= len(others) else f"all but {shown}" if others else "all"
 
 
 def own(kind: Any) -> list[str]:

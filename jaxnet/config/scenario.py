@@ -42,7 +42,7 @@ def situation_of(scenario: Scenario) -> Situation:
 
 def scenario_graph(scenario: Scenario) -> Digraph:
     """Return the graph of a scenario, with rows that sum to 1; without a navigator, without its links."""
-    graph = scenario.topology.normalised(scenario.vehicles)
+    graph = scenario.topology.normalised_rows(scenario.vehicles)
     return graph if scenario.navigator.present else normalised(without_navigator(graph))
 
 

@@ -68,6 +68,7 @@ class Drive(NamedTuple):
     vectors: Vectors  # of the attacks [m]
     noise: Jets | None  # errors of the sensed jets
     reception: Reception | None
+    strength: Float[Array, "axes m lanes"] | None = None  # of the rows of weights; None where it is 1
 
 
 class Told(NamedTuple):
@@ -321,7 +322,20 @@ def arrived_weights(lane: Lane, reception: Reception | None) -> Float[Array, "sl
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
-    return Drive(weights, vectors, state.noise, state.reception)
+    return Drive(weights, vectors, state.noise, state.reception, row_strength(lane, state, plan))
+
+
+def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
+    """Return how strongly each vehicle follows those that it retains and hears, None where it is 1."""
+    if lane.strength is None:
+        return None
+    weights = lane.weights[None]
+    if plan.decides:
+        believed = retained.support(state.decision).reshape(-1, *lane.weights.shape)
+        weights = jnp.where(believed, weights, 0.0)
+    if state.reception is not None:
+        weights = jnp.where(state.reception.arrived[None], weights, 0.0)
+    return lane.strength.of(weights.sum(axis=1))
 
 
 def sight(
@@ -461,6 +475,8 @@ def exchange(
     own, weights, rest = sensed(own, drive.noise), drive.weights, (network.hearing, drive.weights, lane.gain)
     if lane.law.local:
         demand = control.local_demand(own, told.navigator, signal.jets(drive.vectors, told.basis), *rest)
+        if drive.strength is not None:
+            demand = drive.strength * demand
     else:
         attack = signal.combined(drive.vectors, told.functions)
         demand = control.demand(own, told.path, attack, *rest)

@@ -21,6 +21,7 @@ from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import ORDERS, Apart, Falsified
+from jaxnet.model.strength import RowStrength
 from jaxnet.solvers.choice import choose_solver
 
 
@@ -57,6 +58,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         sizes=lanes_first(sizes),
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
+        strength=strength_of(scenario, weights),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -117,6 +119,13 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     if attack.identities() == 1:
         return weights
     return weights / weights.sum(axis=1, keepdims=True)
+
+
+def strength_of(scenario: Scenario, weights: Any) -> RowStrength | None:
+    """Return the strength of the rows of each lane with these weights, None where it does not act."""
+    if not scenario.law.local:
+        return None
+    return scenario.topology.strength(weights, scenario.navigator.present)
 
 
 def network_of(scenario: Scenario, sources: Any) -> Network:

@@ -121,6 +121,16 @@ def normalised(graph: Digraph) -> Digraph:
     return graph._replace(weights=np.divide(weights, total, out=np.zeros_like(weights), where=total > 0))
 
 
+def row_sums(graph: Digraph, navigator: bool) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Return the weight of each vehicle on itself, and the sum of its other weights.
+
+    `navigator` says whether the navigator counts among the others.
+    """
+    loop = graph.sources == np.arange(1, graph.vehicles + 1)[:, None]
+    others = ~loop if navigator else ~loop & (graph.sources != 0)
+    return graph.only(loop).weights.sum(axis=1), graph.only(others).weights.sum(axis=1)
+
+
 def totals(
     columns: Int[np.ndarray, "m slots"], values: Float[np.ndarray, "m slots"], width: int
 ) -> Float[np.ndarray, " m"]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model.hearing import Hearing
+from jaxnet.model.strength import RowStrength
 
 
 class Lane(NamedTuple):
@@ -29,6 +30,7 @@ class Lane(NamedTuple):
     sizes: Float[Array, "2 4 *lanes"]  # greatest norms by order: navigator's path, signal functions
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
+    strength: RowStrength | None = None  # of rows; None where it is 1
 
 
 class Network(NamedTuple):

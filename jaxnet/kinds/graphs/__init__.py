@@ -15,10 +15,12 @@ from scipy import sparse
 
 from jaxnet.kinds.fields import MARK, Number, Record, Within, is_drawn, median, union_member, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
+from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
+from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
 
 LEAST_WEIGHT = 1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle
@@ -46,6 +48,14 @@ class Graph(Kind):
 
     linked_by: ClassVar[str] = "topology"  # the key by which the navigator reaches everybody
 
+    own_weight: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=GREATEST_EDGE_WEIGHT,
+        description="weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives"
+        " each 1/(d + 1) where it hears d alike; acts under law: local alone",
+    )
+
     def weights(self, vehicles: int) -> GivenGraph:
         """Return the weights of the graph; drawn numbers count with their medians.
 
@@ -57,7 +67,7 @@ class Graph(Kind):
         Returns
         -------
             Weights w_ij ≥ 0, (m, m + 1), as an array of NumPy, a sparse array of SciPy, or a `Digraph`. The
-            rows are normalised to sum 1 afterwards.
+            rows are normalised to sum 1 afterwards. An entry w_ii is the weight of a vehicle on itself.
         """
         raise NotImplementedError
 
@@ -100,15 +110,44 @@ class Graph(Kind):
         """Return the normalised weights of each lane by slot."""
         if self.differs():
             return self.lane_weights(draw, vehicles, sources)
-        given = self.normalised(vehicles)
+        given = self.normalised_rows(vehicles)
         return draw.same(hearing.by_slot(given, given.weights, sources))
 
-    def normalised(self, vehicles: int) -> Digraph:
+    def normalised_rows(self, vehicles: int) -> Digraph:
         """The graph with rows that sum to 1, or to 0 where a vehicle hears nobody; raises KindError."""
         return graph.normalised(self.digraph(self.weights(vehicles), vehicles))
 
+    def normalises(self) -> bool:
+        """Return whether only relative weights count."""
+        return True
+
+    def rows_with_loops(self, vehicles: int) -> Digraph:
+        """Return the weights as they are given, with those of vehicles on themselves; raise KindError."""
+        return self.checked(self.weights(vehicles), vehicles)
+
+    def strength(self, weights: Float[np.ndarray, "samples slots m"], navigator: bool) -> RowStrength | None:
+        """Return the strength of the rows of each lane, None if it is 1: leaves (samples, m).
+
+        `weights` are those of the lanes, and `navigator` says whether the fleet has one.
+        """
+        samples, _, m = weights.shape
+        own, others = graph.row_sums(self.rows_with_loops(m), navigator)
+        if not self.normalises():
+            return WeightsAsTheyAre(np.broadcast_to(others, (samples, m)))
+        heard = np.maximum(1, (weights > 0).sum(axis=1))
+        share = np.divide(own, others, out=np.zeros(m), where=others > 0) + self.own_weight / heard
+        return WithOwnWeight(share) if share.any() else None
+
     def digraph(self, given: GivenGraph, vehicles: int) -> Digraph:
-        """What `weights` and `links` may give, as a graph; raises KindError."""
+        """Return what `weights` and `links` give as a graph, without weights of vehicles on themselves.
+
+        Raises KindError.
+        """
+        found = self.checked(given, vehicles)
+        return found.only(found.sources != np.arange(1, vehicles + 1)[:, None])
+
+    def checked(self, given: GivenGraph, vehicles: int) -> Digraph:
+        """Return what `weights` and `links` give as a graph; raise KindError."""
         if not isinstance(given, Digraph):
             given = given if sparse.issparse(given) else np.asarray(given, float)
             given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
@@ -120,6 +159,9 @@ class Graph(Kind):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if there is a navigator that does not reach every vehicle: L is singular then."""
+        if not scenario.law.local and (self.own_weight or not self.normalises()):
+            key = "own_weight" if self.own_weight else "normalised"
+            yield Fault((f"topology.{key}", "law"), f"{key} acts under law: local alone")
         if not scenario.navigator.present:
             return
         lost, least = check_reach(ByIdentity(self), scenario.vehicles)
@@ -152,7 +194,7 @@ def check_reach(itself: ByIdentity, vehicles: int) -> tuple[list[int], float]:
 
     The cache serves the cells of a sweep, which share their graph.
     """
-    found = itself.one.normalised(vehicles)
+    found = itself.one.normalised_rows(vehicles)
     return graph.unreachable(found), float(found.weights[found.heard].min(initial=1.0))
 
 

@@ -17,6 +17,8 @@ from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
+NORMALISED = "whether the weights of a row are divided by their sum; false: law: local takes them as they are"
+
 Edge = Annotated[
     tuple[int, int, Annotated[Number, Within(gt=0.0, le=GREATEST_EDGE_WEIGHT)]],
     Field(strict=False),
@@ -24,7 +26,11 @@ Edge = Annotated[
 
 
 class Edges(Graph):
-    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum 1."""
+    """Any weighted digraph as a list of edges; the weights of each listener are normalised to sum 1.
+
+    Under the law `local`, an edge [i, i, w] is the weight of vehicle i on itself. With `normalised: false`
+    that law takes the weights as they are, `q_i = -Σ_j w_ij P(y_i - y_j)`, as a Laplacian does.
+    """
 
     kind = "edges"
     linked_by: ClassVar[str] = "topology.edges"
@@ -32,11 +38,20 @@ class Edges(Graph):
     edges: Annotated[
         list[Edge], Len(1), Field(description="entries i, j, w: i hears j (0 is the navigator) with weight w")
     ]
+    normalised: bool = Field(default=True, description=NORMALISED)
     names: list[str] = Field(default=[], description="of the vehicles 1 … m, or none")
 
     def weights(self, vehicles: int) -> Digraph:
         """Return the edges with the medians of their weights."""
-        return graph.weighted(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
+        return graph.weighted(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges if i != j])
+
+    def normalises(self) -> bool:
+        """Return the key `normalised`."""
+        return self.normalised
+
+    def rows_with_loops(self, vehicles: int) -> Digraph:
+        """Return the edges with the medians of their weights, as they are given."""
+        return as_given(vehicles, [(i, j, median(weight)) for i, j, weight in self.edges])
 
     def lane_weights(
         self, draw: LaneDraw, vehicles: int, sources: Int[np.ndarray, "slots m"]
@@ -62,7 +77,10 @@ class Edges(Graph):
         """Yield faults of unknown or repeated edges, loops, names and the size, or else of unreached
         vehicles.
         """
-        found = list(edge_faults(self.edges, scenario.vehicles))
+        found = list(edge_faults(self.edges, scenario))
+        if self.drawn_keys() and (not self.normalised or any(i == j for i, j, _ in self.edges)):
+            keys = ("topology.normalised", "topology.edges")
+            found.append(Fault(keys, "weights on oneself, and weights as they are, are numbers, not drawn"))
         found = found or size_faults(self.edges, scenario.vehicles) or name_faults(self.names, scenario)
         yield from found or super().faults(scenario)
 
@@ -112,9 +130,15 @@ def size_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> list
     return [Fault(("vehicles", "topology"), f"the graph has {last} {noun} (got {vehicles})")]
 
 
-def edge_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> Iterator[Fault]:
-    """Yield faults of single edges: unknown ends, a loop, or a repetition."""
-    seen: set[tuple[int, int]] = set()
+def as_given(vehicles: int, edges: Sequence[tuple[int, int, float]]) -> Digraph:
+    """Return the graph of edges (i, j, w), which may be loops, without normalisation."""
+    listeners, sources, weights = np.array([*edges], float).reshape(-1, 3).T
+    return graph.of_links(vehicles, listeners - 1, sources, weights)
+
+
+def edge_faults(edges: Sequence[tuple[int, int, Number]], scenario: ScenarioView) -> Iterator[Fault]:
+    """Yield faults of single edges: unknown ends, a repetition, or a loop unless the law is local."""
+    vehicles, seen = scenario.vehicles, set[tuple[int, int]]()
     for number, (listener, source, _) in enumerate(edges):
         key = f"topology.edges.{number}"
         if not (1 <= listener <= vehicles and 0 <= source <= vehicles):
@@ -122,8 +146,8 @@ def edge_faults(edges: Sequence[tuple[int, int, Number]], vehicles: int) -> Iter
                 (key, "topology.edges", "vehicles"),
                 f"i is 1 to {vehicles} and j 0 to {vehicles} (got [{listener}, {source}])",
             )
-        elif listener == source:
-            yield Fault((key, "topology.edges"), f"{listener} hears itself")
+        elif listener == source and not scenario.law.local:
+            yield Fault((key, "topology.edges"), f"{listener} hears itself, which law: local alone allows")
         elif (listener, source) in seen:
             yield Fault((key, "topology.edges"), f"[{listener}, {source}] is given twice")
         seen.add((listener, source))

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 from upath import UPath
 
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.graphs.edges import edge_faults, last_vehicle, size_faults
+from jaxnet.kinds.graphs.edges import NORMALISED, as_given, edge_faults, last_vehicle, size_faults
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.networks import (
     Direction,
@@ -60,6 +60,7 @@ class File(Graph):
         " navigator or leader",
     )
     names: list[str] = Field(default=[], description="of the vehicles, in place of those in the file")
+    normalised: bool = Field(default=True, description=NORMALISED)
     content: dict[str, Annotated[str, AfterValidator(check_content)]] = Field(
         default={}, description="links a,b,w of the file at a path, as read by jaxnet"
     )
@@ -93,7 +94,15 @@ class File(Graph):
 
     def weights(self, vehicles: int) -> Digraph:
         """Return the weights of the file's edges."""
-        return graph.weighted(vehicles, self.edges())
+        return graph.weighted(vehicles, [edge for edge in self.edges() if edge[0] != edge[1]])
+
+    def normalises(self) -> bool:
+        """Return the key `normalised`."""
+        return self.normalised
+
+    def rows_with_loops(self, vehicles: int) -> Digraph:
+        """Return the file's edges with their weights."""
+        return as_given(vehicles, self.edges())
 
     def size(self) -> int | None:
         """Return the number of vehicles in the file, None if its nodes cannot be numbered."""
@@ -119,7 +128,7 @@ class File(Graph):
         except KindError as error:
             yield Fault(("topology.path",), f"{self.path}: {error}")
             return
-        found = list(edge_faults(edges, scenario.vehicles))
+        found = list(edge_faults(edges, scenario))
         yield from (Fault(("topology.path", "vehicles"), f"{self.path}: {fault.message}") for fault in found)
         if not found:
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)

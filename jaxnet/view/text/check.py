@@ -319,6 +319,8 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     fixed = None if kept is None else kept.fixed
     honest = ~(known.attacked & scenario.attack.replaces())
     weights = dense((known.graph if fixed is None else fixed).only(honest))
+    if law.local:
+        weights = followed_weights(scenario, known.graph, fixed, weights)
     along = rounds.eigenvalues(weights)
     if not scenario.navigator.present:  # an eigenvalue of 1 belongs to agreement
         along = np.delete(along, np.abs(along - 1).argmin())
@@ -331,6 +333,22 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
     return line + "; that is while everybody is retained" * (fixed is None)
+
+
+def followed_weights(
+    scenario: Scenario, graph: Digraph, fixed: Digraph | None, weights: np.ndarray
+) -> np.ndarray:
+    """Return the matrix `I - S (I - A)` of a local law, where S holds the strengths of the rows.
+
+    `weights` is [a0 | A] of the vehicles retained for good, which are those of `fixed`, or of everybody.
+    """
+    kept = graph if fixed is None else graph.only(fixed.heard)
+    strength = scenario.topology.strength(graph.weights.T[None], scenario.navigator.present)
+    if strength is None:
+        return weights
+    factor = strength.of(kept.weights.sum(axis=1)[None, None])[0, 0][:, None]
+    own = np.concatenate([np.zeros_like(factor), np.eye(len(weights))], axis=1)
+    return own - factor * (own - weights)
 
 
 def rounds_text(least: tuple[int, int] | None) -> str:

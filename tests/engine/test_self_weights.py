@@ -1,0 +1,143 @@
+"""Weights of vehicles on themselves, and weights as they are, against plain programs of a few lines."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import jaxnet
+from jaxnet.view.text.check import check_text
+from tests.engine.test_orders import subsequence
+
+H = 0.1
+KEYS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1 / H], "tick": H}
+KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0, "save": {"trajectories": "all"}}
+RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
+
+
+def paths(**keys):
+    """States (times, vehicles, 2) of one lane, and what the attacks add (times, vehicles, 2)."""
+    results = jaxnet.simulate(KEYS | keys, progress=False)
+    data = results.trajectories.sel(cell=0, sample=0)
+    return data["states"].values, data["attack"].values
+
+
+def test_vehicles_step_by_weights_that_count_themselves():
+    """`x ← W x`, where W has the diagonal of the edges and rows that sum to 1."""
+    own = [[i, i, 0.5 * i] for i in range(1, 5)]
+    states, _ = paths(topology={"kind": "edges", "edges": RING + own}, attack="none")
+    W = np.zeros((6, 6))
+    for i, j, w in RING + own:
+        W[i - 1, j - 1] = w
+    W /= W.sum(axis=1, keepdims=True)
+    x = states[0]
+    for now in states:
+        np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
+        x = W @ x
+
+
+def test_w_msr_counts_the_vehicle_itself_as_one_of_those_retained():
+    """Published W-MSR: each weight is 1/(1 + d) of the d that are retained."""
+    attack = {"kind": "rotating", "magnitude": 150.0, "frequency": 0.9, "vehicles": [2]}
+    keys = {"vehicles": 7, "topology": {"kind": "complete", "own_weight": 1.0}, "attack": attack}
+    states, lies = paths(**keys, defence="w_msr", horizon=0.6)
+    x, dropped = states[0].copy(), 0
+    for now, lie in zip(states, lies, strict=True):
+        np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
+        sent, new = x + lie, np.empty_like(x)
+        for i in range(7):
+            heard = [j for j in range(7) if j != i]
+            for axis in range(2):
+                kept, _ = subsequence(x[i, axis], sent[heard, axis], np.ones(6), set(), 1)
+                dropped += 6 - len(kept)
+                values = sent[heard, axis][list(kept)]
+                new[i, axis] = (x[i, axis] + values.sum()) / (1 + len(values))
+        x = new
+    assert dropped > 50
+
+
+def test_weights_as_they_are_make_the_laplacian():
+    """`x ← x - k0 h L x` with L of the raw weights; a shorter tick comes closer to `exp(-k0 L t)`."""
+    topology = {"kind": "edges", "edges": [[i, j, w / 3] for i, j, w in RING], "normalised": False}
+    L = np.zeros((6, 6))
+    for i, j, w in topology["edges"]:
+        L[i - 1, j - 1], L[i - 1, i - 1] = -w, L[i - 1, i - 1] + w
+    keys = {"topology": topology, "attack": "none", "gain": [2.0], "horizon": 1.0}
+    states, _ = paths(**keys)
+    x = states[0]
+    for now in states:
+        np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
+        x = x - 2.0 * H * L @ x
+    fine, _ = paths(**keys, tick=1e-4)
+    np.testing.assert_allclose(fine[-1], expm(-2.0 * L) @ fine[0], atol=2e-2)
+
+
+def test_what_w_msr_drops_weakens_a_row_of_weights_as_they_are():
+    """`x_i ← x_i - k0 h Σ w_ij (x_i - x_j)` over those retained, without renormalisation."""
+    edges = [[i, j, 0.1 * i] for i in range(1, 8) for j in range(1, 8) if i != j]
+    topology = {"kind": "edges", "edges": edges, "normalised": False}
+    attack = {"kind": "bias", "magnitude": 150.0, "vehicles": [2]}
+    states, lies = paths(topology=topology, attack=attack, gain=[1.5], defence="w_msr", horizon=0.6)
+    x = states[0].copy()
+    for now, lie in zip(states, lies, strict=True):
+        np.testing.assert_allclose(now, x, rtol=0, atol=1e-11)
+        sent, new = x + lie, np.empty_like(x)
+        for i in range(7):
+            heard = [j for j in range(7) if j != i]
+            for axis in range(2):
+                kept, _ = subsequence(x[i, axis], sent[heard, axis], np.ones(6), set(), 1)
+                apart = (x[i, axis] - sent[heard, axis])[list(kept)]
+                new[i, axis] = x[i, axis] - 1.5 * H * 0.1 * (i + 1) * apart.sum()
+        x = new
+
+
+CYCLE = [[i, i % 6 + 1, 1.0] for i in range(1, 7)]
+QUARTERS = [[i, j, 0.25] for i, j, _ in CYCLE]
+LOOPS = [[i, i, 1.0] for i in range(1, 7)]
+TURN = np.exp(1j * np.pi / 3)  # of the ring of six, in which each hears the next
+
+
+@pytest.mark.parametrize(
+    ("topology", "radius"),
+    [
+        ({"edges": CYCLE + LOOPS}, abs(1 + TURN) / 2),
+        ({"edges": QUARTERS, "normalised": False}, abs(0.75 + 0.25 * TURN)),
+        ({"edges": CYCLE, "own_weight": 3.0}, abs(3 + TURN) / 4),
+    ],
+)
+def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
+    """The second greatest eigenvalue of W, in closed form on a ring, and a run that decays by it."""
+    keys = {"topology": {"kind": "edges", **topology}, "attack": "none", "horizon": 12.0}
+    assert f"times {radius:.4f} at each tick" in check_text(jaxnet.load(KEYS | keys))
+    states, _ = paths(**keys)
+    apart = np.linalg.norm(states - states.mean(axis=1, keepdims=True), axis=(1, 2))
+    assert (apart[-1] / apart[60]) ** (1 / 60) == pytest.approx(radius, abs=1e-3)
+
+
+def test_a_lost_word_leaves_the_weight_on_oneself():
+    """With every word lost the fleet stands still, and W of those who came moves it otherwise."""
+    keys = {"topology": {"kind": "complete", "own_weight": 1.0}, "vehicles": 4, "attack": "none"}
+    still, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 0.999999}}, horizon=1.0)
+    np.testing.assert_array_equal(still[-1], still[0])
+    moved, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 1e-9}}, horizon=0.1)
+    np.testing.assert_allclose(moved[1], np.tile(moved[0].mean(axis=0), (4, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("topology", "words"),
+    [
+        ({"own_weight": 1.0}, "own_weight acts under law: local alone"),
+        ({"normalised": False}, "normalised acts under law: local alone"),
+        ({"edges": [[1, 0, 1.0], [1, 1, 1.0]]}, "1 hears itself, which law: local alone allows"),
+    ],
+)
+def test_other_laws_refuse_what_would_not_act(topology, words):
+    """The solution of the exact law does not depend on the strength of a row."""
+    with pytest.raises(jaxnet.ConfigError, match=words):
+        jaxnet.load({"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]} | topology, "attack": "none"})
+
+
+def test_drawn_weights_are_no_weights_on_oneself():
+    """Strengths are the same in all lanes of a cell."""
+    edges = [[1, 2, {"uniform": [0.5, 1.0]}], [2, 1, 1.0], [1, 1, 1.0]]
+    with pytest.raises(jaxnet.ConfigError, match="are numbers, not drawn"):
+        jaxnet.load(KEYS | {"topology": {"kind": "edges", "edges": edges}, "attack": "none"})
