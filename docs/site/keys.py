@@ -144,6 +144,7 @@ REFERENCES = {
     "WorstLanes": "{worst: K}",
     "ChosenVehicles": "{choose: n}",
     "Table": "a list of lists",
+    "EachPosition": "a list of places",
     "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",

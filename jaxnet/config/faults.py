@@ -7,7 +7,7 @@ import numpy as np
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
 from jaxnet.config.wording import shorten_value
-from jaxnet.kinds.fields import Number, is_drawn, value_range
+from jaxnet.kinds.fields import EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.outside import blame
 
@@ -135,6 +135,7 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield the faults of one cell."""
     yield from time_faults(scenario)
     yield from gain_faults(scenario)
+    yield from position_faults(scenario)
     for key in KINDS:
         yield from kind_faults(key, getattr(scenario, key), scenario)
     yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
@@ -193,6 +194,14 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(
             ("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})"
         )
+
+
+def position_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield a fault unless a list of positions has one for each vehicle."""
+    position = scenario.initial.position
+    if isinstance(position, EachPosition) and len(position.root) != scenario.vehicles:
+        message = f"must be {scenario.vehicles} places, one for each vehicle (got {len(position.root)})"
+        yield Fault(("initial.position", "vehicles"), message)
 
 
 def least_stable(gain: list[Number]) -> list[float]:

@@ -19,7 +19,7 @@ from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.family import KindOf
-from jaxnet.kinds.fields import MARK, PI, Number, Positive, Record, Uniform, ordered, union_member
+from jaxnet.kinds.fields import MARK, PI, Number, Positions, Positive, Record, Uniform, ordered, union_member
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -39,7 +39,10 @@ from jaxnet.kinds.vehicles.two_wheeled import TwoWheeled
 class Initial(Record):
     """The initial position, heading and speed of the vehicles; turn rate and force are 0."""
 
-    position: Number = Field(default=Uniform(uniform=[-200.0, 200.0]), description="[m], of both axes")
+    position: Positions = Field(
+        default=Uniform(uniform=[-200.0, 200.0]),
+        description="[m], of both axes, or a list with the place [x, y] of each vehicle, or x on a line",
+    )
     heading: Number = Field(default=Uniform(uniform=[-PI, PI]), description="[rad], from the first axis")
     speed: Positive = Field(default=Uniform(uniform=[0.2, 0.4]), description="[m/s], forwards")
 

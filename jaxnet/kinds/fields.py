@@ -163,6 +163,38 @@ else:
     ]
 
 
+def as_places(given: list[object]) -> list[object]:
+    """Return a list of pairs; a number or distribution is a first coordinate, beside 0."""
+    return [each if isinstance(each, list | tuple) else [each, 0.0] for each in given]
+
+
+def positions_tag(value: object) -> str | None:
+    """Return the tag of positions: a list, or one distribution of all coordinates."""
+    return MARK + "root" if isinstance(value, list | EachPosition) else number_tag(value)
+
+
+Pairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
+
+
+class EachPosition(RootModel[Pairs]):
+    """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+if TYPE_CHECKING:
+    Positions = Any  # a number for all coordinates of all vehicles, or a position of each
+else:
+    Positions = Annotated[
+        Members | Annotated[EachPosition, union_member("root")],
+        Discriminator(
+            positions_tag,
+            custom_error_type="distribution",
+            custom_error_message=f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
+        ),
+    ]
+
+
 def vehicle_number_tag(value: object) -> str | None:
     """Return the tag of a number of vehicles: listed, each, shared, or one for all."""
     if isinstance(value, list):

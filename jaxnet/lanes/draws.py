@@ -59,6 +59,14 @@ class Draw:
                 numbers = [number] * len(places)
         return self.placed(numbers, name, places).reshape(shape)
 
+    def positions(self, given: Any, name: str) -> Any:
+        """Return a position for each vehicle, of a list or drawn by one distribution: (samples, m, 2)."""
+        if not isinstance(given, fields.EachPosition):
+            return self.each(given, name, components=2)
+        numbers = [number for pair in given.root for number in pair]
+        places = [(vehicle, component) for vehicle in self.everyone for component in (0, 1)]
+        return self.placed(numbers, name, places).reshape(len(self.samples), -1, 2)
+
     def several(self, numbers: Sequence[Any], name: str) -> Any:
         """Return several numbers for each lane: (samples, n)."""
         return self.placed(numbers, name, [(0, component) for component in range(len(numbers))])

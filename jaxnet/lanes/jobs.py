@@ -181,7 +181,7 @@ def clock_of(scenario: Scenario) -> Clock:
 def start_of(scenario: Scenario, vehicle: Any, draw: Draw) -> np.ndarray:
     """Return the states at t = 0: (n, m, samples)."""
     given = scenario.initial
-    position = draw.each(given.position, "initial.position", components=2)
+    position = draw.positions(given.position, "initial.position")
     heading, speed = (
         draw.each(getattr(given, name), f"initial.{name}")[..., 0] for name in ("heading", "speed")
     )

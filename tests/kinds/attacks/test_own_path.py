@@ -1,0 +1,79 @@
+"""Attackers that tell a path of their own, whatever they do."""
+
+import numpy as np
+import pytest
+
+import jaxnet
+from tests.engine.test_orders import subsequence
+
+LINE = {"kind": "edges", "edges": [[1, 0, 1.0], [2, 1, 1.0], [3, 2, 1.0]]}
+OWN = {"kind": "own_path", "vehicles": [1], "centre": [40.0, -30.0], "swing": [25.0, 10.0], "phase": 0.4}
+
+
+def path(time, centre, swing, frequency, phase):
+    """The attacker's path in space, (times, 2)."""
+    return np.array(centre) + np.cos(frequency * time + phase)[:, None] * np.array(swing)
+
+
+@pytest.mark.parametrize("vehicle", ["single_integrator", "double_integrator"])
+def test_who_hears_the_attacker_alone_follows_its_path(vehicle):
+    """Vehicles 2 and 3 end on the path exactly, and vehicle 1 on the navigator's."""
+    keys = {"vehicles": 3, "topology": LINE, "attack": OWN, "defence": "none", "vehicle": vehicle}
+    keys |= {"engine": "exact", "horizon": 40.0, "tail": 1.0, "save": {"trajectories": "all"}}
+    results = jaxnet.simulate(keys, samples=1, progress=False)
+    states = results.trajectories.sel(cell=0, sample=0)["states"].values[-1, :, :2]
+    told = path(np.array([40.0]), OWN["centre"], OWN["swing"], 0.7, 0.4)
+    np.testing.assert_allclose(states[1:], np.tile(told, (2, 1)), atol=1e-8)
+    navigator = np.asarray(results.study.config.navigator.jets(np.array(40.0)))[0]
+    np.testing.assert_allclose(states[0], navigator, atol=1e-8)
+
+
+def test_both_engines_hear_the_same_path():
+    """Robots of order 3 under W-MSR, for as long as none of them stands still."""
+    attack = OWN | {"vehicles": {"random": 2}, "frequency": {"uniform": [0.2, 0.9]}, "centre": "start"}
+    keys = {"attack": attack, "defence": "w_msr", "horizon": 3.0, "tail": 0.0, "topology": "complete"}
+    keys |= {"vehicles": 6, "sweep": {"engine": ["exact", "nonlinear"]}, "save": {"trajectories": "all"}}
+    data = jaxnet.simulate(keys, samples=3, progress=False).trajectories["states"]
+    exact, nonlinear = (data.sel(cell=cell).values[..., :2] for cell in (0, 1))
+    assert np.isfinite(nonlinear).all()
+    np.testing.assert_allclose(nonlinear, exact, atol=1e-4)
+
+
+def test_w_msr_meets_a_published_liar():
+    """Liar 45 + 55 cos 0.031 t on a complete graph, K = 0.02, step by step, by a plain program."""
+    attack = {"kind": "own_path", "vehicles": [3], "centre": [45.0, 0.0], "swing": [55.0, 0.0]}
+    starts = [10.0, 30.0, 60.0, 80.0, 100.0, 55.0]
+    edges = [[i, j, 1.0] for i in range(1, 7) for j in range(1, 7) if i != j]
+    keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "engine": "exact"}
+    keys |= {"gain": [0.02], "tick": 1.0, "output_step": 1.0, "horizon": 200.0, "tail": 0.0}
+    keys |= {
+        "topology": {"kind": "edges", "edges": edges, "normalised": False},
+        "initial": {"position": starts},
+    }
+    keys |= {"attack": attack | {"frequency": 0.031}, "defence": "w_msr", "save": {"trajectories": "all"}}
+    results = jaxnet.simulate(keys, samples=1, progress=False)
+    states = results.trajectories.sel(cell=0, sample=0)["states"].values[..., 0]
+    told = path(np.arange(201.0), [45.0, 0.0], [55.0, 0.0], 0.031, 0.0)[:, 0]
+    x = np.array(starts)
+    for now, lie in zip(states, told, strict=True):
+        np.testing.assert_allclose(now, x, rtol=0, atol=1e-9)
+        sent, new = np.where(np.arange(6) == 2, lie, x), np.empty(6)
+        for i in range(6):
+            heard = sent[np.arange(6) != i]
+            kept, _ = subsequence(x[i], heard, np.ones(5), set(), 1)
+            new[i] = x[i] - 0.02 * (x[i] - heard[kept]).sum()
+        x = new
+    assert np.ptp(np.delete(states[-1], 2)) < 0.05 * np.ptp(np.delete(starts, 2))
+
+
+def test_each_attacker_swings_about_its_own_start_with_its_own_frequency():
+    """What listeners hear, from the stored signals, with a phase drawn for each attacker."""
+    attack = {"kind": "own_path", "vehicles": [1, 3], "swing": [0.0, 4.0], "frequency": [0.5, 1.1]}
+    keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "engine": "exact"}
+    keys |= {"gain": [1.0], "tick": 0.1, "horizon": 3.0, "tail": 0.0, "vehicles": 4, "topology": "complete"}
+    keys |= {"attack": attack | {"phase": 0.3}, "defence": "none", "save": {"trajectories": "all"}}
+    data = jaxnet.simulate(keys, samples=1, progress=False).trajectories.sel(cell=0, sample=0)
+    time, signal, starts = data["time"].values, data["attack"].values, data["states"].values[0]
+    for vehicle, frequency in ((0, 0.5), (2, 1.1)):
+        told = path(time, starts[vehicle], [0.0, 4.0], frequency, 0.3)
+        np.testing.assert_allclose(signal[:, vehicle], told, atol=1e-9)
