@@ -151,7 +151,7 @@ def differs_by_lane(scenario: Scenario) -> bool:
 def has_ticks(scenario: Scenario) -> bool:
     """Return whether anything happens at ticks: a decision, a sum of effects, a held jerk, noise, a loss."""
     decides = scenario.defence.decides or scenario.attack.strategic
-    holds = scenario.law.holds or not scenario.attack.consistent()
+    holds = not scenario.law.solved or not scenario.attack.consistent()
     return (decides or holds or not is_ideal(scenario)) and scenario.tick > 0
 
 

@@ -62,7 +62,8 @@ class Batch(NamedTuple):
     def acts(self) -> bool:
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
-        return self.plan.choosing or lane.law.holds or lane.sensor is not None or lane.loss is not None
+        noisy = lane.sensor is not None or lane.loss is not None
+        return self.plan.choosing or noisy or not lane.law.solved
 
 
 class Motion(ABC, Generic[MotionState]):

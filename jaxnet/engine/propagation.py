@@ -13,6 +13,8 @@ derivatives, g solves `R(g) = R(β)`, summed from tick to tick by Gauss–Legend
 The r-th derivative held from tick to tick (`Held`, theorems.md O12): x is y with its derivatives, Φ is the
 flow of r integrators, v is the r-th derivative, and f = (h^r/r!, …, h), for r = 3 (h³/6, h²/2, h).
 
+The local law at every instant stands in `local`.
+
 The lanes are the last axis of every array. Functions of one instant are computed behind a barrier, because
 XLA would compute them again for each vehicle that uses them (1.08 times, plain, 12 vehicles).
 """
@@ -253,8 +255,3 @@ class Held(Propagation):
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         jets, held = jax.tree.map(lambda leaf: picked(leaf, few), (state.jets, state.vectors))
         return between.stood_held(jets, held, self.clock.interval)
-
-
-def exact_motion(batch: Batch) -> Propagation:
-    """Return the motion of a batch: `Held` where the law holds a jerk, else `Solved`."""
-    return Held(batch) if batch.lane.law.holds else Solved(batch)

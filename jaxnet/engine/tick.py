@@ -472,14 +472,12 @@ def exchange(
     `own` are a vehicle's own jets of y, and `last` is the derivative held until now, which a vehicle that
     hears nobody still holds.
     """
-    own, weights, rest = sensed(own, drive.noise), drive.weights, (network.hearing, drive.weights, lane.gain)
+    own, weights = sensed(own, drive.noise), drive.weights
     if lane.law.local:
-        demand = control.local_demand(own, told.navigator, signal.jets(drive.vectors, told.basis), *rest)
-        if drive.strength is not None:
-            demand = drive.strength * demand
+        demand = local_demand(lane, network, drive, own, told.navigator, told.basis)
     else:
         attack = signal.combined(drive.vectors, told.functions)
-        demand = control.demand(own, told.path, attack, *rest)
+        demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
     if drive.reception is not None and not lane.law.local:
         demand = jnp.where(drive.reception.keeps[None], last, demand)
 
@@ -488,3 +486,17 @@ def exchange(
         return network.hearing.mean(weights, sources, jnp.zeros_like(drive.vectors[:, :, 0]))
 
     return lane.law.exchange(last, demand, heard)
+
+
+def local_demand(
+    lane: Lane,
+    network: Network,
+    drive: Drive,
+    own: Jets,
+    navigator: Float[Array, "jets 2 lanes"],
+    basis: Basis,
+) -> PerAxis:
+    """Return the r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
+    attack = signal.jets(drive.vectors, basis)
+    demand = control.local_demand(own, navigator, attack, network.hearing, drive.weights, lane.gain)
+    return demand if drive.strength is None else drive.strength * demand

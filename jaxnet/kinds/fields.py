@@ -173,10 +173,10 @@ def positions_tag(value: object) -> str | None:
     return MARK + "root" if isinstance(value, list | EachPosition) else number_tag(value)
 
 
-Pairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
+PlacePairs = Annotated[list[Annotated[list[Number], Len(2, 2)]], Len(1), BeforeValidator(as_places)]
 
 
-class EachPosition(RootModel[Pairs]):
+class EachPosition(RootModel[PlacePairs]):
     """The position of each vehicle, in the order of their numbers: [x, y], or x alone on a line."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)

@@ -38,6 +38,6 @@ def gap_of_theory(scenario: Scenario, known: Situation) -> str:
         return "ā does not bound the attack"
     if scenario.attack.identities() > 1:
         return "attacked vehicles have several identities"
-    if scenario.law.holds:
-        return "the law holds the jerk between ticks"
+    if not scenario.law.solved:
+        return "the law holds the jerk between ticks" if scenario.law.holds else "the law is local"
     return "" if known.retained is not None else "the defence may retain any neighbour"

@@ -55,6 +55,15 @@ def local_growth(eigenvalues: np.ndarray, gain: LawGain, tick: float) -> float:
     return float(np.abs(1 + tick * np.linalg.eigvals(rates)).max())
 
 
+def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
+    """Return the rate of the slowest motion under the local law at every instant [1/s]: stable below 0.
+
+    Along an eigenvector of A with eigenvalue λ the rates are the roots of `s^r + (1 - λ) P(s)`.
+    """
+    pulls = (1 - eigenvalues)[:, None] * gain[::-1]
+    return max(float(np.roots([1.0, *each]).real.max()) for each in pulls)
+
+
 def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
     """Return `(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
     steps = np.arange(order)[None] - np.arange(order)[:, None]

@@ -38,7 +38,9 @@ class Exact(Engine):
 
     @staticmethod
     def simulate(queue: Inputs, count: LaneCount, network: Network, clock: Clock, plan: Plan) -> Outcome:
-        """Advance all lanes in lockstep by `engine.propagation`."""
-        from jaxnet.engine import loop, propagation
+        """Advance all lanes in lockstep by `engine.propagation`, or by `engine.local`."""
+        from jaxnet.engine import local, loop, propagation
 
-        return loop.in_lockstep(propagation.exact_motion, queue, network, clock, plan)
+        law = queue.lane.law
+        motion = propagation.Held if law.holds else propagation.Solved if law.solved else local.Local
+        return loop.in_lockstep(motion, queue, network, clock, plan)

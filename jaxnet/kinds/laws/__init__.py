@@ -21,6 +21,11 @@ class Law(Kind):
         False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )
 
+    @property
+    def solved(self) -> bool:
+        """Return whether the law is solved for all vehicles together at every instant, as the theory asks."""
+        return not self.holds and not self.local
+
     def exchange(
         self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]
     ) -> VehicleVectors:

@@ -3,23 +3,36 @@
 from collections.abc import Callable
 from typing import ClassVar
 
+from pydantic import Field
+
 from jaxnet.kinds.laws import Law
 from jaxnet.kinds.shapes import VehicleVectors
 
 
 class LocalLaw(Law):
-    """Hold `q_i = -P(ε_i)` from tick to tick, plus the navigator's derivative where a vehicle hears it.
+    """`q_i = -P(ε_i)`, plus the navigator's derivative where a vehicle hears it, held from tick to tick or
+    not.
 
     q is the derivative of the vehicles' order r. No neighbour tells its q, so a fleet lags behind a navigator
     that moves. A vehicle that hears or retains nobody has q = 0: an agent of order 1 stands still, one of
     order 2 keeps its velocity. No lane fails as disconnected. Single integrators with the gain k0 = 1/tick
-    step by `x ← W x`, with W the weights in force.
+    that hold q step by `x ← W x`, with W the weights in force.
 
     Source: Olfati-Saber, Fax and Murray, Consensus and cooperation in networked multi-agent systems, 2007.
     """
 
     kind = "local"
     local: ClassVar[bool] = True
+
+    hold: bool = Field(
+        default=True,
+        description="whether vehicles hold q from tick to tick; false: q follows at every instant",
+    )
+
+    @property
+    def holds(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Return the key `hold`."""
+        return self.hold
 
     def exchange(
         self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]

@@ -47,7 +47,7 @@ def setting_rows(study: Study) -> dict[str, str]:
         "attacked signals": among(attacked_words),
         "magnitude ā": f"{among(size_words)} m" if any(map(attacks, cells)) else "none",
         "defence": kinds("defence", lambda cell: cell.scenario.defence),
-        "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: not cell.scenario.law.holds),
+        "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solved),
         "sensor errors": kinds(
             "sensing", lambda cell: cell.scenario.sensing, lambda cell: cell.scenario.sensing.exact()
         ),

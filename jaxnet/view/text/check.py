@@ -47,6 +47,7 @@ PROCESS_BYTES = 600e6  # of a process that simulates, without arrays, measured
 ARRAY_COPIES = 3  # of a shard's arrays, from the compiled program to the disk
 NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which are not tried one by one"
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
+RETAINED = "; that is while everybody is retained"
 NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
 NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
 NOT_ROBUST = "not 1-robust, so not enough for W-MSR"
@@ -155,7 +156,7 @@ def guarantees(cells: Sequence[Cell]) -> str:
     for defence in (cell.scenario.defence for cell in cells):
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
-    rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if cell.scenario.law.holds}
+    rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
     return wrap_lines(network_text("guarantees", rows))
 
 
@@ -175,7 +176,7 @@ class NetworkKeys:
         graph, links, shared = self.without_attack(scenario)
         attacked = attack.attacked_links(graph)[links].tobytes()
         threat = attack.kind, attack.number(), attack.replaces(), attack.falsified(), attack.identities()
-        held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if law.holds else ()
+        held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if not law.solved else ()
         world = tuple(world_lines(scenario).items())
         return shared, attacked, threat, scenario.horizon, held, world
 
@@ -259,7 +260,7 @@ def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[s
     """Return lines on who is safe, or why nothing is known of it."""
     if not is_ideal(scenario):
         return {**world_lines(scenario), "safe": NOT_IDEAL}
-    return held_lines(scenario, known) if scenario.law.holds else safe_lines(scenario, known, closely)
+    return safe_lines(scenario, known, closely) if scenario.law.solved else held_lines(scenario, known)
 
 
 def world_lines(scenario: Scenario) -> dict[str, str]:
@@ -328,11 +329,15 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if left is None and not law.local:
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
+    if not law.holds:
+        rate = rounds.local_rate(along, gain)
+        line = f"{'stable' if rate < 0 else 'UNSTABLE'}, deviations behave as exp({rate:.4f} t) at last"
+        return line + RETAINED * (fixed is None)
     grown = rounds.local_growth(along, gain, tick) if left is None else rounds.growth(left, gain, tick)
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
-    return line + "; that is while everybody is retained" * (fixed is None)
+    return line + RETAINED * (fixed is None)
 
 
 def followed_weights(
@@ -557,7 +562,7 @@ def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     if weights:
         lines["weights"] = f"drawn in {cells_named(weights)}; what is said is of their medians"
     if gain:
-        held = cells[0].scenario.law.holds
+        held = not cells[0].scenario.law.solved
         told = "what is said is of their medians" if held else "stable whatever is drawn"
         lines["gain"] = f"drawn in {cells_named(gain)}; {told}"
     return lines

@@ -1,0 +1,179 @@
+"""The local law in the exact engine, solved from tick to tick by the power series of the motion.
+
+From one tick to the next, `y^(r) = s (a0 y_0^(r) - P(ε))` is linear with constant coefficients, and its
+forcing is made of functions of time. Polynomials stand for these functions within a tick. Every derivative of
+the motion then follows from the one before it:
+
+    y^(r+n) = D(y^(n), …, y^(n+r-1), n-th derivatives of the functions),
+
+where D is the right-hand side of the law. No matrix is formed, so that the cost grows with the number of
+links. The series converges for every tick; it stops at rounding.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxnet.engine import between, standstill, tick
+from jaxnet.engine.loop import LaneFlags, Tick, Ticks
+from jaxnet.engine.propagation import Held, PropagationState
+from jaxnet.engine.status import Code
+from jaxnet.engine.subset import LaneIndices, picked, select
+from jaxnet.engine.tick import DecisionState, Drive, Instants, PerAxis
+from jaxnet.model import control, plane
+from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
+
+DEGREE = 10  # of the polynomials, less one
+MOST_TERMS = 120  # of a series: enough while the tick times the fastest rate is under 30
+ROUNDING = 2.0**-56  # relative size at which a series stops
+
+ANGLES = (np.arange(DEGREE) + 0.5) * np.pi / DEGREE
+NODES = (1 - np.cos(ANGLES)) / 2  # Chebyshev's points in [0, 1]
+TO_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODES - 1, DEGREE - 1))
+INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS + 1)])
+
+
+def derivatives_of_chebyshev() -> Float[np.ndarray, "derivatives coefficients"]:
+    """Return the derivatives at 0 of Chebyshev's polynomials of 2x - 1, of each order."""
+    polynomials = np.polynomial.Chebyshev.identity(domain=[0, 1])
+    basis = [polynomials.basis(n, domain=[0, 1]) for n in range(DEGREE)]
+    return np.array([[each.deriv(n)(0.0) if n else each(0.0) for each in basis] for n in range(DEGREE)])
+
+
+DERIVATIVES = derivatives_of_chebyshev()
+
+
+class Forcing(NamedTuple):
+    """Derivatives at the start of a tick of the polynomials for the functions, by order of the jets.
+
+    Time is counted in ticks: the derivative of order k + n is multiplied by the power k + n of the tick.
+    """
+
+    navigator: Float[Array, "derivatives jets 2 lanes"]
+    basis: Float[Array, "derivatives jets functions lanes"]
+
+
+class Local(Held):
+    """Motion under the local law at every instant."""
+
+    def hold(
+        self, state: PropagationState, decided: DecisionState, at: Tick
+    ) -> tuple[PropagationState, LaneFlags]:
+        """Return the state unchanged: the law has a solution whoever is retained."""
+        return state, jnp.zeros_like(at.here)
+
+    def drive_now(self, state: PropagationState, decided: DecisionState) -> PerAxis:
+        """Return `y^(r) + P(ŷ)`, with y^(r) of the law."""
+        lane, drive = self.lane, self.drive(state, decided)
+        own = tick.sensed(state.jets, decided.noise)
+        demand = tick.local_demand(lane, self.network, drive, own, self.navigator(state), state.basis)
+        return demand + control.feedback(lane.gain, own)
+
+    def advance(
+        self, state: PropagationState, decided: DecisionState, ticks: Ticks, status: Code
+    ) -> tuple[PropagationState, Code, LaneFlags]:
+        """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
+        lane, network, time = self.lane, self.network, self.instant(ticks + 1)
+        drive, span = self.drive(state, decided), time - state.time
+        jets, _ = by_series(lane, network, drive, state.jets, state.time, span)
+        now = state._replace(jets=jets, time=time, basis=lane.signal.basis(time))
+        arrived = jnp.ones_like(state.straight)
+        if not lane.vehicle.singular:
+            return now, status, arrived
+
+        def stood(few: LaneIndices) -> LaneFlags:
+            some = jax.tree.map(lambda leaf: picked(leaf, few), (lane, drive, jets, time, span))
+            return stood_in_tick(network, *some)
+
+        status, straight = between.stopped(now.straight, status, lambda: now.jets, stood)
+        return now._replace(straight=straight), status, arrived
+
+
+def by_series(
+    lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
+) -> tuple[Jets, Float[Array, "m lanes"]]:
+    """Return the jets a span later, and a bound on the norm of the derivative of order 3 on the way.
+
+    `span` may be negative, or 0. `jets` are those of the outputs at `time`.
+    """
+    stays = span == 0
+    span = jnp.where(stays, 1.0, span)
+    order, forcing = len(jets), forcing_of(lane, time, span)
+    powers = [span**k for k in range(order + 1)]
+    gain = jnp.stack([lane.gain[k] * powers[order - k] for k in range(order)])
+    lane = lane._replace(gain=gain)
+    noise = None if drive.noise is None else scaled(drive.noise, powers)
+    factorials = jnp.asarray(INVERSE_FACTORIALS)
+    first = scaled(jets, powers)
+
+    def term(n: Int[Array, ""], window: Jets) -> PerAxis:
+        """Return the derivative of order r + n from the r before it."""
+        here = n < DEGREE
+        functions = jax.tree.map(
+            lambda leaf: jnp.where(here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0), forcing
+        )
+        own = window
+        if noise is not None:
+            own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=False))
+        return tick.local_demand(lane, network, drive, own, functions.navigator, functions.basis)
+
+    def add(carry: tuple) -> tuple:
+        n, window, sums, bound, _ = carry
+        new, number = term(n, window), n + order
+        sums = tuple(total + new * factorials[number - k] for k, total in enumerate(sums))
+        third = jnp.where(number >= 3, factorials[jnp.maximum(number - 3, 0)], 0.0)
+        bound = bound + plane.length(new) * third
+        last = jnp.abs(new) * factorials[number - order + 1]
+        size = jnp.maximum(jnp.abs(sums[-1]).max(axis=(0, 1)), jnp.abs(sums[0]).max(axis=(0, 1)))
+        more = (jnp.where(jnp.isfinite(last), last, 0.0).max(axis=(0, 1)) > ROUNDING * size).any()
+        return n + 1, (*window[1:], new), sums, bound, more
+
+    def under_way(carry: tuple) -> Bool[Array, ""]:
+        n, *_, more = carry
+        return ((n < DEGREE + order) | more) & (n + order < MOST_TERMS)
+
+    sums = tuple(sum(first[m] / math.factorial(m - k) for m in range(k, order)) for k in range(order))
+    begin = jnp.asarray(0), first, sums, jnp.zeros_like(first[0][0]), jnp.asarray(True)
+    _, _, sums, bound, _ = jax.lax.while_loop(under_way, add, begin)
+    found = tuple(each / power[None, None] for each, power in zip(sums, powers, strict=False))
+    return select(~stays, found, jets), bound / (jnp.abs(span) ** 3)[None]
+
+
+def scaled(jets: Jets, powers: list[Instants]) -> Jets:
+    """Return jets with time counted in ticks."""
+    return tuple(jet * power[None, None] for jet, power in zip(jets, powers, strict=False))
+
+
+def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
+    """Return the derivatives of the polynomials through the navigator's jets and the attacks' functions."""
+    times = time[None] + jnp.asarray(NODES)[:, None] * span[None]
+    known = Forcing(jax.vmap(lane.navigator.jets)(times), jax.vmap(lane.signal.basis)(times))
+    powers = jnp.stack([span**k for k in range(known.basis.shape[1])])
+
+    def of(values: Float[Array, "nodes jets functions lanes"]) -> Float[Array, "nodes jets functions lanes"]:
+        coefficients = jnp.tensordot(jnp.asarray(TO_CHEBYSHEV), values * powers[None, :, None], axes=1)
+        return jnp.tensordot(jnp.asarray(DERIVATIVES), coefficients, axes=1)
+
+    return Forcing(*map(of, known))
+
+
+def stood_in_tick(
+    network: Network, lane: Lane, drive: Drive, jets: Jets, now: Instants, span: Instants
+) -> LaneFlags:
+    """Return the lanes in which a vehicle stood still in the span before now. The search goes back."""
+    _, jerk = by_series(lane, network, drive, jets, now, -span)
+
+    def pace(state: tuple[Jets, Instants]) -> tuple[PerAxis, PerAxis]:
+        (_, velocity, acceleration), _ = state
+        return velocity, -acceleration
+
+    def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
+        jets, time = state
+        return by_series(lane, network, drive, jets, time, -step)[0], time - step
+
+    return standstill.stands(pace, go_back, (jets, now), jerk, span, span)
