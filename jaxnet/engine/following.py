@@ -34,7 +34,8 @@ class FollowedLaw(NamedTuple):
     response: Vectors | None  # L⁻¹ d, for a first guess of the jerk
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
-        """Return the held jerk, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
+        """Return the held derivative, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks'
+        effect.
 
         The law is solved for the received jets from this first guess. None where the solver needs no guess.
         """

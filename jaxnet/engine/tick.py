@@ -441,7 +441,7 @@ def drive_along(
     lane: Lane, states: Float[Array, "n m lanes"], rates: Float[Array, "n m lanes"], noise: Jets | None
 ) -> PerAxis:
     """Return the drive `z = y‴ + P(ŷ)` of vehicles whose states change at these rates."""
-    own, (_, _, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
+    own, (*_, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
     return jerk + control.feedback(lane.gain, sensed(own, noise))
 
 

@@ -38,7 +38,6 @@ class Engine(Kind):
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
-    orders: ClassVar[tuple[int, ...]] = (3,)  # orders of the vehicles that the engine can move
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the options that shape the compiled program: hashable."""
@@ -63,10 +62,6 @@ class Engine(Kind):
                 f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
             )
             yield Fault(("engine", "law"), message)
-        if scenario.vehicle.order not in self.orders:
-            orders, vehicle = " or ".join(map(str, self.orders)), scenario.vehicle
-            message = f"the {self.kind} engine moves vehicles of order {orders}, {vehicle.kind} has"
-            yield Fault(("engine", "vehicle"), f"{message} {vehicle.order}: give engine: exact")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
 
