@@ -77,14 +77,14 @@ def stood(
 
     def pace(state: Any) -> tuple[Plane, Plane]:
         now, free, effect = state
-        path, driven = lane.navigator.jets(now), signal.jets(forced, effect)
+        path, driven = lane.path(now), signal.jets(forced, effect)
         jets = tuple(a[:, None] + b + c for a, b, c in zip(path, driven, free, strict=False))
         return standstill.backwards(lane.vehicle, jets, highest)
 
     def go_back(state: Any, step: Durations) -> Any:
         (now, free, effect), over = state, flow.brief(lane.gain, -step)
         if plan.consistent:
-            effect = lane.signal.basis(now - step)[:order]
+            effect = lane.basis(now - step)[:order]
         else:
             responses = flow.brief_responses(lane.gain, -step)
             effect = flow.passed_on(effect, over, responses, lane, now, -step)
@@ -99,7 +99,7 @@ def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
     return jnp.sqrt((vectors**2).sum(axis=(0, 2)))
 
 
-def greatest_drive(gain: control.Gain, sizes: Float[Array, "4 lanes"]) -> Float[Array, "1 lanes"]:
+def greatest_drive(gain: control.Gain, sizes: Float[Array, "derivatives lanes"]) -> Float[Array, "1 lanes"]:
     """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
     return control.driven(gain, sizes)[None]
 

@@ -117,7 +117,7 @@ def exchanged(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    told = tick.Told(lane.navigator.jets(now.time), now.basis, now.path, now.drive)
+    told = tick.Told(now.navigator, now.basis, now.path, now.drive)
     jerk = tick.exchange(lane, network, drive, own, told, last)
     return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
 

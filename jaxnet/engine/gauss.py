@@ -20,12 +20,13 @@ from jaxtyping import Array, Float
 from numpy.polynomial import Legendre, Polynomial
 
 from jaxnet.engine.stepper import Times
+from jaxnet.kinds.vehicles import MOST_ORDER
 from jaxnet.model import control
 from jaxnet.model.plane import Jets
 from jaxnet.model.shapes import LoopIndex
 
 STAGES = 8  # 6, 7 and 10 measured slower
-INTEGRALS = range(1, 5)  # how often a derivative is integrated, at most the order of the vehicles
+INTEGRALS = range(1, MOST_ORDER + 1)  # how often the r-th derivative of a vehicle may be integrated
 PLACES = np.linspace(0, 1, 25)  # of a window of length 1, ends included
 
 Jerks = Float[Array, "nodes 2 m lanes"]
@@ -153,7 +154,7 @@ def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:
     return tuple(jnp.broadcast_to(taylor(jets[order:], past), shape) for order in range(len(jets)))
 
 
-def taylor(jets: Jets, past: AtNodes) -> Jerks:
+def taylor(jets: Jets, past: Float[Array, "nodes 1 1 lanes"]) -> Float[Array, "_ 2 m lanes"]:
     """Return the Taylor polynomial of these jets."""
     total = jets[-1][None]
     for order in range(len(jets) - 1, 0, -1):

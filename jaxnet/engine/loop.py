@@ -201,7 +201,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
 def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
     """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
     time, _ = motion.basis(fleet.state)
-    navigator = [jet[:, None] for jet in lane.navigator.jets(time)]
+    navigator = [jet[:, None] for jet in lane.path(time)]
     without_jerk = control.feedback(lane.gain, plane.plus(motion.errors(fleet.state), navigator))
     return jnp.where(first[None, None], without_jerk, motion.drive_now(fleet.state, fleet.decided))
 

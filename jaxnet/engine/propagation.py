@@ -67,9 +67,9 @@ class Propagation(Motion[PropagationState]):
         """Return the vectors v until the next tick."""
         return state.vectors
 
-    def navigator(self, state: PropagationState) -> Float[Array, "4 2 lanes"]:
+    def navigator(self, state: PropagationState) -> Float[Array, "derivatives 2 lanes"]:
         """Return the navigator's jets now."""
-        return barrier(self.lane.navigator.jets(state.time))
+        return barrier(self.lane.path(state.time))
 
     def instant(self, ticks: Ticks | int) -> Instants:
         """Return the time of the tick with this number."""
@@ -140,10 +140,10 @@ class Solved(Propagation):
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
-        basis, attack = self.driven.signal.basis(time), lane.vectors.shape[2]
+        basis, attack = self.driven.basis(time), lane.vectors.shape[2]
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
-            jets=plane.relative(jets, lane.navigator.jets(time)),
+            jets=plane.relative(jets, lane.path(time)),
             vectors=jnp.zeros((2, lane.weights.shape[1], *basis.shape[1:])),
             time=time,
             basis=basis,
@@ -195,7 +195,7 @@ class Solved(Propagation):
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        flow, basis = self.numbers.flow, barrier(self.driven.signal.basis(time))
+        flow, basis = self.numbers.flow, barrier(self.driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and self.responses is not None:
             interval, before = self.clock.interval, state.effect
@@ -220,7 +220,7 @@ class Held(Propagation):
         lane, time = self.lane, self.instant(0)
         jets = lane.vehicle.output_jets(lane.initial)
         vectors = jnp.zeros_like(jets[0])[:, :, None]
-        straight, basis = jnp.ones(time.shape, bool), lane.signal.basis(time)
+        straight, basis = jnp.ones(time.shape, bool), lane.basis(time)
         return PropagationState(jets, vectors, time, basis, None, straight, None)
 
     def errors(self, state: PropagationState) -> Jets:
@@ -257,7 +257,7 @@ class Held(Propagation):
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
-        basis = barrier(self.lane.signal.basis(time))
+        basis = barrier(self.lane.basis(time))
         flow, forcing = (make(interval, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 

@@ -122,12 +122,12 @@ class ByDiffrax(Motion[StackedState]):
 
     def errors(self, state: StackedState) -> Jets:
         """Return E and its derivatives below the order now."""
-        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.navigator.jets(state.time)
+        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.path(state.time)
         return plane.relative(own, navigator)
 
     def basis(self, state: StackedState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
-        return state.time, self.lane.signal.basis(state.time)
+        return state.time, self.lane.basis(state.time)
 
     def states(self, state: StackedState) -> States:
         """Return the vehicles' states (n, m, lanes)."""
@@ -272,8 +272,8 @@ def lane_field(
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         weights = decided_in_field(alone, there, now, network, plan)[..., 0]
-    vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
-    attack = jnp.stack(signal.jets(vectors[..., None], alone.signal.basis(now)))[..., 0]
+    vehicle, navigator = alone.vehicle, alone.path(now)[..., 0]
+    attack = jnp.stack(signal.jets(vectors[..., None], alone.basis(now)))[..., 0]
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
     own = own if noise is None else own + jnp.stack(noise)[: len(own)]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
@@ -289,8 +289,8 @@ def lane_field(
 
 def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> AxisWeights:
     """Return the weights in force for the jets received now, decided without memory; lanes last."""
-    errors = plane.relative(lane.vehicle.output_jets(state), lane.navigator.jets(time))
-    before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
+    errors = plane.relative(lane.vehicle.output_jets(state), lane.path(time))
+    before, basis = tick.before_first(lane, network, plan), lane.basis(time)
     decided = tick.decide(lane, network, plan, before, errors, basis, time)
     return tick.drive(lane, decided, plan).weights
 

@@ -6,9 +6,11 @@ determine each other, and `y^(r) = σ + ψ u` for an input u with two components
 and JAX.
 """
 
+from collections.abc import Iterator
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AxisMatrices,
     StackedJets,
@@ -21,6 +23,7 @@ from jaxnet.kinds.shapes import (
 from jaxnet.model.circle import circle
 
 HEADING, SPEED = 2, 3
+MOST_ORDER = 4  # of vehicles
 
 
 class Vehicle(Kind):
@@ -43,6 +46,11 @@ class Vehicle(Kind):
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault of an order for which the engines have no constants."""
+        if not 1 <= self.order <= MOST_ORDER:
+            yield Fault(("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})")
 
     def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
         """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
