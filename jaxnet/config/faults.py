@@ -187,7 +187,7 @@ def gain_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(("gain", "vehicle"), message)
         return
     worst = least_stable(scenario.gain)
-    if not (min(worst) > 0 and (order < 3 or worst[1] * worst[2] > worst[0])):
+    if not (min(worst) > 0 and is_hurwitz(worst)):
         roots = np.sort_complex(np.roots([1.0, *worst[::-1]]))
         eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
         drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
@@ -204,10 +204,28 @@ def position_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(("initial.position", "vehicles"), message)
 
 
+def is_hurwitz(gain: list[float]) -> bool:
+    """Return whether `s^r + … + k1 s + k0` is Hurwitz for positive gains, r at most 4."""
+    if len(gain) < 3:
+        return True
+    k0, k1, k2, *highest = gain
+    return k1 * k2 > k0 if not highest else k1 * k2 * highest[0] > k1**2 + k0 * highest[0] ** 2
+
+
 def least_stable(gain: list[Number]) -> list[float]:
     """Return the unstable draw of the gains, if there is one: least k1 and k2, greatest k0 if all k0 are
-    positive. For an order below 3, any positive gains are stable.
+    positive. For an order below 3, any positive gains are stable. For order 4, Kharitonov's four
+    polynomials decide (Differential Equations 14, 1979).
     """
     low, high = zip(*map(value_range, gain), strict=True)
+    if len(gain) == 4 and min(low) > 0:
+        ends = [
+            (high, low, low, high),
+            (high, high, low, low),
+            (low, low, high, high),
+            (low, high, high, low),
+        ]
+        corners = [[end[k] for k, end in enumerate(each)] for each in ends]
+        return next((each for each in corners if not is_hurwitz(each)), corners[0])
     k0, *others = (0.0 if bound == -np.inf else bound for bound in low)
     return [high[0] if k0 > 0 else k0, *others]

@@ -99,10 +99,10 @@ class Scenario(Record):
     navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = Lissajous()
     vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
     initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
-    gain: Annotated[list[Number], Len(1, 3)] = Field(
+    gain: Annotated[list[Number], Len(1, 4)] = Field(
         default=[1.0, 3.0, 3.0],
         description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial by default:"
-        " [1], [1, 2] or [1, 3, 3]",
+        " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]",
     )
     law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
     attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (

@@ -26,12 +26,15 @@ FEW = 16  # lanes that are searched at once
 
 
 def stopped(
-    straight: LaneFlags, status: Code, outputs: Callable[[], Jets], stood: Callable[[LaneIndices], LaneFlags]
+    straight: LaneFlags,
+    status: Code,
+    lead: Callable[[], tuple[Plane, Plane]],
+    stood: Callable[[LaneIndices], LaneFlags],
 ) -> tuple[Code, LaneFlags]:
     """Return the status, and the lanes in which some vehicle may have gone straight on, a tick later.
 
-    `outputs()` returns y with two derivatives. `stood(few)` returns which of a few lanes have a vehicle that
-    stood still in the tick before now.
+    `lead()` returns the vehicles' lead and its derivative. `stood(few)` returns which of a few lanes have a
+    vehicle that stood still in the tick before now.
     """
 
     def some(few: LaneIndices, status: Code) -> Code:
@@ -39,7 +42,7 @@ def stopped(
 
     def work(carry: Any) -> Any:
         status, straight = carry
-        straight = straight & standstill.straight(*outputs()[1:]) & (status == Status.ok)
+        straight = straight & standstill.straight(*lead()) & (status == Status.ok)
         return for_each(straight, FEW, some, status), straight
 
     return run_if(straight.any(), work, (status, straight))
@@ -57,37 +60,38 @@ def stood(
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the interval before now, from E and G now.
 
-    The search goes back in time. `E‴ = -P(E) + K R(β)` with attack vectors K. A bound on the jerk follows
-    from E, Ė and Ë now, and the greatest norms of the navigator's jerk and the attack's functions.
+    The search goes back in time. `E^(r) = -P(E) + K R(β)` with attack vectors K. A bound on y^(r) follows
+    from E and its derivatives now, and the greatest norms of the navigator's r-th derivative and the attack's
+    functions.
     """
-    path, functions = lane.sizes
+    (path, functions), order = lane.sizes, len(lane.gain)
     attack = lane.vectors.shape[2]
     pull = norm(forced[:, :, :attack]) * greatest_drive(lane.gain, functions)
     if forced.shape[2] > attack:  # the functions of `signal.WithNavigator`
         constant, tracked = forced[:, :, attack], forced[:, :, attack + 1 :]
         pull = pull + length(constant) + norm(tracked) * greatest_drive(lane.gain, path)
-    pull = pull * (1.0 + interval * reach[2])[None]
-    jerk = path[3][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(3))
+    pull = pull * (1.0 + interval * reach[-1])[None]
+    highest = path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
     forcing = signal.jets(forced, effect)
     free = tuple(jet - other for jet, other in zip(errors, forcing, strict=True))
 
     def pace(state: Any) -> tuple[Plane, Plane]:
         now, free, effect = state
-        _, velocity, acceleration, _ = lane.navigator.jets(now)
-        _, *driven = signal.jets(forced, effect)
-        return velocity[:, None] + driven[0] + free[1], -(acceleration[:, None] + driven[1] + free[2])
+        path, driven = lane.path(now), signal.jets(forced, effect)
+        jets = tuple(a[:, None] + b + c for a, b, c in zip(path, driven, free, strict=False))
+        return standstill.backwards(lane.vehicle, jets, highest)
 
     def go_back(state: Any, step: Durations) -> Any:
         (now, free, effect), over = state, flow.brief(lane.gain, -step)
         if plan.consistent:
-            effect = lane.signal.basis(now - step)[:3]
+            effect = lane.basis(now - step)[:order]
         else:
             responses = flow.brief_responses(lane.gain, -step)
             effect = flow.passed_on(effect, over, responses, lane, now, -step)
         return now - step, flow.propagate(over, free), effect
 
-    longest = flow.longest(lane.gain)
-    return standstill.stands(pace, go_back, (time, free, effect), jerk, interval, longest)
+    longest, second = flow.longest(lane.gain), standstill.second(lane.vehicle, highest)
+    return standstill.stands(pace, go_back, (time, free, effect), second, interval, longest)
 
 
 def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
@@ -95,20 +99,23 @@ def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
     return jnp.sqrt((vectors**2).sum(axis=(0, 2)))
 
 
-def greatest_drive(gain: control.Gain, sizes: Float[Array, "4 lanes"]) -> Float[Array, "1 lanes"]:
+def greatest_drive(gain: control.Gain, sizes: Float[Array, "derivatives lanes"]) -> Float[Array, "1 lanes"]:
     """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
-    return (control.feedback(gain, sizes[:3]) + sizes[3])[None]
+    return control.driven(gain, sizes)[None]
 
 
-def stood_held(jets: Jets, held: Vectors, interval: Any) -> LaneFlags:
-    """Return the lanes in which a vehicle stood still in the interval before now, while it held a jerk."""
+def stood_held(vehicle: Any, jets: Jets, held: Vectors, interval: Any) -> LaneFlags:
+    """Return the lanes in which a vehicle stood still in the interval before now, while it held the r-th
+    derivative.
+    """
+    highest = length(held[:, :, 0])
 
     def pace(jets: Jets) -> tuple[Plane, Plane]:
-        return jets[1], -jets[2]
+        return standstill.backwards(vehicle, jets, highest)
 
     def go_back(jets: Jets, step: Durations) -> Jets:
         free = flow.propagate(flow.of_integrators(-step, len(jets)), jets)
         return plane.plus(free, signal.jets(held, flow.held_input(-step, len(jets))))
 
-    jerk = length(held[:, :, 0])
-    return standstill.stands(pace, go_back, jets, jerk, interval, jnp.full(jerk.shape[1:], interval))
+    second, longest = standstill.second(vehicle, highest), jnp.full(highest.shape[1:], interval)
+    return standstill.stands(pace, go_back, jets, second, interval, longest)

@@ -1,9 +1,9 @@
 """The nonlinear vehicles under the law, integrated by Gauss collocation in the jets of the outputs.
 
-The jets y, ẏ, ÿ of the output and the state of a vehicle determine each other while the vehicle moves (O4).
+The r jets y, ẏ, … of the output and the state of a vehicle determine each other while the vehicle moves (O4).
 In the jets the motion has no stiffness near standstill. At each node of a window (`engine.gauss`)
 
-    jets → state → received jets → jerk of the law → inputs → rates of the state → rates of the jets,
+    jets → state → received jets → y^(r) of the law → inputs → rates of the state → rates of the jets,
 
 with the vehicle's own equations and the law solved from the received jets.
 
@@ -112,12 +112,18 @@ class Collocation(Following[CollocationState]):
         )
 
     def errors(self, state: CollocationState) -> Jets:
-        """Return E and its first two derivatives now."""
+        """Return E and its derivatives below the order now."""
         return plane.relative(state.jets, state.signals.navigator)
 
-    def seen(self, state: CollocationState) -> tuple[PerVehicle, PerVehicle, States]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
-        return *plane.pace(state.jets), self.lane.vehicle.state_of(state.jets)
+    def states(self, state: CollocationState) -> States:
+        """Return the vehicles' states (n, m, lanes)."""
+        return self.lane.vehicle.state_of(state.jets)
+
+    def pace(self, state: CollocationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
+        if self.lane.vehicle.jets_tell_pace:
+            return plane.pace(state.jets)
+        return super().pace(state, decided)
 
     def drive_now(self, state: CollocationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`, with y‴ of the window that has brought the vehicle here."""
@@ -221,7 +227,7 @@ class Collocation(Following[CollocationState]):
         jerks, error, finite = self.solve(task, end - task.time)
         window = Window(task.time, end - task.time, task.jets, jerks)
         fits = ~spent & (error < 1.0)
-        stood = stood_in(window, end, fits)
+        stood = stood_in(task.lane.vehicle, window, end, fits)
         kept = fits & ~(stood & (end > task.tick))
         length = stepper.next_step(window.length, error, gauss.STAGES)
         length = jnp.where(stood, window.length / 2, length)
@@ -259,7 +265,7 @@ class Collocation(Following[CollocationState]):
             found, off = jax.vmap(at_node)(now, jets, jerks)
             change = equations.solve(found - jerks)
             largest = tuple(jnp.maximum(a, jnp.abs(b).max(axis=0)) for a, b in zip(sizes, jets, strict=True))
-            moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change))
+            moves = tuple(jnp.abs(each).max(axis=0) for each in gauss.integrated(length, change, len(sizes)))
             missed = tuple(each.max(axis=0) for each in off)
             left, unlike = (over_tolerance(each, largest, task.tolerances) for each in (moves, missed))
             new = jerks + change, left, unlike, largest
@@ -277,14 +283,14 @@ class Collocation(Following[CollocationState]):
         begin = equations.solve(jax.vmap(guessed)(now, coasted)), jnp.asarray(0), infinite, zero, sizes
         jerks, _, left, unlike, largest = jax.lax.while_loop(under_way, one, begin)
         misfit = jnp.maximum(gauss.next_degrees(jerks), missed_signals(task, now, between))
-        error = left + over_tolerance(gauss.effect(length, misfit), largest, task.tolerances)
+        error = left + over_tolerance(gauss.effect(length, misfit, len(sizes)), largest, task.tolerances)
         finite = jnp.isfinite(error)
         return jerks, jnp.where(finite & (unlike < 1.0), error, jnp.inf), finite
 
     def rates(self, task: Task, now: Signals, jets: Jets, guess: Jerk) -> tuple[Jerk, Jets]:
         """Return the jerk of the vehicles with these jets, by the law and the vehicles' equations.
 
-        Return also by how much the jets of the states, and the rates of ẏ and y, miss the jets.
+        Return also by how much the jets of the states, and the rates of the lower jets, miss the jets.
         """
         vehicle, followed = task.lane.vehicle, task.followed
         states = vehicle.state_of(jets)
@@ -293,11 +299,13 @@ class Collocation(Following[CollocationState]):
             own = tick.sensed(vehicle.output_jets(states), task.decided.noise)
             jerk = law_jerk(task.lane, self.network, followed, task.decided, now, own, guess)
         rates = vehicle.motion(states, vehicle.inputs_for(states, jerk))
-        found, (velocity, acceleration, moved) = jax.jvp(vehicle.output_jets, (states,), (rates,))
-        missed = [jnp.abs(a - b) for a, b in zip(found, jets, strict=True)]
-        missed[1] = jnp.maximum(missed[1], jnp.abs(velocity - jets[1]))
-        missed[2] = jnp.maximum(missed[2], jnp.abs(acceleration - jets[2]))
-        return moved, (missed[0], missed[1], missed[2])
+        found, (*lower, moved) = jax.jvp(vehicle.output_jets, (states,), (rates,))
+        first, *others = (jnp.abs(a - b) for a, b in zip(found, jets, strict=True))
+        others = [
+            jnp.maximum(missed, jnp.abs(rate - jet))
+            for missed, rate, jet in zip(others, lower, jets[1:], strict=True)
+        ]
+        return moved, (first, *others)
 
 
 def missed_signals(task: Task, now: Signals, between: Signals) -> Jerk:
@@ -318,21 +326,26 @@ def over_tolerance(change: Sequence[Jerk], size: Sequence[Jerk], tolerances: Tol
     return stepper.fleet_norm(stepper.error_norm(changes, sizes, tolerances))
 
 
-def stood_in(window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
-    """Return the lanes, among some, in which a vehicle stands still in the window.
+def stood_in(vehicle: Any, window: Window, end: Instants, among: LaneFlags) -> LaneFlags:
+    """Return the lanes, among some, in which a vehicle is singular in the window.
 
     The search goes back from the end. With probability 1, a vehicle stands still only on a straight line.
     """
-    there, jerk = window.jets_at(end), window.greatest_jerk()
-    among = among & jnp.isfinite(jerk).all(axis=0)
-    line = among & standstill.straight(*window.jets[1:]) & standstill.straight(*there[1:])
+    if not vehicle.singular:
+        return jnp.zeros_like(among)
+    highest = window.greatest_jerk()
+    among = among & jnp.isfinite(highest).all(axis=0)
+
+    def on_line(jets: Jets, time: Instants) -> LaneFlags:
+        return standstill.straight(*standstill.lead(vehicle, (*jets, window.jerk_at(time))))
+
+    line = among & on_line(window.jets, window.start) & on_line(window.jets_at(end), end)
 
     def pace(time: Instants) -> tuple[Jerk, Jerk]:
-        _, velocity, acceleration = window.jets_at(time)
-        return velocity, -acceleration
+        return standstill.backwards(vehicle, window.jets_at(time), highest)
 
     def back(time: Instants, by: Instants) -> Instants:
         return time - by
 
-    interval = jnp.where(line, window.length, 0.0)
-    return line & standstill.stands(pace, back, end, jerk, interval, window.length)
+    interval, second = jnp.where(line, window.length, 0.0), standstill.second(vehicle, highest)
+    return line & standstill.stands(pace, back, end, second, interval, window.length)

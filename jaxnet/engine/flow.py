@@ -94,6 +94,6 @@ def passed_on(
     """
     total, interval = jnp.stack(propagate(flow, effect)), jnp.broadcast_to(interval, time.shape)
     for node, share, answer in zip(NODES, SHARES, responses, strict=True):
-        disturbance = control.driven(lane.gain, lane.signal.basis(time + node * interval))
+        disturbance = control.driven(lane.gain, lane.basis(time + node * interval))
         total = total + (share * interval)[None, None] * answer[:, None] * disturbance[None]
     return total

@@ -34,7 +34,8 @@ class FollowedLaw(NamedTuple):
     response: Vectors | None  # L⁻¹ d, for a first guess of the jerk
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
-        """Return the held jerk, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks' effect.
+        """Return the held derivative, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks'
+        effect.
 
         The law is solved for the received jets from this first guess. None where the solver needs no guess.
         """
@@ -116,7 +117,7 @@ def exchanged(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    told = tick.Told(lane.navigator.jets(now.time), now.basis, now.path, now.drive)
+    told = tick.Told(now.navigator, now.basis, now.path, now.drive)
     jerk = tick.exchange(lane, network, drive, own, told, last)
     return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
 

@@ -1,8 +1,9 @@
-"""Gauss collocation of `y‴ = q(t, y, ẏ, ÿ)` in a window of time, for many lanes side by side.
+"""Gauss collocation of `y^(r) = q(t, y, ẏ, …)` in a window of time, for many lanes side by side.
 
-In a window the jerk q is a polynomial, given by its values at the Gauss nodes. Its integrals give y, ẏ and ÿ
-exactly. The method is the Kuntzmann–Butcher method of order 16 (Hairer, Nørsett and Wanner, Solving Ordinary
-Differential Equations I, II.7); the polynomial serves every time in the window.
+In a window the derivative q of order r, the jerk for r = 3, is a polynomial, given by its values at the Gauss
+nodes. Its integrals give the r jets y, ẏ, … exactly. The method is the Kuntzmann–Butcher method of order 16
+(Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.7); the polynomial serves every
+time in the window.
 
 The values at the nodes are implicit. `Linear` solves the equation whose q is affine, `q = z - P(y)`. For any
 other q, `Linear` serves as the approximate Jacobian of Newton's method.
@@ -19,15 +20,17 @@ from jaxtyping import Array, Float
 from numpy.polynomial import Legendre, Polynomial
 
 from jaxnet.engine.stepper import Times
+from jaxnet.kinds.vehicles import MOST_ORDER
 from jaxnet.model import control
 from jaxnet.model.plane import Jets
 from jaxnet.model.shapes import LoopIndex
 
 STAGES = 8  # 6, 7 and 10 measured slower
+INTEGRALS = range(1, MOST_ORDER + 1)  # how often the r-th derivative of a vehicle may be integrated
 PLACES = np.linspace(0, 1, 25)  # of a window of length 1, ends included
 
 Jerks = Float[Array, "nodes 2 m lanes"]
-JetsAtNodes = tuple[Jerks, Jerks, Jerks]
+JetsAtNodes = tuple[Jerks, ...]
 AtNodes = Float[Array, "nodes lanes"]
 Augmented = Float[Array, "nodes twice lanes"]  # a matrix beside the identity
 
@@ -36,10 +39,10 @@ class Rule(NamedTuple):
     """Constants of the method on the window from 0 to 1."""
 
     nodes: Float[np.ndarray, " nodes"]
-    integrals: Float[np.ndarray, "3 nodes nodes"]  # of polynomial l from 0 to node k; once to thrice
-    powers: Float[np.ndarray, "4 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 3 integrals
+    integrals: Float[np.ndarray, "4 nodes nodes"]  # of polynomial l from 0 to node k; once to four times
+    powers: Float[np.ndarray, "5 nodes nodes"]  # coefficients of polynomial l over t^order, 0 to 4 integrals
     highest: Float[np.ndarray, "4 nodes"]  # weights of the Legendre coefficients of the highest degrees
-    reach: Float[np.ndarray, " 3"]  # greatest integral of that Legendre polynomial; once to thrice
+    reach: Float[np.ndarray, " 4"]  # greatest integral of that Legendre polynomial; once to four times
     between: Float[np.ndarray, "places nodes"]  # values of polynomial l at PLACES
     lebesgue: float  # greatest sum of the absolute cardinal polynomials
 
@@ -52,14 +55,14 @@ def gauss_rule(nodes: int) -> Rule:
     legendre = (degrees + 0.5)[:, None] * (values * shares[:, None]).T  # coefficient by degree and node
     cardinal = [Legendre(column, domain=[0, 1]) for column in legendre.T]
     times, fine = (places + 1) / 2, np.linspace(0, 1, 1001)
-    orders = [[one.integ(order, lbnd=0) for one in cardinal] for order in (1, 2, 3)]
+    orders = [[one.integ(order, lbnd=0) for one in cardinal] for order in INTEGRALS]
     highest = Legendre.basis(nodes - 1, domain=[0, 1])
     return Rule(
         times,
         np.stack([[one(times) for one in each] for each in orders]).swapaxes(1, 2),
         np.stack([monomials(each, order) for order, each in enumerate([cardinal, *orders])]),
         legendre[-4:],
-        np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in (1, 2, 3)]),
+        np.array([np.abs(highest.integ(order, lbnd=0)(fine)).max() for order in INTEGRALS]),
         np.stack([one(PLACES) for one in cardinal], axis=1),
         float(np.abs([one(fine) for one in cardinal]).sum(axis=0).max()),
     )
@@ -85,15 +88,16 @@ class Window(NamedTuple):
 
     def jets_at(self, time: Times) -> Jets:
         """Return the jets at a time [s] in the window."""
-        shares = jnp.stack([(self.length**order)[None] * self.shares(time, order) for order in (1, 2, 3)])
-        position, velocity, acceleration = (jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
+        orders = range(1, len(self.jets) + 1)
+        shares = jnp.stack([(self.length**order)[None] * self.shares(time, order) for order in orders])
+        start = tuple(jet[0] for jet in coasted(self.jets, (time - self.start)[None]))
 
         def add(node: LoopIndex, jets: Jets) -> Jets:
             share = jax.lax.dynamic_index_in_dim(shares, node, axis=1, keepdims=False)[:, None, None]
             jerk = jax.lax.dynamic_index_in_dim(self.jerks, node, keepdims=False)
-            return jets[0] + share[2] * jerk, jets[1] + share[1] * jerk, jets[2] + share[0] * jerk
+            return tuple(jet + each * jerk for jet, each in zip(jets, share[::-1], strict=True))
 
-        return jax.lax.fori_loop(0, STAGES, add, (position, velocity, acceleration))
+        return jax.lax.fori_loop(0, STAGES, add, start)
 
     def jerk_at(self, time: Times) -> Float[Array, "2 m lanes"]:
         """Return the jerk at a time [s] in the window."""
@@ -128,11 +132,11 @@ class Linear(NamedTuple):
 
 def linear(gain: control.Gain, length: Times) -> Linear:
     """Return the equations for the gains of P and a window's length [s]."""
-    once, twice, thrice = jnp.asarray(RULE.integrals)[..., None]
-    each = gain[0] * length**3, gain[1] * length**2, gain[2] * length
-    by_position, by_velocity, by_acceleration = (share[None, None] for share in each)
-    identity = jnp.eye(STAGES)[..., None]
-    matrix = identity + by_position * thrice + by_velocity * twice + by_acceleration * once
+    identity = matrix = jnp.eye(STAGES)[..., None]
+    for order, each in zip(range(len(gain), 0, -1), gain, strict=True):
+        matrix = (
+            matrix + (each * length**order)[None, None] * jnp.asarray(RULE.integrals[order - 1])[..., None]
+        )
     whole = jnp.concatenate([matrix, jnp.broadcast_to(identity, matrix.shape)], axis=1)
 
     def eliminate(pivot: LoopIndex, whole: Augmented) -> Augmented:
@@ -146,27 +150,31 @@ def linear(gain: control.Gain, length: Times) -> Linear:
 
 def coasted(jets: Jets, time: AtNodes) -> JetsAtNodes:
     """Return the jets after some times [s] of motion without jerk."""
-    past, (position, velocity, acceleration) = time[:, None, None], (jet[None] for jet in jets)
-    return (
-        position + past * (velocity + past / 2 * acceleration),
-        velocity + past * acceleration,
-        jnp.broadcast_to(acceleration, (len(time), *acceleration.shape[1:])),
-    )
+    past, shape = time[:, None, None], (len(time), *jets[0].shape)
+    return tuple(jnp.broadcast_to(taylor(jets[order:], past), shape) for order in range(len(jets)))
+
+
+def taylor(jets: Jets, past: Float[Array, "nodes 1 1 lanes"]) -> Float[Array, "_ 2 m lanes"]:
+    """Return the Taylor polynomial of these jets."""
+    total = jets[-1][None]
+    for order in range(len(jets) - 1, 0, -1):
+        total = jets[order - 1][None] + past / order * total
+    return total
 
 
 def moved(coasted: JetsAtNodes, length: Times, jerks: Jerks) -> JetsAtNodes:
     """Return the jets at the nodes: those without jerk, and the integrals of the jerk."""
-    change = integrated(length, jerks)
-    return coasted[0] + change[0], coasted[1] + change[1], coasted[2] + change[2]
+    changes = integrated(length, jerks, len(coasted))
+    return tuple(jet + change for jet, change in zip(coasted, changes, strict=True))
 
 
-def integrated(length: Times, jerks: Jerks) -> JetsAtNodes:
-    """Return the thrice, twice and once integrated jerk at the nodes."""
-    once, twice, thrice = (
-        (length**order)[None, None, None] * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(matrix), jerks)
-        for order, matrix in enumerate(RULE.integrals, start=1)
+def integrated(length: Times, jerks: Jerks, order: int) -> JetsAtNodes:
+    """Return the jerk at the nodes, integrated as often as the order, and down to once."""
+    return tuple(
+        (length**times)[None, None, None]
+        * jnp.einsum("kl,lcmn->kcmn", jnp.asarray(RULE.integrals[times - 1]), jerks)
+        for times in range(order, 0, -1)
     )
-    return thrice, twice, once
 
 
 def next_degrees(jerks: Jerks) -> Float[Array, "2 m lanes"]:
@@ -188,9 +196,6 @@ def unresolved(
     return jnp.abs(between - told).max(axis=0)
 
 
-def effect(length: Times, jerk: Float[Array, "2 m lanes"]) -> Jets:
-    """Return the greatest effect on y, ẏ and ÿ of a jerk of this size that varies as the highest degree."""
-    once, twice, thrice = (
-        (length**order * reach)[None, None] * jerk for order, reach in enumerate(RULE.reach, start=1)
-    )
-    return thrice, twice, once
+def effect(length: Times, jerk: Float[Array, "2 m lanes"], order: int) -> Jets:
+    """Return the greatest effect on the jets of a jerk of this size that varies as the highest degree."""
+    return tuple((length**times * RULE.reach[times - 1])[None, None] * jerk for times in range(order, 0, -1))

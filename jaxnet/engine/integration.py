@@ -15,14 +15,13 @@ from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import multirate, stepper, tick
 from jaxnet.engine.following import FollowedLaw, Following, exchanged, follow_weights, law_jerk
-from jaxnet.engine.loop import LaneFlags, PerVehicle, Tick, Ticks
+from jaxnet.engine.loop import LaneFlags, Tick, Ticks
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.signals import Signals, signals
-from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, for_each, picked, put, select
 from jaxnet.engine.tick import DecisionState, Instants
-from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import plane
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -62,12 +61,12 @@ class Integration(Following[IntegrationState]):
         )
 
     def errors(self, state: IntegrationState) -> Jets:
-        """Return E and its first two derivatives now."""
+        """Return E and its derivatives below the order now."""
         return plane.relative(self.lane.vehicle.output_jets(state.state), state.signals.navigator)
 
-    def seen(self, state: IntegrationState) -> tuple[PerVehicle, PerVehicle, States]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
-        return *self.lane.vehicle.pace(state.state), state.state
+    def states(self, state: IntegrationState) -> States:
+        """Return the vehicles' states (n, m, lanes)."""
+        return state.state
 
     def drive_now(self, state: IntegrationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`, with y‴ of the vector field."""
@@ -137,10 +136,11 @@ class Integration(Following[IntegrationState]):
         kept, steps = going & (trial.error < 1.0), state.steps + going.astype(int)
         proposed = stepper.next_step(end - time, trial.error, rule.order)
         states = jnp.where(kept[None, None], trial.state, state.state)
-        still = (states[SPEED] * jnp.sign(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
         stuck = going & ~kept & (proposed <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0))
         arrived = kept & (end == goal)
-        status = fail(status, Status.singular, going & still)
+        if lane.vehicle.singular:
+            ahead = lane.vehicle.margin(states) * jnp.sign(lane.vehicle.margin(lane.initial))
+            status = fail(status, Status.singular, going & (ahead < LEAST_MARGIN).any(axis=0))
         status = fail(status, Status.nonfinite, stuck & ~trial.finite)
         spent = going & (steps >= tolerances.max_steps) & (ticks + arrived.astype(int) < last)
         state = state._replace(

@@ -81,7 +81,7 @@ class Local(Held):
         lane, network, time = self.lane, self.network, self.instant(ticks + 1)
         drive, span = self.drive(state, decided), time - state.time
         jets, _ = by_series(lane, network, drive, state.jets, state.time, span)
-        now = state._replace(jets=jets, time=time, basis=lane.signal.basis(time))
+        now = state._replace(jets=jets, time=time, basis=lane.basis(time))
         arrived = jnp.ones_like(state.straight)
         if not lane.vehicle.singular:
             return now, status, arrived
@@ -90,14 +90,14 @@ class Local(Held):
             some = jax.tree.map(lambda leaf: picked(leaf, few), (lane, drive, jets, time, span))
             return stood_in_tick(network, *some)
 
-        status, straight = between.stopped(now.straight, status, lambda: now.jets, stood)
+        status, straight = between.stopped(now.straight, status, lambda: self.lead(now, decided), stood)
         return now._replace(straight=straight), status, arrived
 
 
 def by_series(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
 ) -> tuple[Jets, Float[Array, "m lanes"]]:
-    """Return the jets a span later, and a bound on the norm of the derivative of order 3 on the way.
+    """Return the jets a span later, and a bound on the norm of y^(r) on the way.
 
     `span` may be negative, or 0. `jets` are those of the outputs at `time`.
     """
@@ -126,8 +126,7 @@ def by_series(
         n, window, sums, bound, _ = carry
         new, number = term(n, window), n + order
         sums = tuple(total + new * factorials[number - k] for k, total in enumerate(sums))
-        third = jnp.where(number >= 3, factorials[jnp.maximum(number - 3, 0)], 0.0)
-        bound = bound + plane.length(new) * third
+        bound = bound + plane.length(new) * factorials[n]
         last = jnp.abs(new) * factorials[number - order + 1]
         size = jnp.maximum(jnp.abs(sums[-1]).max(axis=(0, 1)), jnp.abs(sums[0]).max(axis=(0, 1)))
         more = (jnp.where(jnp.isfinite(last), last, 0.0).max(axis=(0, 1)) > ROUNDING * size).any()
@@ -141,7 +140,7 @@ def by_series(
     begin = jnp.asarray(0), first, sums, jnp.zeros_like(first[0][0]), jnp.asarray(True)
     _, _, sums, bound, _ = jax.lax.while_loop(under_way, add, begin)
     found = tuple(each / power[None, None] for each, power in zip(sums, powers, strict=False))
-    return select(~stays, found, jets), bound / (jnp.abs(span) ** 3)[None]
+    return select(~stays, found, jets), bound / (jnp.abs(span) ** order)[None]
 
 
 def scaled(jets: Jets, powers: list[Instants]) -> Jets:
@@ -152,8 +151,8 @@ def scaled(jets: Jets, powers: list[Instants]) -> Jets:
 def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
     """Return the derivatives of the polynomials through the navigator's jets and the attacks' functions."""
     times = time[None] + jnp.asarray(NODES)[:, None] * span[None]
-    known = Forcing(jax.vmap(lane.navigator.jets)(times), jax.vmap(lane.signal.basis)(times))
-    powers = jnp.stack([span**k for k in range(known.basis.shape[1])])
+    known = Forcing(jax.vmap(lane.path)(times), jax.vmap(lane.basis)(times))
+    powers = jnp.stack([span**k for k in range(known.navigator.shape[1])])
 
     def of(values: Float[Array, "nodes jets functions lanes"]) -> Float[Array, "nodes jets functions lanes"]:
         coefficients = jnp.tensordot(jnp.asarray(TO_CHEBYSHEV), values * powers[None, :, None], axes=1)
@@ -166,14 +165,14 @@ def stood_in_tick(
     network: Network, lane: Lane, drive: Drive, jets: Jets, now: Instants, span: Instants
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the span before now. The search goes back."""
-    _, jerk = by_series(lane, network, drive, jets, now, -span)
+    _, highest = by_series(lane, network, drive, jets, now, -span)
 
     def pace(state: tuple[Jets, Instants]) -> tuple[PerAxis, PerAxis]:
-        (_, velocity, acceleration), _ = state
-        return velocity, -acceleration
+        return standstill.backwards(lane.vehicle, state[0], highest)
 
     def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
         jets, time = state
         return by_series(lane, network, drive, jets, time, -step)[0], time - step
 
-    return standstill.stands(pace, go_back, (jets, now), jerk, span, span)
+    second = standstill.second(lane.vehicle, highest)
+    return standstill.stands(pace, go_back, (jets, now), second, span, span)

@@ -20,11 +20,10 @@ from jaxnet.engine import metrics, tick
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
-from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import run_if, select
 from jaxnet.engine.tick import DecisionState, Drive, Instants, LaneFlags, VehicleFlags
-from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -79,15 +78,15 @@ class Motion(ABC, Generic[MotionState]):
 
     @abstractmethod
     def errors(self, state: MotionState) -> Jets:
-        """Return E and its first two derivatives now."""
+        """Return E and its derivatives below the order now."""
 
     @abstractmethod
     def basis(self, state: MotionState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
 
     @abstractmethod
-    def seen(self, state: MotionState) -> tuple[PerVehicle, PerVehicle, States]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
+    def states(self, state: MotionState) -> States:
+        """Return the vehicles' states (n, m, lanes)."""
 
     @abstractmethod
     def drive_now(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
@@ -109,14 +108,18 @@ class Motion(ABC, Generic[MotionState]):
 
     def jerk(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return y‴ [m/s³] right after these decisions, `z - P(ŷ)`."""
-        own = self.lane.vehicle.output_jets(self.seen(state)[2])
+        own = self.lane.vehicle.output_jets(self.states(state))
         return self.drive_now(state, decided) - control.feedback(
             self.lane.gain, tick.sensed(own, decided.noise)
         )
 
     def inputs(self, state: MotionState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return the control inputs u of the vehicles right after these decisions."""
-        return self.lane.vehicle.inputs_for(self.seen(state)[2], self.jerk(state, decided))
+        return self.lane.vehicle.inputs_for(self.states(state), self.jerk(state, decided))
+
+    def pace(self, state: MotionState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), right after these decisions."""
+        return self.lane.vehicle.pace(self.states(state), self.inputs(state, decided))
 
     def steps(self, state: MotionState) -> Int[Array, " lanes"]:
         """Return the number of an integrator's steps so far; 0 without an integrator."""
@@ -133,6 +136,7 @@ class Fleet(NamedTuple):
     switches: Int[Array, " lanes"]
     unheard: Int[Array, " lanes"]
     status: Code
+    stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
 
 
@@ -148,6 +152,7 @@ def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
         switches=jnp.zeros_like(status),
         unheard=jnp.zeros_like(status),
         status=status,
+        stood=jnp.zeros(status.shape, bool),
         gathered=metrics.nothing(batch.plan.metrics, lane.initial.shape[1:]),
     )
 
@@ -157,10 +162,15 @@ def status_at_start(lane: Lane) -> Code:
     finite.
     """
     status = jnp.zeros(lane.attack_scale.shape, int)
-    if lane.vehicle.singular:
-        still = (jnp.abs(lane.initial[SPEED]) < LEAST_SPEED).any(axis=0)
-        status = fail(status, Status.singular, still)
+    status = fail(status, Status.singular, is_singular(lane, lane.initial))
     return fail(status, Status.nonfinite, ~jnp.isfinite(lane.initial).all(axis=(0, 1)))
+
+
+def is_singular(lane: Lane, states: States) -> LaneFlags:
+    """Return the lanes in which a vehicle with these states is singular."""
+    if not lane.vehicle.singular:
+        return jnp.zeros(lane.attack_scale.shape, bool)
+    return (jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN).any(axis=0)
 
 
 def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
@@ -192,7 +202,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
 def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
     """Return the drive of each vehicle until now; at the first tick, that of a vehicle without jerk."""
     time, _ = motion.basis(fleet.state)
-    navigator = [jet[:, None] for jet in lane.navigator.jets(time)]
+    navigator = [jet[:, None] for jet in lane.path(time)]
     without_jerk = control.feedback(lane.gain, plane.plus(motion.errors(fleet.state), navigator))
     return jnp.where(first[None, None], without_jerk, motion.drive_now(fleet.state, fleet.decided))
 
@@ -202,9 +212,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     drive = motion.drive(fleet.state, fleet.decided)
     _, basis = motion.basis(fleet.state)
     shown = drive.vectors[:, batch.network.display_signals]
-    speed, turn_rate, states = motion.seen(fleet.state)
-    if batch.lane.vehicle.order == 1:  # the velocity is what the law asks for
-        speed = plane.length(motion.jerk(fleet.state, fleet.decided))
+    speed, turn_rate = motion.pace(fleet.state, fleet.decided)
     error, lane = motion.errors(fleet.state)[0], batch.lane
     attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
@@ -213,7 +221,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
         error,
         speed,
         turn_rate,
-        states,
+        motion.states(fleet.state),
         signal.combined(shown, basis[0]),
         drive.weights,
         batch.network.hearing,
@@ -235,9 +243,7 @@ def honest_mean(
 def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Outcome:
     """Return the results of lanes that have ended."""
     clock, gathered = batch.clock, fleet.gathered
-    status = fleet.status
-    if batch.lane.vehicle.singular:
-        status = fail(status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
+    status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
     found = metrics.fleet_values(
         batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
@@ -277,7 +283,8 @@ def in_lockstep(
             for name, value in metrics.series(plan.save, seen).items()
         }
         gathered = metrics.add(plan.metrics, fleet.gathered, seen, everywhere, jnp.asarray(number), clock)
-        return fleet._replace(gathered=gathered), series
+        stood = fleet.stood | is_singular(batch.lane, seen.state)
+        return fleet._replace(gathered=gathered, stood=stood), series
 
     fleet = begin(motion, batch, jnp.asarray(0))
     if not batch.acts:
@@ -318,7 +325,8 @@ def from_queue(
         }
         state, status, arrived = motion.advance(fleet.state, fleet.decided, fleet.ticks, fleet.status)
         ticks = fleet.ticks + arrived.astype(int)
-        rest = {"ticks": ticks, "at_tick": arrived, "status": status, "gathered": gathered}
+        stood = fleet.stood | (due & is_singular(batch.lane, seen.state))
+        rest = {"ticks": ticks, "at_tick": arrived, "status": status, "stood": stood, "gathered": gathered}
         return fleet._replace(state=state, **rest), series
 
     def under_way(fleet: Fleet) -> LaneFlags:

@@ -160,23 +160,23 @@ def heard(
 
     Return the coefficients, and the vehicles for which the polynomial may replace z, under three conditions:
 
-    - the polynomial's misfit moves the acceleration by less than its tolerance;
+    - the polynomial's misfit moves the highest jet, the acceleration for order 3, by less than its tolerance;
     - no stage went wild: the jerk is at most `WILD` times z;
     - the vehicle moves as asked: asked for the jerk that it had, it has that jerk.
     """
     length = few.end - few.start
     states = state[None] + length[None, None] * jnp.tensordot(jnp.asarray(rule.matrix), slopes, axes=1)
     states, rates = (jnp.moveaxis(each, 0, 1) for each in (states, slopes))  # stages replace vehicles
-    jets, (_, _, jerk) = jax.jvp(few.vehicle.output_jets, (states,), (rates,))
+    jets, (*_, jerk) = jax.jvp(few.vehicle.output_jets, (states,), (rates,))
     at_stages = jnp.moveaxis(jerk + feedback(few.gain, jets), 1, 0)  # s 2 few
     powers = np.vander(rule.nodes, DEGREE + 1)
     coefficients = jnp.tensordot(jnp.asarray(np.linalg.pinv(powers)), at_stages, axes=1)
     missed = jnp.abs(at_stages - jnp.tensordot(jnp.asarray(powers), coefficients, axes=1)).max(axis=(0, 1))
     asked = few.vehicle.motion(states, few.vehicle.inputs_for(states, jerk))
-    unasked = jnp.abs(jax.jvp(few.vehicle.output_jets, (states,), (asked,))[1][2] - jerk).max(axis=(0, 1))
+    unasked = jnp.abs(jax.jvp(few.vehicle.output_jets, (states,), (asked,))[1][-1] - jerk).max(axis=(0, 1))
     off = jnp.maximum(missed * hidden(rule), unasked)
-    acceleration = jnp.abs(jets[2][:, 0]).max(axis=0)
-    near = off * length <= few.tolerances.rtol * acceleration + few.tolerances.atol
+    highest = jnp.abs(jets[-1][:, 0]).max(axis=0)
+    near = off * length <= few.tolerances.rtol * highest + few.tolerances.atol
     tame = jnp.abs(jerk).max(axis=(0, 1)) <= WILD * jnp.abs(at_stages).max(axis=(0, 1))
     return coefficients, near & tame
 

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float
 
-from jaxnet.engine import between, response, tick
+from jaxnet.engine import between, response, standstill, tick
 from jaxnet.engine.flow import (
     Effect,
     Transition,
@@ -42,7 +42,7 @@ from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
-from jaxnet.model.plane import Jets
+from jaxnet.model.plane import Jets, Plane
 from jaxnet.model.signal import Basis, Vectors, WithNavigator
 
 
@@ -69,22 +69,34 @@ class Propagation(Motion[PropagationState]):
         """Return the vectors v until the next tick."""
         return state.vectors
 
-    def navigator(self, state: PropagationState) -> Float[Array, "4 2 lanes"]:
+    def navigator(self, state: PropagationState) -> Float[Array, "derivatives 2 lanes"]:
         """Return the navigator's jets now."""
-        return barrier(self.lane.navigator.jets(state.time))
+        return barrier(self.lane.path(state.time))
 
     def instant(self, ticks: Ticks | int) -> Instants:
         """Return the time of the tick with this number."""
         return jnp.broadcast_to(self.clock.at(jnp.asarray(ticks)), self.lane.attack_scale.shape)
 
-    def seen(self, state: PropagationState) -> tuple[PerVehicle, PerVehicle, States]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
-        jets, vehicle = self.outputs(state), self.lane.vehicle
-        states = vehicle.state_of(jets)
-        return *(plane.pace(jets) if vehicle.singular else vehicle.pace(states)), states
+    def states(self, state: PropagationState) -> States:
+        """Return the vehicles' states (n, m, lanes)."""
+        return self.lane.vehicle.state_of(self.outputs(state))
+
+    def pace(self, state: PropagationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
+        """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
+        if self.lane.vehicle.jets_tell_pace:
+            return plane.pace(self.outputs(state))
+        return super().pace(state, decided)
+
+    def lead(self, state: PropagationState, decided: DecisionState) -> tuple[Plane, Plane]:
+        """Return the vehicles' lead, which is 0 where they are singular, and its derivative."""
+        own = self.outputs(state)
+        jerk = self.drive_now(state, decided) - control.feedback(
+            self.lane.gain, tick.sensed(own, decided.noise)
+        )
+        return standstill.lead(self.lane.vehicle, (*own, jerk))
 
     def outputs(self, state: PropagationState) -> Jets:
-        """Return y with two derivatives."""
+        """Return y with its derivatives below the order."""
         raise NotImplementedError
 
     def over_tick(
@@ -111,7 +123,7 @@ class Propagation(Motion[PropagationState]):
         def stood(few: LaneIndices) -> LaneFlags:
             return self.stood(now, few)
 
-        status, straight = between.stopped(now.straight, status, lambda: self.outputs(now), stood)
+        status, straight = between.stopped(now.straight, status, lambda: self.lead(now, decided), stood)
         return now._replace(straight=straight), status, jnp.ones_like(straight)
 
 
@@ -130,10 +142,10 @@ class Solved(Propagation):
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
-        basis, attack = self.driven.signal.basis(time), lane.vectors.shape[2]
+        basis, attack = self.driven.basis(time), lane.vectors.shape[2]
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
-            jets=plane.relative(jets, lane.navigator.jets(time)),
+            jets=plane.relative(jets, lane.path(time)),
             vectors=jnp.zeros((2, lane.weights.shape[1], *basis.shape[1:])),
             time=time,
             basis=basis,
@@ -143,11 +155,11 @@ class Solved(Propagation):
         )
 
     def errors(self, state: PropagationState) -> Jets:
-        """Return E and its first two derivatives now."""
+        """Return E and its derivatives below the order now."""
         return state.jets
 
     def outputs(self, state: PropagationState) -> Jets:
-        """Return y with two derivatives."""
+        """Return y with its derivatives below the order."""
         return plane.plus(state.jets, [jet[:, None] for jet in self.navigator(state)])
 
     def hold(
@@ -185,7 +197,7 @@ class Solved(Propagation):
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        flow, basis = self.numbers.flow, barrier(self.driven.signal.basis(time))
+        flow, basis = self.numbers.flow, barrier(self.driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and self.responses is not None:
             interval, before = self.clock.interval, state.effect
@@ -196,7 +208,7 @@ class Solved(Propagation):
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
-        effect = state.basis[:3] if state.effect is None else state.effect
+        effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
         given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood(*some, interval=self.clock.interval, plan=self.plan)
@@ -210,15 +222,15 @@ class Held(Propagation):
         lane, time = self.lane, self.instant(0)
         jets = lane.vehicle.output_jets(lane.initial)
         vectors = jnp.zeros_like(jets[0])[:, :, None]
-        straight, basis = jnp.ones(time.shape, bool), lane.signal.basis(time)
+        straight, basis = jnp.ones(time.shape, bool), lane.basis(time)
         return PropagationState(jets, vectors, time, basis, None, straight, None)
 
     def errors(self, state: PropagationState) -> Jets:
-        """Return E and its first two derivatives now."""
+        """Return E and its derivatives below the order now."""
         return plane.relative(state.jets, self.navigator(state))
 
     def outputs(self, state: PropagationState) -> Jets:
-        """Return y with two derivatives."""
+        """Return y with its derivatives below the order."""
         return state.jets
 
     def hold(
@@ -247,11 +259,12 @@ class Held(Propagation):
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
-        basis = barrier(self.lane.signal.basis(time))
+        basis = barrier(self.lane.basis(time))
         flow, forcing = (make(interval, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
-        jets, held = jax.tree.map(lambda leaf: picked(leaf, few), (state.jets, state.vectors))
-        return between.stood_held(jets, held, self.clock.interval)
+        given = self.lane.vehicle, state.jets, state.vectors
+        some = jax.tree.map(lambda leaf: picked(leaf, few), given)
+        return between.stood_held(*some, interval=self.clock.interval)

@@ -17,7 +17,7 @@ class Signals(NamedTuple):
     """
 
     time: Instants  # [s]
-    navigator: Float[Array, "4 2 lanes"]
+    navigator: Float[Array, "derivatives 2 lanes"]
     basis: Basis
     path: Float[Array, "2 lanes"]  # R(y_0)
     drive: Float[Array, "functions lanes"]  # R(β)
@@ -25,6 +25,6 @@ class Signals(NamedTuple):
 
 def signals(lane: Lane, time: Instants) -> Signals:
     """Return the navigator's jets and the attacks' functions at these times, with R of each."""
-    navigator, basis = lane.navigator.jets(time), lane.signal.basis(time)
+    navigator, basis = lane.path(time), lane.basis(time)
     path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))
     return Signals(time, navigator, basis, path, drive)

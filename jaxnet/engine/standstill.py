@@ -4,6 +4,10 @@ The search covers an interval in steps and samples nothing. Velocity, accelerati
 give a time in which a vehicle cannot stand still. That time is the step. Near an instant of rest the steps
 shorten as in Newton's method.
 
+A kind of vehicle is singular where the vector `Vehicle.lead` of y^(k) is 0. The lead takes the place of the
+velocity, and y^(k+1) that of the acceleration. Where y^(k+1) is the r-th derivative, which jumps, a bound on
+its norm serves for the acceleration.
+
 The lanes are the last axis of every array.
 """
 
@@ -14,15 +18,36 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxnet.engine.status import LEAST_SPEED
-from jaxnet.model.plane import Plane, cross, dot, length
+from jaxnet.engine.status import LEAST_MARGIN
+from jaxnet.model.plane import Jets, Plane, cross, dot, length
 
 Passing = TypeVar("Passing")
 Spans = Float[Array, "lanes"]
 
-FLOOR = LEAST_SPEED / 2  # [m/s] so low that a step ends under LEAST_SPEED where a vehicle stands still
+FLOOR = LEAST_MARGIN / 2  # so low that a step ends under LEAST_MARGIN where a vehicle stands still
 TURNED = 1e-9  # sine of the angle from velocity to acceleration; rounding makes less
 LEAST_PART = 2.0**-40  # shortest step over the interval; rounding hides shorter events
+
+
+def lead(vehicle: Any, jets: Jets) -> tuple[Plane, Plane]:
+    """Return the lead and its derivative, for the jets of the output up to the order r."""
+    return vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1]
+
+
+def backwards(vehicle: Any, jets: Jets, highest: Float[Array, "m lanes"]) -> tuple[Plane, Plane]:
+    """Return the lead and its derivative back in time, for the jets below the order r.
+
+    The derivative points to 0 with the norm `highest` where it is the r-th derivative, which has this bound.
+    """
+    now, following = vehicle.lead(jets[vehicle.singular]), jets[vehicle.singular + 1 :]
+    if following:
+        return now, -following[0]
+    return now, -now * (highest / jnp.maximum(length(now), jnp.finfo(float).tiny))[None]
+
+
+def second(vehicle: Any, highest: Float[Array, "m lanes"]) -> Float[Array, "m lanes"]:
+    """Return the bound on the lead's second derivative in `backwards`, from that on the r-th derivative."""
+    return highest if vehicle.singular == vehicle.order - 2 else jnp.zeros_like(highest)
 
 
 def stands(
@@ -33,10 +58,10 @@ def stands(
     interval: Any,
     longest: Spans,
 ) -> Bool[Array, "lanes"]:
-    """Return the lanes in which a vehicle is slower than LEAST_SPEED at some instant of an interval.
+    """Return the lanes in which a vehicle is slower than LEAST_MARGIN at some instant of an interval.
 
     `pace(state)` returns velocity and acceleration. `advance(state, step)` returns the state after a step of
-    at most `longest`. `jerk` bounds the jerk. A speed under FLOOR is always found, a speed over LEAST_SPEED
+    at most `longest`. `jerk` bounds the jerk. A speed under FLOOR is always found, a speed over LEAST_MARGIN
     never.
     """
 
@@ -47,7 +72,7 @@ def stands(
     def move(carry: Any) -> Any:
         passed, still, state = carry
         velocity, acceleration = pace(state)
-        still = still | (length(velocity) < LEAST_SPEED).any(axis=0)
+        still = still | (length(velocity) < LEAST_MARGIN).any(axis=0)
         step = jnp.clip(safe(velocity, acceleration, jerk).min(axis=0), LEAST_PART * interval, longest)
         arrives = passed + step >= interval
         step = jnp.where(arrives, interval - passed, step)
@@ -55,7 +80,7 @@ def stands(
 
     zero = jnp.zeros_like(longest)
     _, still, state = jax.lax.while_loop(under_way, move, (zero, zero > 0, state))
-    return still | (length(pace(state)[0]) < LEAST_SPEED).any(axis=0)
+    return still | (length(pace(state)[0]) < LEAST_MARGIN).any(axis=0)
 
 
 def straight(velocity: Plane, acceleration: Plane) -> Bool[Array, "lanes"]:

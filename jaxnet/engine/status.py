@@ -5,14 +5,14 @@ from enum import IntEnum
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-LEAST_SPEED = 1e-9  # [m/s] below it the law is singular
+LEAST_MARGIN = 1e-9  # of a vehicle, in its unit ([m/s] for wheeled ones); below it the law is singular
 
 
 class Status(IntEnum):
     """Reason for which a lane failed: the reason that occurred first, in this order at the same moment."""
 
     ok = 0
-    singular = 1  # |v| < 1e-9 m/s, or v changes its sign
+    singular = 1  # a margin under LEAST_MARGIN, or one that changes its sign
     nonfinite = 2  # a number is not finite, also where an iterative solver finds no solution
     max_steps = 3  # the step limit, or a step too small to move the time
     disconnected = 4  # decisions leave a vehicle without a path from the navigator

@@ -74,7 +74,7 @@ class Drive(NamedTuple):
 class Told(NamedTuple):
     """Jets of the navigator and of the attacks' functions now, and R of both."""
 
-    navigator: Float[Array, "4 2 lanes"]
+    navigator: Float[Array, "derivatives 2 lanes"]
     basis: Basis
     path: Float[Array, "2 lanes"]
     functions: Float[Array, "functions lanes"]
@@ -150,12 +150,12 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         carried = attack(network, tell(errors), errors)
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
-    noise = None if lane.sensor is None else (zero, zero, zero)
+    noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
     reception = first_reception(lane, network, errors, time)
     if not plan.strategic:
         return DecisionState(decision, memory, None, None, noise, reception)
     state = DecisionState(decision, memory, lane.vectors, None, noise, reception)
-    seen = sight(lane, network, plan, state, errors, lane.signal.basis(time), time)
+    seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
 
@@ -209,10 +209,14 @@ def decide(
 
 
 def sense(lane: Lane, time: Instants) -> Jets | None:
-    """Return the errors of the jets that vehicles sense of themselves, None where vehicles sense exactly."""
+    """Return the errors of the jets that vehicles sense of themselves, None where vehicles sense exactly.
+
+    A sensor gives three errors; further derivatives are sensed exactly.
+    """
     if lane.sensor is None:
         return None
-    return xla.materialised(lambda: lane.sensor.errors(time, lane.weights.shape[1]))
+    errors = xla.materialised(lambda: lane.sensor.errors(time, lane.weights.shape[1]))
+    return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
 
 
 def sensed(jets: Jets, noise: Jets | None) -> Jets:
@@ -455,7 +459,7 @@ def drive_along(
     lane: Lane, states: Float[Array, "n m lanes"], rates: Float[Array, "n m lanes"], noise: Jets | None
 ) -> PerAxis:
     """Return the drive `z = y‴ + P(ŷ)` of vehicles whose states change at these rates."""
-    own, (_, _, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
+    own, (*_, jerk) = jax.jvp(lane.vehicle.output_jets, (states,), (rates,))
     return jerk + control.feedback(lane.gain, sensed(own, noise))
 
 

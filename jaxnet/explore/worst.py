@@ -33,7 +33,7 @@ from jaxnet.kinds.fields import is_drawn
 from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from jaxnet.runs.cluster import Cluster
-from jaxnet.runs.replay import other_engine, with_engine
+from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
@@ -164,10 +164,8 @@ class CellSearch:
         starts, trials = self.settings.starts, self.trials
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
-        again, nonlinear = self.measure(batch.simulate(fresh, self.machine)), np.full(1, math.nan)
-        if (other := other_engine(found)) is not None:
-            same = job(with_engine(found, other).scenario, Keyed(self.study.seed), range(starts))
-            nonlinear = self.measure(batch.simulate(same, self.machine))
+        same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
+        again, nonlinear = (self.measure(batch.simulate(each, self.machine)) for each in (fresh, same))
         given = found.scenario.attack.amplitude()
         amplitude = math.nan if is_drawn(given) else float(given)
         return WorstChoice(

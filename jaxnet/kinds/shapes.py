@@ -13,7 +13,7 @@ AnyTimes = Float[Any, "..."]  # [s], of any shape
 
 SignalBasis = Float[Any, "4 functions ..."]  # β_b and three derivatives
 SignalVectors = Float[Any, "2 _ functions ..."]  # v_b of each vehicle; the second axis is 1 if all are alike
-SignalSizes = Float[Any, "4 _"]  # greatest norm of β and of its three derivatives
+SignalSizes = Float[Any, "derivatives _"]  # greatest norm of β and of its derivatives, three or four
 
 AnyNumbers = Float[Any, "..."]
 PlaneVectors = Float[Any, "2 ..."]

@@ -13,6 +13,7 @@ from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, signal_scale
+from jaxnet.kinds.navigators import SPEED_SAMPLES
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
@@ -20,7 +21,7 @@ from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scram
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.signal import ORDERS, Apart, Falsified
+from jaxnet.model.signal import ORDERS, Apart, Falsified, up_to
 from jaxnet.model.strength import RowStrength
 from jaxnet.solvers.choice import choose_solver
 
@@ -216,8 +217,21 @@ def attack_of(
     else:
         signal, vectors, scale, sizes = shared_basis(scenario, draw, navigator, start)
         vectors = vectors * chosen[None, :, None]
-    path = scenario.navigator.sizes(0.0, scenario.horizon)[:, None]
+    path = path_sizes(scenario)[:, None]
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
+
+
+def path_sizes(scenario: Scenario) -> np.ndarray:
+    """Return the greatest norms of the navigator's path and its derivatives, up to the vehicles' order.
+
+    The norms of derivatives above the third are those at SPEED_SAMPLES times.
+    """
+    known, order = scenario.navigator.sizes(0.0, scenario.horizon), scenario.vehicle.order
+    if len(known) > order:
+        return known
+    times = np.linspace(0.0, scenario.horizon, SPEED_SAMPLES)
+    more = np.asarray(up_to(order, scenario.navigator.jets, times))[len(known) :]
+    return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])
 
 
 def heard_by(scenario: Scenario) -> np.ndarray:
@@ -259,7 +273,7 @@ def basis_by_vehicle(
     vectors[:, attacked, :, number, lane] = given.reshape(2, -1, n, count).transpose(2, 3, 0, 1)
     side_by_side = jax.tree.map(lambda leaf: leaf.reshape(*leaf.shape[:-1], n, count), as_pytree(signal))
     vectors = vectors.reshape(2, m, -1, count) * chosen[None, :, None]
-    together = np.linalg.norm(sizes.reshape(4, n, count), axis=1)
+    together = np.linalg.norm(sizes.reshape(len(sizes), n, count), axis=1)
     return Apart(side_by_side), vectors, scale.reshape(n, count).max(axis=0), together
 
 
@@ -280,7 +294,9 @@ def shared_basis(
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
         scale = np.broadcast_to(signal_scale(drawn, sizes, scenario.vehicle.order), count)
     unit = first_vectors(signal, count) if given is None else given
-    reach = np.broadcast_to(drawn.reach(scenario.navigator, signal, scenario.horizon), (4, count))
+    reach = drawn.reach(scenario.navigator, signal, scenario.horizon)
+    reach = reach[: max(len(ORDERS), scenario.vehicle.order + 1)]
+    reach = np.broadcast_to(reach, (len(reach), count))
     return received_of(signal, drawn, count), unit * scale, scale, reach
 
 

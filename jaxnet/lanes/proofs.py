@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.kind import KindError
+from jaxnet.model.signal import ORDERS
 
 INSTANTS = 65
 FINITE_STEP = 1e-4  # [s], step of the difference quotients
@@ -29,7 +30,7 @@ def prove(
     """
     if type(attack).__module__.startswith("jaxnet."):
         return
-    name, sizes = type(attack).__name__, np.asarray(sizes)
+    name, sizes = type(attack).__name__, np.asarray(sizes)[: len(ORDERS)]
     first = np.asarray(basis(np.zeros(count)))
     if first.ndim != 3 or first.shape[::2] != (4, count):
         raise KindError(f"{name}.basis must have the shape (4, B, lanes = {count}) (got {first.shape})")

@@ -1,7 +1,8 @@
 """The control law as the paper states it, stacked with Kronecker products (paper, sections 4.2 and 4.3).
 
 The stacked engine uses this form. Tests compare the structured solve of `control` with it. Stacked vectors
-list one vehicle after the other: `ȳ = [y_1; …; y_m]` and `η_i = [ε_i; ε̇_i; ε̈_i]`.
+list one vehicle after the other: `ȳ = [y_1; …; y_m]` and `η_i = [ε_i; ε̇_i; ε̈_i]`. The paper has order 3;
+vehicles of order r have r derivatives in η, and r in place of the third derivative.
 """
 
 import jax
@@ -9,19 +10,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-def brunovsky() -> tuple[Float[Array, "6 6"], Float[Array, "6 2"]]:
-    """Return `𝒜` and `ℬ`, the matrices of two chains of three integrators."""
-    return jnp.kron(jnp.eye(3, k=1), jnp.eye(2)), jnp.kron(jnp.eye(3)[:, 2:], jnp.eye(2))
+def brunovsky(order: int) -> tuple[Float[Array, "n n"], Float[Array, "n 2"]]:
+    """Return `𝒜` and `ℬ`, the matrices of two chains of as many integrators."""
+    return jnp.kron(jnp.eye(order, k=1), jnp.eye(2)), jnp.kron(jnp.eye(order)[:, -1:], jnp.eye(2))
 
 
-def stacked_feedback(gain: Float[Array, "3"]) -> Float[Array, "2 6"]:
-    """Return `𝒦 = -[k0 I₂, k1 I₂, k2 I₂]`, the gains of the paper in the order of η."""
+def stacked_feedback(gain: Float[Array, " r"]) -> Float[Array, "2 n"]:
+    """Return `𝒦 = -[k0 I₂, k1 I₂, …]`, the gains of the paper in the order of η."""
     return -jnp.kron(gain[None], jnp.eye(2))
 
 
-def closed_loop(gain: Float[Array, "3"], vehicles: int) -> Float[Array, "n n"]:
+def closed_loop(gain: Float[Array, " r"], vehicles: int) -> Float[Array, "n n"]:
     """Return the matrix of the closed loop, `𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
-    chains, entry = brunovsky()
+    chains, entry = brunovsky(len(gain))
     return jnp.kron(jnp.eye(vehicles), chains + entry @ stacked_feedback(gain))
 
 
@@ -40,20 +41,20 @@ def inputs(
     drift: Float[Array, "2 m"],
     decoupling: Float[Array, "2 2 m"],
     weights: Float[Array, "m sources"],
-    received_third: Float[Array, "2 m"],
-    error: Float[Array, "3 2 m"],
-    gain: Float[Array, "3"],
+    received_highest: Float[Array, "2 m"],
+    error: Float[Array, "r 2 m"],
+    gain: Float[Array, " r"],
 ) -> Float[Array, "2 m"]:
-    """Solve the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0‴ + d‴ + K η]` for the inputs u.
+    """Solve the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0^(r) + d^(r) + K η]` for the inputs u.
 
-    `drift` is σ of each vehicle, and `decoupling` is ψ of each vehicle. `received_third` is `a0 ⊗ y_0‴ + d‴`.
-    `error` holds the jets ε, ε̇ and ε̈.
+    `drift` is σ of each vehicle, and `decoupling` is ψ of each vehicle. `received_highest` is `a0 ⊗ y_0^(r) +
+    d^(r)`. `error` holds the jets ε, ε̇, ….
     """
     vehicles, psi = drift.shape[1], stacked(decoupling)
     sigma = drift.T.reshape(-1)
     eta = error.transpose(2, 0, 1).reshape(-1)
     gains = jnp.kron(jnp.eye(vehicles), stacked_feedback(gain))
     spread = jnp.kron(weights[:, 1:], jnp.eye(2))
-    demand = -sigma + spread @ sigma + received_third.T.reshape(-1) + gains @ eta
+    demand = -sigma + spread @ sigma + received_highest.T.reshape(-1) + gains @ eta
     u = jnp.linalg.solve(mixing(psi, weights), jnp.linalg.solve(psi, demand))
     return u.reshape(vehicles, 2).T

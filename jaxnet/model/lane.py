@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model.hearing import Hearing
+from jaxnet.model.shapes import Numbers
+from jaxnet.model.signal import Basis, up_to
 from jaxnet.model.strength import RowStrength
 
 
@@ -27,10 +29,18 @@ class Lane(NamedTuple):
     vectors: Float[Array, "2 signals functions *lanes"]  # of the attack [m]; initial if strategic
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
-    sizes: Float[Array, "2 4 *lanes"]  # greatest norms by order: navigator's path, signal functions
+    sizes: Float[Array, "2 derivatives *lanes"]  # greatest norms by order: navigator's path, signal functions
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
     strength: RowStrength | None = None  # of rows; None where it is 1
+
+    def basis(self, time: Numbers) -> Basis:
+        """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""
+        return up_to(len(self.gain), self.signal.basis, time)
+
+    def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:
+        """Return the navigator's jets at times [s], up to the vehicles' order at least."""
+        return up_to(len(self.gain), self.navigator.jets, time)
 
 
 class Network(NamedTuple):

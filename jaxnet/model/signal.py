@@ -8,6 +8,7 @@ The signal obeys `‖a_j^(k)‖ ≤ ‖V_j‖ ‖β^(k)‖`, with the spectral n
 has ‖V_j‖ = 1.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jaxtyping import Float
@@ -18,7 +19,7 @@ from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
 Vectors = Float[Any, "2 _ functions *lanes"]  # one set for each vehicle, or for each link
-Basis = Float[Any, "4 functions *lanes"]  # β_b and its first three derivatives
+Basis = Float[Any, "derivatives functions *lanes"]  # β_b and its derivatives, three or as many as r
 
 
 class Harmonic(NamedTuple):
@@ -97,6 +98,22 @@ def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
     now, ahead = xp.stack([cosine, sine]), xp.stack([-sine, cosine])
     rate = xp.broadcast_to(xp.asarray(rate), cosine.shape)[None]
     return xp.stack([now, rate * ahead, -(rate**2) * now, -(rate**3) * ahead])
+
+
+def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> Numbers:
+    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this order at
+    least.
+
+    A kind gives three derivatives. JAX differentiates the last one for vehicles of a higher order.
+    """
+    if order < len(ORDERS):
+        return function(time)
+    import jax
+    import jax.numpy as jnp
+
+    time = jnp.asarray(time)
+    lower, rates = jax.jvp(lambda now: up_to(order - 1, function, now), (time,), (jnp.ones_like(time),))
+    return jnp.concatenate([lower, rates[-1:]])
 
 
 def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:

@@ -107,12 +107,6 @@ def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True) if found else nothing
 
 
-def other_engine(cell: Cell) -> str | None:
-    """Return the nonlinear engine, which checks an answer, or None where it cannot move the vehicles."""
-    orders = registry.find("engine", "nonlinear").orders
-    return "nonlinear" if cell.scenario.vehicle.order in orders else None
-
-
 def with_engine(cell: Cell, engine: str | None) -> Cell:
     """Return the cell with another engine at its defaults; raise FolderError if the engine refuses it."""
     if engine in (None, cell.scenario.engine.reference()):

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from upath import UPath
 
-from jaxnet.runs.replay import other_engine, replay, store_of, worst_of
+from jaxnet.runs.replay import replay, store_of, worst_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
 from jaxnet.store.arrays import open_store
@@ -54,8 +54,7 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
 def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPath]:
     """Simulate the lanes of the report that no store holds; yield each store.
 
-    The nonlinear engine simulates the study's worst lanes if it can, the study's own engine the exemplary
-    ones.
+    The nonlinear engine simulates the study's worst lanes, the study's own engine the exemplary ones.
     Lanes of large fleets are left out, with a warning.
     """
     cells = results.study.cells
@@ -67,7 +66,7 @@ def replay_watched(results: Results, told: Steps = no_progress) -> Iterator[UPat
         )
         warnings.warn(f"{results.place}: {words}", stacklevel=2)
         return
-    wanted = {(cell, sample): other_engine(cells[cell]) for cell, sample in worst_of(results)}
+    wanted = dict.fromkeys(worst_of(results), "nonlinear")
     there = {each[:2] for each in stored_lanes(results)} | set(wanted)
     wanted |= dict.fromkeys(place for place in exemplary(results) if place not in there)
     for done, ((cell, sample), engine) in enumerate(wanted.items()):

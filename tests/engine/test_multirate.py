@@ -236,8 +236,8 @@ class Askew(Vehicle):
     def state_of(self, jets):
         return self.straight(ROBOT.state_of(jets), -1.0)
 
-    def pace(self, state):
-        return ROBOT.pace(state)
+    def pace(self, state, inputs):
+        return ROBOT.pace(state, inputs)
 
 
 def test_vehicles_that_differ_within_a_fleet_stay_together():

@@ -1,4 +1,4 @@
-"""Vehicles of order 1 and 2 in the exact engine, against plain programs that integrate or step the fleet."""
+"""Vehicles of every order: engines against each other, and against plain programs of the fleet."""
 
 import math
 
@@ -26,10 +26,65 @@ def navigator_jets(results, times):
     return np.asarray(results.study.config.navigator.jets(np.asarray(times)))
 
 
-@pytest.mark.parametrize("order", VEHICLES)
-def test_static_gains_do_not_depend_on_the_order(order):
+def paths(**keys):
+    """Positions of a fleet of five under attack for 3 s, and the rows: (samples, times, 5, 2)."""
+    attack = {"kind": "rotating", "vehicles": [2, 4], "magnitude": 5.0, "frequency": 1.7}
+    keys = {
+        "vehicles": 5,
+        "horizon": 3.0,
+        "samples": 2,
+        "attack": attack,
+        "defence": "none",
+        "tick": 0.1,
+    } | keys
+    results = simulated(**keys)
+    assert (results.lanes["status"] == "ok").all()
+    return results.trajectories["states"].sel(cell=0).values[..., :2], results.lanes
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "law"),
+    [
+        ("single_integrator", "exact"),
+        ("double_integrator", "rounds"),
+        *(("unicycle", law) for law in ("exact", "rounds", "local")),
+        ("planar_quadrotor", "exact"),
+        ("planar_quadrotor", "local"),
+    ],
+)
+def test_the_nonlinear_engine_agrees_with_the_exact_one(vehicle, law):
+    """Path by path to 1e-5 m, and in the speeds at output times."""
+    (exact, ours), (nonlinear, theirs) = (
+        paths(vehicle=vehicle, law=law, engine=engine) for engine in ("exact", "nonlinear")
+    )
+    np.testing.assert_allclose(nonlinear, exact, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(ours["min_speed"], theirs["min_speed"], rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "other"),
+    [("unicycle", "exact"), ("planar_quadrotor", "exact"), ("look_ahead", "nonlinear")],
+)
+def test_the_stacked_engine_agrees_with_another(vehicle, other):
+    """The dense system with 2m unknowns, with trimming, noise of the sensors and lost messages."""
+    keys = {"defence": "w_msr", "topology": "complete", "sensing": {"kind": "gaussian", "position": 0.1}}
+    keys |= {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}, "horizon": 1.0}
+    known, stacked = (paths(vehicle=vehicle, engine=engine, **keys)[0] for engine in (other, "stacked"))
+    np.testing.assert_allclose(stacked, known, rtol=0, atol=1e-5)
+
+
+def test_runge_kutta_steps_agree_with_the_exact_engine():
+    exact, steps = (
+        paths(vehicle="planar_quadrotor", engine=engine)[0]
+        for engine in ("exact", {"kind": "nonlinear", "solver": "dopri8"})
+    )
+    np.testing.assert_allclose(steps, exact, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("vehicle", ["single_integrator", "unicycle", "planar_quadrotor"])
+def test_static_gains_do_not_depend_on_the_order(vehicle):
     """3.0000 in the mean and 3.1034 for the worst on the ring, 11/6 and 4 on the path."""
-    keys = {"vehicle": VEHICLES[order], "defence": "none", "horizon": 60.0, "samples": 2}
+    keys = {"vehicle": vehicle, "defence": "none", "horizon": 60.0, "samples": 2}
     keys["attack"] = {"kind": "bias", "vehicles": LIARS, "magnitude": 5.0}
     keys["sweep"] = {"topology": ["cyclic", "path"]}
     rows = jaxnet.simulate({"engine": "exact", **keys}, progress=False).lanes.groupby("topology")
@@ -152,8 +207,8 @@ def test_sensor_errors_of_single_integrators_have_the_variance_of_their_flow():
     assert last.var() == pytest.approx(expected, rel=2.576 * math.sqrt(2 / last.size))
 
 
-def test_gains_follow_the_order_and_other_engines_refuse_it():
-    """Binomial gains cell by cell; a gain of another length, and the nonlinear engine, are refused."""
+def test_gains_follow_the_order():
+    """Binomial gains cell by cell; other lengths are refused, and attacks without a fourth derivative."""
     keys = {"engine": "exact", "attack": "none", "sweep": {"vehicle": [*VEHICLES.values(), "car"]}}
     study = jaxnet.load(keys)
     assert [cell.scenario.gain for cell in study.cells] == [[1], [1, 2], [1, 3, 3]]
@@ -163,11 +218,15 @@ def test_gains_follow_the_order_and_other_engines_refuse_it():
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [1, 3, 3]})
     with pytest.raises(jaxnet.ConfigError, match=r"gain: unstable: eigenvalues 1\+0j"):
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [-1]})
-    for engine in ("nonlinear", "stacked"):
-        with pytest.raises(jaxnet.ConfigError, match="moves vehicles of order 3, single_integrator has 1"):
-            jaxnet.load({"vehicle": "single_integrator", "engine": engine})
     with pytest.raises(jaxnet.ConfigError, match="a choice of orders needs a vehicle of order 3"):
         jaxnet.load({"vehicle": "double_integrator", "engine": "exact", "attack": {"orders": [0]}})
+    with pytest.raises(jaxnet.ConfigError, match="do not determine the state of look_ahead: give"):
+        jaxnet.load({"vehicle": "look_ahead", "engine": "exact"})
+    with pytest.raises(jaxnet.ConfigError, match="chirp has derivatives up to 3, planar_quadrotor"):
+        jaxnet.load({"vehicle": "planar_quadrotor", "attack": "chirp"})
+    for gain in ([10, 4, 6, 4], [1, 4, 6, {"uniform": [0.1, 4]}]):
+        with pytest.raises(jaxnet.ConfigError, match="gain: unstable"):
+            jaxnet.load({"vehicle": "planar_quadrotor", "gain": gain})
 
 
 def test_both_engines_hold_the_local_law_alike():

@@ -3,9 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from jaxnet.engine import standstill
 from jaxnet.engine.status import Status
+from jaxnet.theory.exact import companion
 from tests import reference, systems
 from tests.engine.test_exactness import navigator_at
 
@@ -53,6 +55,23 @@ def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
     """As the closed form says, lane by lane, whether or not a tick is near the turn."""
     outcome = systems.simulate(on_a_line(engine, vehicle=vehicle))
     assert (outcome.status == np.where(known < 0, Status.singular, Status.ok)).all()
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear", "stacked"])
+def test_a_unicycle_that_turns_round_on_a_line_is_singular(engine):
+    """As `E(t) = expm(A_c t) E(0)` says, whose acceleration jumps at t = 0."""
+    one, times = on_a_line(engine, 60.0, vehicle="unicycle"), np.arange(0.0, HORIZON, 1e-3)
+    flows = np.stack([expm(companion(np.array([1.0, 2.0])) * t) for t in times])
+    least = []
+    for number in range(LANES):
+        state, navigator = systems.lane(one, number).initial, navigator_at(one, number)
+        error = np.stack([state[0], state[3]]) - navigator(0.0)[:2, :1]
+        velocity = np.stack([navigator(t)[1, :1] for t in times]) + np.einsum("tl,lm->tm", flows[:, 1], error)
+        least.append(velocity.min())
+    assert min(np.abs(least)) > 0.02
+    assert {*np.sign(least)} == {-1.0, 1.0}
+    known = np.where(np.array(least) < 0, Status.singular, Status.ok)
+    assert systems.simulate(one).status.tolist() == known.tolist()
 
 
 SPOOF = {"kind": "spoof", "vehicles": [2], "magnitude": 1.0, "direction": 0.0}

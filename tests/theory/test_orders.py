@@ -1,4 +1,4 @@
-"""Constants of vehicles of order 1, 2 and 3, against closed forms and plain quadrature."""
+"""Constants of vehicles of order 1 to 4, against closed forms and plain quadrature."""
 
 import itertools
 import math
@@ -13,9 +13,10 @@ from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.theory import exact, lyapunov, response, rounds
 from tests.matrices import matrix_of
 
-BINOMIAL = {1: [1.0], 2: [1.0, 2.0], 3: [1.0, 3.0, 3.0]}
+BINOMIAL = {1: [1.0], 2: [1.0, 2.0], 3: [1.0, 3.0, 3.0], 4: [1.0, 4.0, 6.0, 4.0]}
 # For each order: η, 2‖PB‖ and √κ(P), at binomial gain and Q = I.
 CONSTANTS = {1: (math.sqrt(2), 1.0, 1.0), 2: (2.0, math.sqrt(2), 2.414214), 3: (2.828427, 2.099107, 4.762563)}
+CONSTANTS[4] = (4.0, 3.259601, 9.179216)
 GAINS = [[0.7], [2.0, 0.3], [0.4, 3.0], [5.0, 1.0], [1.354, 9.748, 0.259], [2.0, 3.0, 3.0]]
 
 

@@ -37,8 +37,8 @@ class Engine(Kind):
     shard: ClassVar[int] = 512  # lanes whose rows make one file: about a second of work
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
+    integrates: ClassVar[bool] = True  # whether the engine integrates states, also those no output determines
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
-    orders: ClassVar[tuple[int, ...]] = (3,)  # orders of the vehicles that the engine can move
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the options that shape the compiled program: hashable."""
@@ -57,16 +57,15 @@ class Engine(Kind):
         raise NotImplementedError
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if the scenario holds a jerk or decides at every instant, and the engine cannot."""
+        """Yield a fault of a law, vehicle or tick that the engine cannot simulate."""
         if scenario.law.holds and not self.holds:
             message = (
                 f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
             )
             yield Fault(("engine", "law"), message)
-        if scenario.vehicle.order not in self.orders:
-            orders, vehicle = " or ".join(map(str, self.orders)), scenario.vehicle
-            message = f"the {self.kind} engine moves vehicles of order {orders}, {vehicle.kind} has"
-            yield Fault(("engine", "vehicle"), f"{message} {vehicle.order}: give engine: exact")
+        if scenario.vehicle.internal and not self.integrates:
+            message = f"the {self.kind} engine finds states from outputs, which do not determine the state of"
+            yield Fault(("engine", "vehicle"), f"{message} {scenario.vehicle.kind}: give engine: nonlinear")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
 

@@ -23,7 +23,7 @@ class Exact(Engine):
     shard: ClassVar[int] = 4096
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
-    orders: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    integrates: ClassVar[bool] = False
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
         """Return the flow over one tick for each lane's gains."""

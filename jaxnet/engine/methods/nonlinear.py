@@ -18,8 +18,8 @@ else:
 class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively.
 
-    With `tick: 0` vehicles decide inside the vector field, which then jumps. `dopri5` then runs in place of
-    `gauss`.
+    `dopri5` runs in place of `gauss` in two cases: with `tick: 0` vehicles decide inside the vector field,
+    which then jumps; and the outputs of a vehicle such as `look_ahead` do not determine its state.
     """
 
     kind = "nonlinear"
@@ -55,7 +55,7 @@ class Nonlinear(Engine):
         from jaxnet.engine import collocation, integration, loop
 
         (solver,) = plan.options
-        if solver == "gauss" and plan.in_field:
+        if solver == "gauss" and (plan.in_field or queue.lane.vehicle.internal):
             plan = plan._replace(options=("dopri5",))
         motion = collocation.Collocation if plan.options == ("gauss",) else integration.Integration
         return loop.from_queue(motion, queue, count, network, clock, plan)

@@ -22,15 +22,14 @@ from jaxtyping import Array, Bool, Float, Int
 from pydantic import AfterValidator, Field
 
 from jaxnet.engine import loop, tick
-from jaxnet.engine.loop import LaneFlags, Motion, PerVehicle, Tick, Ticks
+from jaxnet.engine.loop import LaneFlags, Motion, Tick, Ticks
 from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
-from jaxnet.engine.status import LEAST_SPEED, Code, Status, fail
+from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.kinds.vehicles import SPEED
 from jaxnet.model import definition, plane, signal
 from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.lane import Lane, Network
@@ -122,17 +121,17 @@ class ByDiffrax(Motion[StackedState]):
         return StackedState(self.lane.initial, zero, jnp.zeros(zero.shape, int))
 
     def errors(self, state: StackedState) -> Jets:
-        """Return E and its first two derivatives now."""
-        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.navigator.jets(state.time)
+        """Return E and its derivatives below the order now."""
+        own, navigator = self.lane.vehicle.output_jets(state.state), self.lane.path(state.time)
         return plane.relative(own, navigator)
 
     def basis(self, state: StackedState) -> tuple[Instants, Basis]:
         """Return the time [s] and the attacks' functions now."""
-        return state.time, self.lane.signal.basis(state.time)
+        return state.time, self.lane.basis(state.time)
 
-    def seen(self, state: StackedState) -> tuple[PerVehicle, PerVehicle, States]:
-        """Return speed [m/s] and turn rate [rad/s], (m, lanes), and the vehicles' states (n, m, lanes)."""
-        return *self.lane.vehicle.pace(state.state), state.state
+    def states(self, state: StackedState) -> States:
+        """Return the vehicles' states (n, m, lanes)."""
+        return state.state
 
     def steps(self, state: StackedState) -> Int[Array, " lanes"]:
         """Return the number of steps that diffrax has taken."""
@@ -240,7 +239,8 @@ def solution(
         return lane_field(time, state, followed, network, plan)
 
     def stands(time: Instant, state: StateOfOne, followed: FieldInputs, **_: object) -> Bool[Array, ""]:
-        return (state[SPEED] * jnp.sign(followed.lane.initial[SPEED]) < LEAST_SPEED).any()
+        margin = followed.lane.vehicle.margin
+        return (margin(state) * jnp.sign(margin(followed.lane.initial)) < LEAST_MARGIN).any()
 
     found = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
@@ -251,7 +251,7 @@ def solution(
         state,
         followed,
         stepsize_controller=Controller(tolerances.rtol, tolerances.atol, dtmin=shortest, force_dtmin=False),
-        event=diffrax.Event(stands),
+        event=diffrax.Event(stands) if followed.lane.vehicle.singular else None,
         max_steps=max_steps,
         throw=False,
     )
@@ -272,16 +272,16 @@ def lane_field(
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         weights = decided_in_field(alone, there, now, network, plan)[..., 0]
-    vehicle, navigator = alone.vehicle, alone.navigator.jets(now)[..., 0]
-    attack = jnp.stack(signal.jets(vectors[..., None], alone.signal.basis(now)))[..., 0]
+    vehicle, navigator = alone.vehicle, alone.path(now)[..., 0]
+    attack = jnp.stack(signal.jets(vectors[..., None], alone.basis(now)))[..., 0]
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
-    own = own if noise is None else own + jnp.stack(noise)
+    own = own if noise is None else own + jnp.stack(noise)[: len(own)]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
 
     def law(each: Float[Array, "slots m"]) -> Float[Array, "2 m"]:
-        graph, third, error = jets_of_law(own, navigator, attack, each, network.hearing)
-        third = third if kept is None else third + kept
-        return definition.inputs(drift, decoupling, graph, third, error, lane.gain)
+        graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
+        highest = highest if kept is None else highest + kept
+        return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
 
     inputs = of_axes(jax.vmap(law)(weights), decoupling)
     return vehicle.motion(there, inputs[..., None])[..., 0]
@@ -289,29 +289,29 @@ def lane_field(
 
 def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> AxisWeights:
     """Return the weights in force for the jets received now, decided without memory; lanes last."""
-    errors = plane.relative(lane.vehicle.output_jets(state), lane.navigator.jets(time))
-    before, basis = tick.before_first(lane, network, plan), lane.signal.basis(time)
+    errors = plane.relative(lane.vehicle.output_jets(state), lane.path(time))
+    before, basis = tick.before_first(lane, network, plan), lane.basis(time)
     decided = tick.decide(lane, network, plan, before, errors, basis, time)
     return tick.drive(lane, decided, plan).weights
 
 
 def jets_of_law(
-    own: Float[Array, "3 2 m"],
-    navigator: Float[Array, "4 2"],
-    attack: Float[Array, "4 2 m"],
+    own: Float[Array, "r 2 m"],
+    navigator: Float[Array, "derivatives 2"],
+    attack: Float[Array, "derivatives 2 m"],
     weights: Float[Array, "slots m"],
     hearing: Hearing,
-) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "3 2 m"]]:
-    """Return `[a0 | A]`, `a0 ⊗ y_0‴ + d‴`, and the jets of ε, for received jets and weights by slot."""
-    graph = hearing.matrix(weights)
+) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "r 2 m"]]:
+    """Return `[a0 | A]`, `a0 ⊗ y_0^(r) + d^(r)`, and the jets of ε, for received jets and weights by slot."""
+    graph, order = hearing.matrix(weights), len(own)
     added = jnp.stack([(weights[None] * hearing.added(jet)).sum(axis=1) for jet in attack])
-    sources = jnp.concatenate([navigator[:3, :, None], own], axis=2)
-    error = own - sources @ graph.T - added[:3]
-    return graph, navigator[3][:, None] * graph[:, 0][None] + added[3], error
+    sources = jnp.concatenate([navigator[:order, :, None], own], axis=2)
+    error = own - sources @ graph.T - added[:order]
+    return graph, navigator[order][:, None] * graph[:, 0][None] + added[order], error
 
 
 def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]) -> Float[Array, "2 m"]:
-    """Return the input whose jerk on each axis is the jerk that the law asks for with that axis' weights.
+    """Return the input whose r-th derivative on each axis is that of the law with that axis' weights.
 
     `L ⊗ I₂` keeps axes apart, so the solution with one axis' weights is right on that axis.
     """

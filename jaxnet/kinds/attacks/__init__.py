@@ -74,6 +74,7 @@ class AnyAttack(Kind):
 
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
+    highest: ClassVar[int] = 3  # order of the highest derivative that `sizes` bounds
     derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
@@ -177,8 +178,10 @@ class AnyAttack(Kind):
         return self.signal(), None if self.strategic else np.asarray(self.vectors())
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes)."""
-        return np.ones((4, 1))
+        """Return bounds on the norm of the functions and of their derivatives in [0, horizon]: (4, lanes), or
+        (5, lanes) where `highest` is 4.
+        """
+        return np.ones((5, 1))
 
     def reach(self, navigator: NavigatorPath, signal: Signal, horizon: float) -> np.ndarray:
         """Return `sizes` of the signal that `told` gave: (4, lanes); for a signal without bound the maximum
@@ -441,10 +444,16 @@ class Attack(AnyAttack):
                 ("attack.orders", "attack.threat"),
                 f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
             )
-        if self.falsified() != ORDERS and scenario.vehicle.order < 3:
-            kind = scenario.vehicle.kind
+        vehicle = scenario.vehicle
+        if self.falsified() != ORDERS and vehicle.order != 3:
             yield Fault(
-                ("attack.orders", "vehicle"), f"a choice of orders needs a vehicle of order 3 (got {kind})"
+                ("attack.orders", "vehicle"),
+                f"a choice of orders needs a vehicle of order 3 (got {vehicle.kind})",
+            )
+        if vehicle.order > self.highest:
+            yield Fault(
+                ("attack", "vehicle"),
+                f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
             )
         yield from self.number_faults()
 
@@ -483,6 +492,8 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarra
 
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
     """Return the falsified orders that vehicles of an order hear."""
+    if attack.falsified() == ORDERS:
+        return [*range(order + 1)]
     return [each for each in attack.falsified() if each <= order]
 
 
@@ -499,5 +510,5 @@ def constant_basis(time: AnyTimes) -> SignalBasis:
 
 
 def harmonic_sizes(frequency: np.ndarray) -> np.ndarray:
-    """Return the sizes of a harmonic, `|ω|^k`: (4, lanes)."""
-    return np.abs(frequency)[None] ** np.arange(4.0)[:, None]
+    """Return the sizes of a harmonic, `|ω|^k` up to k = 4: (5, lanes)."""
+    return np.abs(frequency)[None] ** np.arange(5.0)[:, None]

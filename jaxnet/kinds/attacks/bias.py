@@ -1,5 +1,7 @@
 """The constant attack."""
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
@@ -13,6 +15,7 @@ class Bias(Attack):
     """A constant offset along a direction of each vehicle."""
 
     kind = "bias"
+    highest: ClassVar[int] = 4
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
@@ -31,4 +34,4 @@ class Bias(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Return 1 for the signal and 0 for its derivatives."""
-        return np.eye(4, 1)
+        return np.eye(5, 1)

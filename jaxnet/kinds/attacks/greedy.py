@@ -27,6 +27,7 @@ class Greedy(Attack):
     """
 
     kind = "greedy"
+    highest: ClassVar[int] = 4
     strategic: ClassVar[bool] = True
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")
@@ -37,7 +38,7 @@ class Greedy(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Return 1 for the signal and 0 for its derivatives."""
-        return np.eye(4, 1)
+        return np.eye(5, 1)
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Return the direction of the greatest criterion; the first one of equal values."""

@@ -27,6 +27,7 @@ class Mimic(Attack):
     """
 
     kind = "mimic"
+    highest: ClassVar[int] = 4
     strategic: ClassVar[bool] = True
 
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")
@@ -38,7 +39,7 @@ class Mimic(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Return 1 for the signal and 0 for its derivatives."""
-        return np.eye(4, 1)
+        return np.eye(5, 1)
 
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Try the fractions of ā in ascending order, and return the greatest that every listener retains."""

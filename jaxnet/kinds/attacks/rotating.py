@@ -1,5 +1,7 @@
 """The rotating attack, the paper's."""
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
@@ -14,6 +16,7 @@ class Rotating(Attack):
     """A unit vector that turns, `[cos, sin](frequency · t + phase)`."""
 
     kind = "rotating"
+    highest: ClassVar[int] = 4
 
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the turning")
     phase: Angle = Field(default=FULL_TURN, description="[rad], at t = 0")

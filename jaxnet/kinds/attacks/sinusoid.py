@@ -1,5 +1,7 @@
 """The sinusoidal attack: an oscillation along a line."""
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
@@ -13,6 +15,7 @@ class Sinusoid(Attack):
     """An oscillation `sin(frequency · t + phase)` along a direction of each vehicle."""
 
     kind = "sinusoid"
+    highest: ClassVar[int] = 4
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
     frequency: PerVehicle = Field(default=0.7, description="[rad/s], of the oscillation")

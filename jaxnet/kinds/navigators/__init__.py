@@ -64,7 +64,7 @@ class Navigator(Kind):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault for a navigator that almost stops, if vehicles on its path would be singular."""
-        if not scenario.vehicle.singular:
+        if scenario.vehicle.singular != 1:
             return
         slowest, when = self.slowest(scenario.horizon)
         if not slowest >= LEAST_NAVIGATOR_SPEED:

@@ -1,14 +1,16 @@
 """Vehicles that are flat with order r: r integrators for each axis of the position (theorems.md O4).
 
 The state (n, m, lanes) begins with the position x, y [m]. The state and the output's r jets (y, ẏ, …)
-determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A robot of order three has
-heading [rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for
-NumPy and JAX.
+determine each other, and `y^(r) = σ + ψ u` for an input u with two components. A wheeled robot has heading
+[rad] and speed [m/s] as next states, and is singular at speed 0. All formulas use the array API, for NumPy
+and JAX.
 """
 
+from collections.abc import Iterator
 from typing import ClassVar
 
-from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AxisMatrices,
     StackedJets,
@@ -21,12 +23,13 @@ from jaxnet.kinds.shapes import (
 from jaxnet.model.circle import circle
 
 HEADING, SPEED = 2, 3
+MOST_ORDER = 4  # of vehicles
 
 
 class Vehicle(Kind):
     """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
 
-    A subclass gives every method except `start`.
+    A subclass gives every method except `start`, `margin` and `lead`.
 
     Examples
     --------
@@ -37,11 +40,17 @@ class Vehicle(Kind):
     """
 
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
-    singular: ClassVar[bool] = True  # whether the law is singular at speed 0
-    states: ClassVar[tuple[str, ...]]  # names; where singular, the first four are x, y, heading, speed
+    singular: ClassVar[int] = 1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
+    internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state undetermined
+    states: ClassVar[tuple[str, ...]]  # names; those of a wheeled robot begin with x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
     input_units: ClassVar[tuple[str, str]] = ("", "")
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault of an order for which the engines have no constants."""
+        if not 1 <= self.order <= MOST_ORDER:
+            yield Fault(("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})")
 
     def start(self, position: VehicleVectors, heading: VehicleNumbers, speed: VehicleNumbers) -> VehicleState:
         """Return the state (n, m, lanes) at t = 0 with this pose and speed; all other components are 0."""
@@ -77,9 +86,24 @@ class Vehicle(Kind):
         """
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
 
-    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes)."""
-        raise KindError(f"{self.kind}: a vehicle gives pace(self, state)")
+    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+        """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""
+        raise KindError(f"{self.kind}: a vehicle gives pace(self, state, inputs)")
+
+    @property
+    def jets_tell_pace(self) -> bool:
+        """Return whether the output's jets are enough for speed and turn rate, as those of a wheeled robot of
+        order 3 are.
+        """
+        return self.order > 2 and self.singular == 1
+
+    def margin(self, state: VehicleState) -> VehicleNumbers:
+        """Return the signed distance (m, lanes) from the singular set; ± the norm of `lead`."""
+        return state[SPEED]
+
+    def lead(self, derivative: VehicleVectors) -> VehicleVectors:
+        """Return y^(k) plus a constant, for k = `singular`; ψ is singular where the sum is 0."""
+        return derivative
 
 
 class Integrators(Vehicle):
@@ -88,7 +112,7 @@ class Integrators(Vehicle):
     The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
     """
 
-    singular: ClassVar[bool] = False
+    singular: ClassVar[int] = 0
 
     def output_jets(self, state: VehicleState) -> VehicleJets:
         """Return the parts of the state."""

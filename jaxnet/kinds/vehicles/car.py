@@ -70,7 +70,7 @@ class Car(Vehicle):
     def motion(self, state: VehicleState, inputs: VehicleInput) -> VehicleState:
         """Return `[v cos θ, v sin θ, v κ, a, δ̇, ȧ]`."""
         along, _ = directions(state)
-        velocity, (_, turn_rate) = state[SPEED][None] * along, self.pace(state)
+        velocity, (_, turn_rate) = state[SPEED][None] * along, self.pace(state, inputs)
         rates = [velocity[0], velocity[1], turn_rate, state[ACCELERATION], inputs[1], inputs[0]]
         return state.__array_namespace__().stack(rates)
 
@@ -84,6 +84,6 @@ class Car(Vehicle):
         along = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, steering, along])
 
-    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed, and the turn rate `θ̇ = v κ`."""
         return state[SPEED], state[SPEED] * self.curvature(state)

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.shapes import VehicleNumbers, VehicleState, VehicleVectors
+from jaxnet.kinds.shapes import VehicleInput, VehicleNumbers, VehicleState, VehicleVectors
 from jaxnet.kinds.vehicles import Integrators
 from jaxnet.model.circle import circle
 from jaxnet.model.plane import length
@@ -27,6 +27,6 @@ class DoubleIntegrator(Integrators):
         xp, (cosine, sine) = position.__array_namespace__(), circle(heading)
         return xp.stack([position[0], position[1], speed * cosine, speed * sine])
 
-    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed, and 0 for the turn rate, as there is no heading."""
         return length(state[2:]), 0.0 * state[0]

@@ -2,8 +2,9 @@
 
 from typing import ClassVar
 
-from jaxnet.kinds.shapes import VehicleNumbers, VehicleState, VehicleVectors
+from jaxnet.kinds.shapes import VehicleInput, VehicleNumbers, VehicleState, VehicleVectors
 from jaxnet.kinds.vehicles import Integrators
+from jaxnet.model.plane import length
 
 
 class SingleIntegrator(Integrators):
@@ -24,6 +25,6 @@ class SingleIntegrator(Integrators):
         """Return the positions; a single integrator has no velocity of its own."""
         return position
 
-    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
-        """Return 0 for the speed, which is an input, and 0 for the turn rate, as there is no heading."""
-        return 0.0 * state[0], 0.0 * state[0]
+    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
+        """Return the norm of the velocity, and 0 for the turn rate, as there is no heading."""
+        return length(self.drift(state) + inputs), 0.0 * state[0]

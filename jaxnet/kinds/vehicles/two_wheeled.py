@@ -66,6 +66,6 @@ class TwoWheeled(Vehicle):
         force = dot(velocity, acceleration) / speed
         return xp.stack([position[0], position[1], heading, speed, turn_rate, force])
 
-    def pace(self, state: VehicleState) -> tuple[VehicleNumbers, VehicleNumbers]:
+    def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed and the turn rate, which are states."""
         return state[SPEED], state[TURN_RATE]

@@ -32,7 +32,9 @@ def test_states_and_jets_are_two_descriptions(seed):
     np.testing.assert_allclose(drawn.state_of(jets), state, rtol=1e-9, atol=1e-9)
     _, velocity, acceleration = jets
     turning = (velocity[0] * acceleration[1] - velocity[1] * acceleration[0]) / (velocity**2).sum(axis=0)
-    np.testing.assert_allclose(drawn.pace(state), [state[3], turning], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        drawn.pace(state, jnp.zeros_like(state[:2])), [state[3], turning], rtol=1e-12, atol=1e-12
+    )
 
 
 @jax.jit

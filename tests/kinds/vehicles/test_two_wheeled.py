@@ -85,10 +85,10 @@ def test_flat_outputs_are_coordinates_of_robots_that_go_ahead(seed):
 @given(seeds)
 def test_pace_is_what_the_output_jets_say_of_robots_that_go_ahead(seed):
     """Speed and turn rate are states, and found from velocity and acceleration alone."""
-    state, _ = fleet(seed, forward=True)
+    state, inputs = fleet(seed, forward=True)
     speed, turn_rate = plane.pace(ROBOT.output_jets(state))
-    np.testing.assert_allclose(ROBOT.pace(state)[0], speed, rtol=1e-12)
-    np.testing.assert_allclose(ROBOT.pace(state)[1], turn_rate, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(ROBOT.pace(state, inputs)[0], speed, rtol=1e-12)
+    np.testing.assert_allclose(ROBOT.pace(state, inputs)[1], turn_rate, rtol=1e-11, atol=1e-11)
 
 
 def test_a_robot_starts_with_its_pose_and_speed_and_all_else_zero():
