@@ -20,6 +20,7 @@ from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
+from jaxnet.model.strength import RowShares
 
 Jerk = Float[Array, "2 m lanes"]
 FollowingState = TypeVar("FollowingState", bound=Any)  # has the fields signals, followed and steps
@@ -29,9 +30,10 @@ class FollowedLaw(NamedTuple):
     """Weights, factors and jerk that vehicles follow until the next tick. Absent parts are None."""
 
     weights: AxisWeights
-    factors: Any  # by the network's solver, of these weights' Laplacian; None where a jerk is held
+    factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
     jerk: Jerk | None  # held until the next tick
-    response: Vectors | None  # L⁻¹ d, for a first guess of the jerk
+    response: Vectors | None  # L⁻¹ d, or d under a local law, for a first guess of the jerk
+    strength: RowShares | None = None  # of the rows of weights, under a local law
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
         """Return the held derivative, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks'
@@ -87,6 +89,10 @@ def follow_weights(
     `guesses` says whether the law needs the response for a first guess of the jerk.
     """
     drive = tick.drive(lane, decided, plan)
+    if lane.law.local:
+        everybody = jnp.ones(lane.attack_scale.shape, bool)
+        vectors = response(drive.vectors, FollowedLaw(drive.weights, None, None, None), network)
+        return FollowedLaw(drive.weights, None, None, vectors, drive.strength), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None)
     if guesses:
@@ -97,10 +103,12 @@ def follow_weights(
 
 
 def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
-    """Return `L⁻¹ d` for the attacks' vectors."""
+    """Return `L⁻¹ d` for the attacks' vectors, or d where nothing is solved for."""
 
     def of_one(vector: Float[Array, "2 told lanes"]) -> Jerk:
         right = network.hearing.mean_added(followed.weights, vector)
+        if followed.factors is None:
+            return right
         return network.solver.apply(network.hearing, followed.factors, right, None)
 
     return jnp.moveaxis(jax.lax.map(of_one, jnp.moveaxis(vectors, 2, 0)), 0, 2)
@@ -133,9 +141,14 @@ def law_jerk(
 ) -> Jerk:
     """Return the jerk that the law asks for, solved from the received jets with the weights in force.
 
-    `own` are the jets that vehicles sense of themselves. `start` is a first guess of the jerk.
+    `own` are the jets that vehicles sense of themselves. `start` is a first guess of the jerk. A local law is
+    evaluated, not solved.
     """
-    attack = signal.combined(tick.attack_vectors(lane, decided), now.drive)
+    vectors = tick.attack_vectors(lane, decided)
+    if lane.law.local:
+        drive = Drive(followed.weights, vectors, decided.noise, decided.reception, followed.strength)
+        return tick.local_demand(lane, network, drive, own, now.navigator, now.basis)
+    attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if decided.reception is not None:
         demand = demand + decided.reception.kept

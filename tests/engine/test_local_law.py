@@ -141,6 +141,28 @@ def test_who_hears_nobody_coasts():
     np.testing.assert_allclose(states[-1, :, :2], moved, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize(
+    ("engine", "vehicle"),
+    [("nonlinear", "single_integrator"), ("nonlinear", "two_wheeled"), ("stacked", "unicycle")],
+)
+def test_engines_agree_path_by_path(engine, vehicle):
+    """Under an attack, W-MSR, noise, loss and weights on oneself: to 1e-5 m while nobody stands still."""
+    keys = {
+        "vehicle": vehicle,
+        "attack": {"kind": "rotating", "magnitude": 10},
+        "defence": "w_msr",
+        "tick": 0.1,
+    }
+    keys |= {"topology": {"kind": "circulant", "offsets": [1, 2, 3], "own_weight": 1.0}, "vehicles": 6}
+    keys |= {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}, "horizon": 2.0}
+    keys |= {"sensing": {"kind": "gaussian", "position": 0.1}, "initial": {"speed": 20.0}}
+    keys["attack"] |= {"vehicles": [2, 4]}
+    _, _, exact = paths(**keys)
+    _, _, other = paths(**keys, engine=engine)
+    assert np.isfinite(other).all()
+    np.testing.assert_allclose(other[..., :2], exact[..., :2], rtol=0, atol=1e-5)
+
+
 def test_a_vehicle_that_comes_to_rest_fails_alone():
     """A robot on the navigator's line that has to turn back stands still on the way, and no other does."""
     keys = {"topology": {"kind": "edges", "edges": [[1, 0, 1.0]]}, "vehicles": 1, "attack": "none"}

@@ -27,11 +27,11 @@ from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Instants
+from jaxnet.engine.tick import DecisionState, Drive, Instants
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import definition, plane, signal
-from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis
@@ -110,6 +110,7 @@ class FieldInputs(NamedTuple):
     vectors: Float[Array, "2 m functions"]  # of the attacks
     noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
     kept: Float[Array, "2 m"] | None  # drives that vehicles keep, 0 for others
+    strength: Float[Array, "axes m"] | None  # of the rows of weights, None where it is 1
 
 
 class ByDiffrax(Motion[StackedState]):
@@ -139,6 +140,8 @@ class ByDiffrax(Motion[StackedState]):
 
     def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
         """Return the state unchanged, and the lanes in which a vehicle is cut off."""
+        if self.lane.law.local:
+            return state, jnp.zeros_like(at.here)
         weights = tick.weights_without_loss(self.lane, decided, self.plan)
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
         return state, ~reached
@@ -153,7 +156,7 @@ class ByDiffrax(Motion[StackedState]):
         """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
         drive = self.drive(state, decided)
         kept = None if drive.reception is None else drive.reception.kept
-        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, kept)
+        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, kept, drive.strength)
 
     def advance(
         self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
@@ -268,31 +271,42 @@ def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors, noise, kept = followed
+    lane, weights, vectors, noise, kept, strength = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
-        weights = decided_in_field(alone, there, now, network, plan)[..., 0]
+        drive = decided_in_field(alone, there, now, network, plan)
+        weights, strength = jax.tree.map(lambda leaf: leaf[..., 0], (drive.weights, drive.strength))
     vehicle, navigator = alone.vehicle, alone.path(now)[..., 0]
     attack = jnp.stack(signal.jets(vectors[..., None], alone.basis(now)))[..., 0]
     own = jnp.stack(vehicle.output_jets(there))[..., 0]
     own = own if noise is None else own + jnp.stack(noise)[: len(own)]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
 
-    def law(each: Float[Array, "slots m"]) -> Float[Array, "2 m"]:
+    def law(each: Float[Array, "slots m"], strength: Float[Array, " m"]) -> Float[Array, "2 m"]:
         graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
-        highest = highest if kept is None else highest + kept
+        if alone.law.local:
+            highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
+            error = jnp.where((each == 0).all(axis=0)[None, None], 0.0, error)
+            graph, highest, error = (
+                jnp.zeros_like(graph),
+                strength[None] * highest,
+                strength[None, None] * error,
+            )
+        elif kept is not None:
+            highest = highest + kept
         return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
 
-    inputs = of_axes(jax.vmap(law)(weights), decoupling)
+    strength = jnp.ones_like(weights[:, 0]) if strength is None else strength
+    inputs = of_axes(jax.vmap(law)(weights, strength), decoupling)
     return vehicle.motion(there, inputs[..., None])[..., 0]
 
 
-def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> AxisWeights:
-    """Return the weights in force for the jets received now, decided without memory; lanes last."""
+def decided_in_field(lane: Lane, state: States, time: Instants, network: Network, plan: Plan) -> Drive:
+    """Return the drive for the jets received now, decided without memory; lanes last."""
     errors = plane.relative(lane.vehicle.output_jets(state), lane.path(time))
     before, basis = tick.before_first(lane, network, plan), lane.basis(time)
     decided = tick.decide(lane, network, plan, before, errors, basis, time)
-    return tick.drive(lane, decided, plan).weights
+    return tick.drive(lane, decided, plan)
 
 
 def jets_of_law(
@@ -308,6 +322,19 @@ def jets_of_law(
     sources = jnp.concatenate([navigator[:order, :, None], own], axis=2)
     error = own - sources @ graph.T - added[:order]
     return graph, navigator[order][:, None] * graph[:, 0][None] + added[order], error
+
+
+def jets_of_navigator(
+    navigator: Float[Array, "derivatives 2"],
+    attack: Float[Array, "derivatives 2 m"],
+    weights: Float[Array, "slots m"],
+    hearing: Hearing,
+    order: int,
+) -> Float[Array, "2 m"]:
+    """Return `a0 ⊗ y_0^(r)`, with the attack on it, over the links from the navigator alone."""
+    weights = jnp.where(hearing.sources == 0, weights, 0.0)
+    added = (weights[None] * hearing.added(attack[order])).sum(axis=1)
+    return navigator[order][:, None] * weights.sum(axis=0)[None] + added
 
 
 def of_axes(inputs: Float[Array, "axes 2 m"], decoupling: Float[Array, "2 2 m"]) -> Float[Array, "2 m"]:
