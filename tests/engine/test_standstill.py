@@ -57,7 +57,7 @@ def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
     assert (outcome.status == np.where(known < 0, Status.singular, Status.ok)).all()
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear", "stacked"])
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
 def test_a_unicycle_that_turns_round_on_a_line_is_singular(engine):
     """As `E(t) = expm(A_c t) E(0)` says, whose acceleration jumps at t = 0."""
     one, times = on_a_line(engine, 60.0, vehicle="unicycle"), np.arange(0.0, HORIZON, 1e-3)
