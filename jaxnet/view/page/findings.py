@@ -69,7 +69,8 @@ def extremes_sentence(results: Results) -> str:
     errors, unit = errors_per_size(results)
     if errors.empty:
         ended = results.manifest["lanes"]["ok"]
-        return "No attacked lane came to its end." if ended else "No lane came to its end."
+        none = f"No lane came to its end: there is no {judged_word(results)}."
+        return "No attacked lane came to its end." if ended else none
     asked = len(results.study.cells) if unit == "m" else int(np.sum(cell_magnitudes(results) > 0))
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
