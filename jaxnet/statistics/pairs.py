@@ -74,9 +74,7 @@ def compare_studies(first: Results, second: Results) -> Comparison:
     """Compare two studies lane by lane; raises FolderError if no lanes can be paired."""
     _ = first.cells, second.cells  # refuses an unfinished run
     pairs = paired_cells(first, second)
-    alone = all(is_leaderless(results.study.cells) for results in (first, second))
-    metrics = AGREEMENT if alone else SUMMARISED
-    tables = [join_lanes(first, second, pair, metrics) for pair in pairs]
+    tables = [join_lanes(first, second, pair) for pair in pairs]
     if not any(map(len, tables)):
         raise FolderError(f"{first.path} and {second.path} have no sample in common")
     criteria = [results.study.config.recovery for results in (first, second)]
@@ -85,11 +83,9 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         lanes.loc[lanes["ok"] & (lanes["unrecovered_A"] != lanes["unrecovered_B"])].dropna()
         for lanes in judged
     ]
-    rows = [
-        comparison_row(pair, lanes, (first, second), metrics)
-        for pair, lanes in zip(pairs, judged, strict=True)
-    ]
-    told = [f"{name}{side}" for name in (metrics[0], "unrecovered") for side in SIDES]
+    rows = [comparison_row(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
+    compared = compared_metrics(first, second)[0]
+    told = [f"{name}{side}" for name in (compared, "unrecovered") for side in SIDES]
     return Comparison(
         (str(first.path), str(second.path)),
         differing_settings(first, second),
@@ -98,6 +94,12 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         lane_table(pairs, changed, ["sample", *told]),
         lane_table(pairs, [lanes.loc[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
     )
+
+
+def compared_metrics(first: Results, second: Results) -> tuple[str, ...]:
+    """Return the metrics that are compared: tail errors, or those of agreement if neither has a navigator."""
+    alone = all(is_leaderless(results.study.cells) for results in (first, second))
+    return AGREEMENT if alone else SUMMARISED
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:
@@ -159,9 +161,9 @@ def swept_values_text(results: Results, key: str) -> str:
     return ", ".join(dict.fromkeys(str(cell.labels[key]) for cell in results.study.cells))
 
 
-def join_lanes(first: Results, second: Results, pair: CellPair, metrics: Sequence[str]) -> pd.DataFrame:
+def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
     """Return the rows of the samples that both cells have, with columns marked A and B."""
-    sides = []
+    sides, metrics = [], compared_metrics(first, second)
     for results, cell, side in zip((first, second), pair, SIDES, strict=True):
         columns = dict.fromkeys(("status", *metrics, cell.scenario.judged))
         found = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
@@ -190,7 +192,7 @@ def mark_unrecovered(
 
 
 def comparison_row(
-    pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results], metrics: Sequence[str]
+    pair: CellPair, lanes: pd.DataFrame, studies: tuple[Results, Results]
 ) -> Mapping[str, object]:
     """Return the comparison of a pair of cells as a row."""
     ok: Any = lanes[lanes["ok"]]
@@ -200,7 +202,7 @@ def comparison_row(
         ceilings(each.study.config, cell, ok["sample"].tolist())
         for each, cell in zip(studies, pair, strict=True)
     )
-    for metric in metrics:
+    for metric in compared_metrics(*studies):
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
         found = metric_statistics(apart, (-a.get(metric, np.inf), b.get(metric, np.inf)), drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
