@@ -152,7 +152,7 @@ def settle_agreement(study: Config, swept: Sequence[Plain]) -> Config:
     If nobody leads in any cell, a search maximises the spread by default.
     """
     known = [model_of("navigator", with_kind("navigator", value)) for value in swept] or [study.navigator]
-    leads = [each is None or each.present for each in known]
+    leads = [getattr(each, "present", True) for each in known]
     if all(leads):
         return study
     names = {metric.name for metric in study.metrics}

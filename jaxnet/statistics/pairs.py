@@ -166,7 +166,7 @@ def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
     sides, metrics = [], compared_metrics(first, second)
     for results, cell, side in zip((first, second), pair, SIDES, strict=True):
         columns = dict.fromkeys(("status", *metrics, cell.scenario.judged))
-        found = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
+        found: Any = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
         sides.append(found[["sample", *columns]].rename(columns={name: name + side for name in columns}))
     return sides[0].merge(sides[1], on="sample").sort_values("sample")
 

@@ -93,7 +93,7 @@ def judged_word(results: Results) -> str:
 def outside_sentences(results: Results) -> list[str]:
     """State how far vehicles left the hull of their starts, in a study without a navigator."""
     cells: Any = results.cells
-    ways = pd.Series(cells["outside_max"].to_numpy(dtype=float)).dropna()
+    ways: Any = pd.Series(cells["outside_max"].to_numpy(dtype=float)).dropna()
     if ways.empty:
         return []
     left = ways[ways >= ROUNDING_ERROR]
