@@ -27,7 +27,7 @@ from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.steps import Steps
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.view.figures import multiples, style
-from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
+from jaxnet.view.figures.panels import attacked_vehicles, falsified_links, fleet_centre
 from jaxnet.view.figures.style import Figure
 
 FILM_SIZE = (5.6, 7.2)  # [in]
@@ -50,10 +50,11 @@ class Film(NamedTuple):
     told: Float[np.ndarray, "times false 2"]  # where attacked links say that their sources are [m]
     truth: Float[np.ndarray, "times false 2"]  # and where these are
     liars: list[int]  # attacked vehicles
+    leaderless: bool  # then the mean of the vehicles that are not attacked stands for the navigator
 
     @property
     def errors(self) -> Float[np.ndarray, "times m"]:
-        """Distance of each vehicle from the navigator [m]."""
+        """Distance of each vehicle from the navigator, or from the mean without one [m]."""
         return np.hypot(*np.moveaxis(self.places[:, 1:] - self.places[:, :1], -1, 0))
 
 
@@ -73,9 +74,11 @@ def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarra
     kept = np.ones((len(frames), len(sources)), bool)
     if cell.scenario.defence.decides:
         kept = hearing.by_link(graph, lane["kept"].values[frames] > 0, lane["source"].values)
+    leaderless = not cell.scenario.navigator.present
+    centre = fleet_centre(vehicles, vehicles_attacked) if leaderless else navigator
     return Film(
         lane["time"].values[frames],
-        np.concatenate([navigator[:, None], vehicles], axis=1),
+        np.concatenate([centre[:, None], vehicles], axis=1),
         np.radians(ahead[frames]),
         np.stack([listeners, sources]),
         lied,
@@ -83,6 +86,7 @@ def film_of(lane: xr.Dataset, cell: Cell, graph: Digraph, ahead: Float[np.ndarra
         truth + signal,
         vehicles[:, liars] if attack.replaces() and not from_navigator else truth,
         vehicles_attacked,
+        leaderless,
     )
 
 
@@ -112,8 +116,9 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artis
     false_links = LineCollection([], color=style.RED, linewidth=0.6, linestyle=(0, (1, 1)), zorder=2)
     plane.add_collection(false_links)
     (false,) = plane.plot([], [], "x", color=style.RED, markersize=5, zorder=4)
-    plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
     (navigator,) = plane.plot([], [], "s", color="0.15", markersize=6, zorder=5)
+    if not film.leaderless:
+        plane.plot(*film.places[:, 0].T, color="0.8", linewidth=1.0, zorder=0)
     edges = [style.RED if one + 1 in film.liars else "0.15" for one in range(film.heading.shape[1])]
     vehicles = plane.scatter(
         *film.places[0, 1:].T, s=26, c="white", edgecolors=edges, linewidths=1.2, zorder=3
@@ -141,7 +146,8 @@ def film_figure(film: Film, cell: Cell, sample: int) -> tuple[Figure, list[Artis
             each.set_segments(list(ends))
         false_links.set_segments(list(np.stack([film.truth[frame], film.told[frame]], axis=1)))
         false.set_data(*film.told[frame].T)
-        navigator.set_data(*film.places[frame, :1].T)
+        if not film.leaderless:
+            navigator.set_data(*film.places[frame, :1].T)
         vehicles.set_offsets(film.places[frame, 1:])
         arrows.set_offsets(film.places[frame, 1:])
         arrows.set_UVC(*(ARROW_LENGTH * reach * heading_vectors(film, frame)))
@@ -171,7 +177,8 @@ def draw_errors_below(panel: Axes, film: Film, cell: Cell) -> Line2D:
         panel.plot(
             film.time, np.maximum(LOG_FLOOR, errors), color=style.RED if attacked else "0.55", linewidth=0.7
         )
-    panel.set(yscale="log", xlabel="t [s]", ylabel=r"$\|y_i - y_0\|$ [m]", xlim=film.time[[0, -1]])
+    distance = r"$\|y_i - \bar{y}\|$ [m]" if film.leaderless else r"$\|y_i - y_0\|$ [m]"
+    panel.set(yscale="log", xlabel="t [s]", ylabel=distance, xlim=film.time[[0, -1]])
     multiples.log_ticks(panel.yaxis)
     return panel.axvline(0.0, color=style.BLACK, linewidth=0.8)
 
@@ -180,7 +187,7 @@ def film_legend(film: Film) -> list[Line2D]:
     """Return legend entries for the links and markers that occur in the film."""
     node: dict[str, Any] = {"linestyle": "", "markersize": 5}
     handles = [
-        Line2D([], [], marker="s", color="0.15", label="navigator", **node),
+        *[Line2D([], [], marker="s", color="0.15", label="navigator", **node)] * (not film.leaderless),
         Line2D(
             [], [], marker="o", color="0.15", markerfacecolor="white", label="vehicle and heading", **node
         ),

@@ -14,7 +14,7 @@ from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
     from jaxnet.api import writing
-    from jaxnet.config import schema, starter
+    from jaxnet.config import cells, schema, starter
     from jaxnet.explore import sensitivity
     from jaxnet.store import folder
     from jaxnet.store import results as stored
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jaxnet.view.text import sensitivity as indices
 else:
     analyses = LazyModule("jaxnet.view.text.analyses")
+    cells = LazyModule("jaxnet.config.cells")
     checks = LazyModule("jaxnet.view.text.check")
     folder = LazyModule("jaxnet.store.folder")
     indices = LazyModule("jaxnet.view.text.sensitivity")
@@ -238,7 +239,8 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
 @click.command("sensitivity")
 @takes_config
 @click.option(
-    "--metric", default="tail_mean", show_default=True, help="Of which to print; the file has all of them."
+    "--metric",
+    help="Of which to print; the file has all of them.  [default: tail_mean; spread without a navigator]",
 )
 @click.option(
     "--samples",
@@ -249,7 +251,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
 )
 @click.option("--out", metavar="DIR", type=click.Path(), help="Results folder.  [default: results/NAME]")
 def sensitivity_command(
-    config: Path, overrides: tuple[str, ...], metric: str, samples: int, out: str | None
+    config: Path, overrides: tuple[str, ...], metric: str | None, samples: int, out: str | None
 ) -> None:
     """Tell which of the quantities drawn the results depend on.
 
@@ -260,6 +262,7 @@ def sensitivity_command(
         study = jaxnet.load(config, overrides)
         known = [each.name for each in study.config.measured()]
         known += ["unrecovered"] if study.config.recovery else []
+        metric = metric or cells.judged_metric(study.cells)
         if metric not in known:
             raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
         click.echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)

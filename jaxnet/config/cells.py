@@ -37,11 +37,13 @@ from jaxnet.config.keys import (
     Linspace,
     Scenario,
     Sweep,
+    known_metric,
 )
 from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.metrics import AGREEMENT
 
 Model = TypeVar("Model", bound=BaseModel)
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
@@ -70,6 +72,16 @@ class Cell:
         return cell_name(self.number, self.labels)
 
 
+def is_leaderless(cells: Sequence[Cell]) -> bool:
+    """Return whether no cell has a navigator, so that tables and figures speak of agreement."""
+    return all(cell.scenario.leaderless for cell in cells)
+
+
+def judged_metric(cells: Sequence[Cell]) -> str:
+    """Return the metric by which lanes of these cells are ranked: the spread if no cell has a navigator."""
+    return "spread" if is_leaderless(cells) else "tail_mean"
+
+
 def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     """Return the config and cells of a document; raise ConfigError with everything that is wrong."""
     judges = registry.scope().judges
@@ -78,10 +90,11 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
         complete_kinds(document)
         ranges.write_distributions(document)
     settled, problems = validate(Config, document.data, document.place)
-    if settled is not None:
-        settled = settle(settled, document)
     given, _ = validate(SweepAlone, document.data, document.place)
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
+    if settled is not None:
+        settled = settle(settled, document)
+        settled = settle_agreement(settled, values.get("navigator", [])) if judges else settled
     known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
@@ -131,6 +144,24 @@ def settle_gain(scenario: AnyScenario) -> AnyScenario:
     if len(scenario.gain) == order:
         return scenario
     return scenario.model_copy(update={"gain": [float(math.comb(order, k)) for k in range(order)]})
+
+
+def settle_agreement(study: Config, swept: Sequence[Plain]) -> Config:
+    """Return the study with the metrics of agreement, if it or a swept navigator is none.
+
+    If nobody leads in any cell, a search maximises the spread by default.
+    """
+    known = [model_of("navigator", with_kind("navigator", value)) for value in swept] or [study.navigator]
+    leads = [getattr(each, "present", True) for each in known]
+    if all(leads):
+        return study
+    names = {metric.name for metric in study.metrics}
+    more = [known_metric(name) for name in AGREEMENT if name not in names]
+    found = study.model_copy(update={"metrics": [*study.metrics, *more]})
+    search = study.search
+    if any(leads) or search is None or "maximise" in search.model_fields_set:
+        return found
+    return found.model_copy(update={"search": search.model_copy(update={"maximise": "spread"})})
 
 
 def settle_vehicles(scenario: AnyScenario) -> AnyScenario:

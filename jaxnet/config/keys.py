@@ -27,7 +27,7 @@ from jaxnet.kinds.laws import Law
 from jaxnet.kinds.laws.exact import ExactLaw
 from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.losses.none import NoLoss
-from jaxnet.kinds.metrics import CONTRACT, Metric
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
 from jaxnet.kinds.sensors import Sensor
@@ -117,12 +117,23 @@ class Scenario(Record):
     channel: Annotated[Channel, Field(description="what happens to messages on their way")] = Channel()
     engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
-        default=[], description="what rows measure besides what all do"
+        default=[],
+        description="what rows measure besides what all do; without a navigator also spread and outside",
     )
 
     def measured(self) -> tuple[Metric, ...]:
         """Return all metrics of a row."""
         return (*CONTRACT, *self.metrics)
+
+    @property
+    def leaderless(self) -> bool:
+        """Whether vehicles agree with one another alone, so that rows measure their agreement."""
+        return not self.navigator.present and {*AGREEMENT} <= {metric.name for metric in self.metrics}
+
+    @property
+    def judged(self) -> str:
+        """Name of the metric by which `recovery` judges a lane."""
+        return "spread" if self.leaderless else "tail_mean"
 
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
@@ -220,7 +231,8 @@ class Recovery(Record):
     tau: float = Field(
         default=0.01,
         gt=0,
-        description="a lane with tail_mean > tau · ā has not recovered",
+        description="a lane with tail_mean > tau · ā has not recovered; without a navigator, one with"
+        " spread > tau · ā",
     )
     of: Literal["magnitude", "amplitude"] = Field(
         default="magnitude",
@@ -278,7 +290,9 @@ class SearchSettings(Record):
         " `jaxnet run` draws them there",
     )
     maximise: str = Field(
-        default="tail_max", description="a metric of rows, or unrecovered, the share of starts"
+        default="tail_max",
+        description="a metric of rows, or unrecovered, the share of starts; spread by default without a"
+        " navigator",
     )
     budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
     starts: int = Field(

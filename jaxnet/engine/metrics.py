@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.plan import Clock
 from jaxnet.kinds.metrics import CONTRACT, Metric
+from jaxnet.kinds.metrics.spread import farthest_honest
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.plane import length
 
@@ -93,6 +94,7 @@ Series = dict[str, Float[Array, "..."]]  # stacked over output times, lanes last
 SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
     "tracking": lambda seen: seen.errors().mean(axis=0),
     "disagreement": lambda seen: seen.disagreements().mean(axis=0),
+    "spread": lambda seen: farthest_honest(seen).max(axis=0),
     "state": lambda seen: seen.state.swapaxes(0, 1),
     "inputs": lambda seen: seen.inputs.swapaxes(0, 1),
     "attack": lambda seen: seen.attack.swapaxes(0, 1),

@@ -65,7 +65,7 @@ def rare_row(study: Study, cell: Cell, points: int, machine: Machine) -> dict[st
         nonlocal failed
         outcome = batch.simulate(box.lanes(special.ndtr(where), chains), machine)
         failed += int(np.count_nonzero(outcome.status))
-        return np.where(outcome.status == 0, outcome.metrics["tail_mean"], -math.inf)
+        return np.where(outcome.status == 0, outcome.metrics[cell.scenario.judged], -math.inf)
 
     random, level = (
         np.random.default_rng([study.config.seed, cell.number]),

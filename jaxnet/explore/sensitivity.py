@@ -116,7 +116,7 @@ def index_rows(
         for metric in cell.scenario.measured()
     }
     if over > 0:
-        measured["unrecovered"] = (measured["tail_mean"] > over).astype(float)
+        measured["unrecovered"] = (measured[cell.scenario.judged] > over).astype(float)
     identity = {"cell": cell.number, **cell.labels}
     counts = {"samples": len(ok), "left_out": int((~ok).sum()), "threshold": over}
     found = []

@@ -94,7 +94,7 @@ class CellSearch:
         if self.settings.maximise != "unrecovered":
             return np.asarray(metrics[self.settings.maximise])
         over = recovery.threshold(self.cell, self.study.recovery)
-        return (np.asarray(metrics["tail_mean"]) > over).astype(float)
+        return (np.asarray(metrics[self.cell.scenario.judged]) > over).astype(float)
 
     def generations(self) -> Iterator[Generation]:
         """Yield all generations, stored ones included; save the values at checkpoints and at the end."""
@@ -189,7 +189,8 @@ class CellSearch:
 
         The value is not-a-number if all lanes failed.
         """
-        column = "tail_mean" if self.settings.maximise == "unrecovered" else self.settings.maximise
+        column = self.settings.maximise
+        column = self.cell.scenario.judged if column == "unrecovered" else column
         for _, found in results.by_cell(column, where=rows.OK, cells=[self.cell.number]):
             values = self.objective({column: found[column].to_numpy()})
             return float(values.mean() if self.settings.maximise == "unrecovered" else values.max())

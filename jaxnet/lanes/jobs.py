@@ -110,16 +110,15 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if not scenario.navigator.present:
         weights = np.where(sources == 0, 0.0, weights)
-        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     if attack.splits():
         linked = links_of(scenario)
         links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
         lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
-    if attack.identities() == 1:
+    if attack.identities() == 1 and scenario.navigator.present:
         return weights
-    return weights / weights.sum(axis=1, keepdims=True)
+    return weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def strength_of(scenario: Scenario, weights: Any) -> RowStrength | None:

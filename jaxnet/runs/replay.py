@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from upath import UPath
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, judged_metric
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.kinds import registry
@@ -32,7 +32,7 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     results.need_code()
     study = results.study
     chosen = with_engine(study.cells[cell], engine)
-    variables = layout.ERRORS | layout.trajectory_variables([chosen])
+    variables = layout.error_variables([chosen]) | layout.trajectory_variables([chosen])
     machine = Machine(chunk=results.manifest.get("chunk"))
     source = source_of(study.config, study.cells[cell].scenario)
     lane = job(chosen.scenario, source, [sample], layout.series_of(variables))
@@ -92,7 +92,7 @@ def store_of(results: Results, cell: int, sample: int, engine: str | None = None
 
 
 def worst_of(results: Results) -> list[tuple[int, int]]:
-    """Return cell and sample of the study's worst lanes, those with the greatest mean error over ā."""
+    """Return cell and sample of the study's worst lanes, those with the greatest judged metric over ā."""
     asked = results.study.config.recovery
     if asked is None:
         return []
@@ -100,10 +100,11 @@ def worst_of(results: Results) -> list[tuple[int, int]]:
 
 
 def worst_of_cells(results: Results, number: int) -> pd.DataFrame:
-    """Return the ok lanes of each cell with the greatest mean errors: cell, sample, tail_mean [m]."""
-    lanes = results.by_cell("cell", "sample", "tail_mean", where=rows.OK)
-    found = [each.nlargest(number, "tail_mean") for _, each in lanes]
-    nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), "tail_mean": np.empty(0)})
+    """Return the ok lanes of each cell with the greatest judged metric: cell, sample, the metric [m]."""
+    metric = judged_metric(results.study.cells)
+    lanes = results.by_cell("cell", "sample", metric, where=rows.OK)
+    found = [each.nlargest(number, metric) for _, each in lanes]
+    nothing = pd.DataFrame({"cell": np.empty(0, int), "sample": np.empty(0, int), metric: np.empty(0)})
     return pd.concat(found, ignore_index=True) if found else nothing
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config import keys
-from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.cells import Cell, judged_metric, to_plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
@@ -194,8 +194,9 @@ class Run:
         missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.size)
         if not isinstance(self.study.save.trajectories, str):
-            lanes = rows.scan_cells(self.folder, every, ("sample", "status", "tail_mean"))
-            chosen = {number: chosen_samples(self.study.save, each) for number, each in lanes}
+            metric = judged_metric(self.cells)
+            lanes = rows.scan_cells(self.folder, every, ("sample", "status", metric))
+            chosen = {number: chosen_samples(self.study.save, each, metric) for number, each in lanes}
             missing = missing or not self.stored(chosen)
             if missing:
                 self.store_chosen(chosen)
@@ -251,12 +252,12 @@ def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
     return list(recovery.looks(there, samples.until.at_most))
 
 
-def chosen_samples(save: keys.Save, lanes: pd.DataFrame) -> list[int]:
-    """Return the samples of one cell whose trajectories the study saves, ascending."""
+def chosen_samples(save: keys.Save, lanes: pd.DataFrame, metric: str) -> list[int]:
+    """Return the samples of one cell whose trajectories the study saves, ascending; the worst by a metric."""
     match save.trajectories:
         case keys.Samples(samples=samples):
             return sorted(set(samples))
         case keys.WorstLanes(worst=count):
             ok: Any = lanes[lanes["status"] == "ok"]
-            return sorted(ok.nlargest(count, "tail_mean")["sample"].tolist())
+            return sorted(ok.nlargest(count, metric)["sample"].tolist())
     return []

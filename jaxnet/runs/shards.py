@@ -85,7 +85,7 @@ class Assignment(NamedTuple):
 
     def done(self, shard: Shard, rows: pa.Table) -> Done:
         """Return the report on a shard with these rows."""
-        wanted = rows.select(["status", "tail_mean"]).to_pandas()
+        wanted = rows.select(["status", shard.cell.scenario.judged]).to_pandas()
         return Done(shard.number, shard.cell.number, sums_of(shard.cell, wanted, self.config.recovery))
 
 

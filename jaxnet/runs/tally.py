@@ -13,7 +13,7 @@ from jaxnet.statistics.recovery import RecoveryCounts, attacked_mask, threshold
 
 
 class Sums(NamedTuple):
-    """Numbers of lanes, and the sum of the mean errors [m] of ok lanes."""
+    """Numbers of lanes, and the sum of the judged metric [m] of ok lanes."""
 
     lanes: int
     ok: int
@@ -30,7 +30,7 @@ class Done(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """State of a cell during a run: its mean error [m], and the share of unrecovered lanes.
+    """State of a cell during a run: the mean of its judged metric [m], and the share of unrecovered lanes.
 
     `unrecovered` is not-a-number where no vehicle is attacked or the study has no recovery.
     """
@@ -42,8 +42,8 @@ class Standing(NamedTuple):
 
 
 def sums_of(cell: Cell, rows: pd.DataFrame, asked: Recovery | None) -> Sums:
-    """Sum a cell's rows, by their `status` and `tail_mean`; without a criterion none is unrecovered."""
-    errors = rows["tail_mean"].to_numpy()[rows["status"].to_numpy() == "ok"]
+    """Sum a cell's rows, by their `status` and judged metric; without a criterion none is unrecovered."""
+    errors = rows[cell.scenario.judged].to_numpy()[rows["status"].to_numpy() == "ok"]
     over = np.count_nonzero(errors > threshold(cell, asked))
     return Sums(len(rows), len(errors), int(over), float(errors.sum()))
 

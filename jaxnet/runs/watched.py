@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from upath import UPath
 
+from jaxnet.config.cells import judged_metric
 from jaxnet.runs.replay import replay, store_of, worst_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store import layout, rows
@@ -44,8 +45,9 @@ def exemplary(results: Results) -> dict[tuple[int, int], str]:
     ended = np.flatnonzero(results.cells["ok"])
     spread = np.linspace(0, len(ended) - 1, min(len(ended), MOST_REPLAYED)).round().astype(int)
     found: dict[tuple[int, int], str] = {}
-    for cell, lanes in results.by_cell("sample", "tail_mean", where=rows.OK, cells=ended[spread].tolist()):
-        samples = lanes.sort_values("tail_mean", kind="stable")["sample"].tolist()
+    metric = judged_metric(results.study.cells)
+    for cell, lanes in results.by_cell("sample", metric, where=rows.OK, cells=ended[spread].tolist()):
+        samples = lanes.sort_values(metric, kind="stable")["sample"].tolist()
         found[cell, samples[-1]] = "worst of its cell"
         found.setdefault((cell, samples[(len(samples) - 1) // 2]), "median of its cell")
     return found

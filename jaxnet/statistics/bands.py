@@ -1,4 +1,4 @@
-"""Bands of ẽ(t): quantiles of the mean error of the fleet over lanes."""
+"""Bands of ẽ(t): quantiles of the mean error of the fleet over lanes; of the spread without a navigator."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.statistics.curves import GREATEST_SHOWN, LOG_FLOOR, MOST_PANELS, decades
 from jaxnet.statistics.groups import Group, Label, labels_without_magnitude
 from jaxnet.store.results import Results
@@ -18,7 +18,7 @@ MOST_NUMBERS = 180_000  # in all bands together, so that a page of hundreds of c
 
 
 class Band(NamedTuple):
-    """Quantiles of ẽ(t) over the ok lanes of a cell [m]."""
+    """Quantiles of the error or spread at each time over the ok lanes of a cell [m]."""
 
     time: Float[np.ndarray, " times"]
     low: Float[np.ndarray, " times"]
@@ -28,19 +28,19 @@ class Band(NamedTuple):
     lanes: int
 
 
-def error_band(tracking: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
+def error_band(stored: xr.DataArray, cell: Cell, most: int = MOST_TIMES) -> Band | None:
     """Return the 5 % quantile, median, 95 % quantile and maximum over samples; None if no lane is ok.
 
     The band has at most `most` instants.
     """
-    times = tracking.sizes["time"]
+    times = stored.sizes["time"]
     instants = np.unique(np.linspace(0, times - 1, min(times, most)).round().astype(int))
-    values = tracking.isel(cell=cell.number).values[:, instants]
+    values = stored.isel(cell=cell.number).values[:, instants]
     values = np.minimum(values[~np.isnan(values).any(axis=1)], GREATEST_SHOWN, dtype=float)
     if not len(values):
         return None
     low, median, high, greatest = np.quantile(values, [0.05, 0.5, 0.95, 1.0], axis=0)
-    return Band(tracking["time"].values[instants], low, median, high, greatest, len(values))
+    return Band(stored["time"].values[instants], low, median, high, greatest, len(values))
 
 
 def all_bands(results: Results, of: Sequence[Cell] | None = None) -> dict[int, Band]:
@@ -57,10 +57,15 @@ def error_bands(results: Results, cells: Sequence[Cell]) -> dict[int, Band]:
 
     More cells have fewer instants each, but at least FEWEST_TIMES.
     """
-    tracking = results.errors["tracking"]
+    stored = results.errors[variable_over_time(cells)]
     most = int(np.clip(MOST_NUMBERS // (4 * len(cells)), FEWEST_TIMES, MOST_TIMES))
-    found = {cell.number: error_band(tracking, cell, most) for cell in cells}
+    found = {cell.number: error_band(stored, cell, most) for cell in cells}
     return {number: each for number, each in found.items() if each is not None}
+
+
+def variable_over_time(cells: Sequence[Cell]) -> str:
+    """Return the array of `errors.zarr` that tells how these cells fare: the spread without a navigator."""
+    return "spread" if is_leaderless(cells) else "tracking"
 
 
 def bands_span(found: Mapping[int, Band]) -> tuple[float, float]:

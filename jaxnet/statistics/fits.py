@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 from scipy.sparse import csr_array
 
+from jaxnet.config.cells import is_leaderless
 from jaxnet.engine.cores import cores
 from jaxnet.statistics import means
 from jaxnet.statistics.families import MODELS, model_value
@@ -35,6 +36,9 @@ from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
 from jaxnet.store.results import Results
 
+NO_ULTIMATE_ERROR = (
+    "without a navigator there is no error to fit and no bound: `jaxnet figure curve` draws the spread"
+)
 FIT_COLUMNS = ("metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc")
 FITTED_QUANTILES = (0.5, 0.95)
 ENVELOPE = 1.0
@@ -130,7 +134,9 @@ def fit_table(results: Results, progress: Steps = no_progress) -> pd.DataFrame:
 
 
 def fitted_groups(results: Results) -> list[Group]:
-    """Return the groups with an ā > 0; raises FolderError if there is none."""
+    """Return the groups with an ā > 0; raises FolderError if there is none, or no navigator."""
+    if is_leaderless(results.study.cells):
+        raise FolderError(f"{results.place}: {NO_ULTIMATE_ERROR}")
     groups = [group for group in attacked_groups(results.study.cells) if group.attacked]
     if not groups:
         raise FolderError(

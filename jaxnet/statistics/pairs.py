@@ -16,8 +16,9 @@ import pandas as pd
 from jaxtyping import Bool
 from scipy import special
 
-from jaxnet.config.cells import Cell, to_plain
+from jaxnet.config.cells import Cell, is_leaderless, to_plain
 from jaxnet.config.keys import Recovery
+from jaxnet.kinds.metrics import AGREEMENT
 from jaxnet.statistics import means
 from jaxnet.statistics.curves import canonical_value
 from jaxnet.statistics.limits import ceilings
@@ -29,7 +30,6 @@ from jaxnet.store.results import Results
 
 SIDES = ("_A", "_B")
 DIFFERENCE = {"difference": "mean", "low": "low", "high": "high"}  # by name in `metric_statistics`
-COLUMNS_READ = ("sample", "status", *SUMMARISED)
 CellPair = tuple[Cell, Cell]
 
 
@@ -84,16 +84,22 @@ def compare_studies(first: Results, second: Results) -> Comparison:
         for lanes in judged
     ]
     rows = [comparison_row(pair, lanes, (first, second)) for pair, lanes in zip(pairs, judged, strict=True)]
+    compared = compared_metrics(first, second)[0]
+    told = [f"{name}{side}" for name in (compared, "unrecovered") for side in SIDES]
     return Comparison(
         (str(first.path), str(second.path)),
         differing_settings(first, second),
         unpaired_cells(first, second, pairs),
         pd.DataFrame(rows),
-        lane_table(
-            pairs, changed, ["sample", "tail_mean_A", "tail_mean_B", "unrecovered_A", "unrecovered_B"]
-        ),
+        lane_table(pairs, changed, ["sample", *told]),
         lane_table(pairs, [lanes.loc[~lanes["ok"]] for lanes in judged], ["sample", "status_A", "status_B"]),
     )
+
+
+def compared_metrics(first: Results, second: Results) -> tuple[str, ...]:
+    """Return the metrics that are compared: tail errors, or those of agreement if neither has a navigator."""
+    alone = all(is_leaderless(results.study.cells) for results in (first, second))
+    return AGREEMENT if alone else SUMMARISED
 
 
 def paired_cells(first: Results, second: Results) -> list[CellPair]:
@@ -157,11 +163,12 @@ def swept_values_text(results: Results, key: str) -> str:
 
 def join_lanes(first: Results, second: Results, pair: CellPair) -> pd.DataFrame:
     """Return the rows of the samples that both cells have, with columns marked A and B."""
-    a, b = (
-        next(lanes for _, lanes in results.by_cell(*COLUMNS_READ, cells=[cell.number]))
-        for results, cell in zip((first, second), pair, strict=True)
-    )
-    return a.merge(b, on="sample", suffixes=SIDES).sort_values("sample")
+    sides, metrics = [], compared_metrics(first, second)
+    for results, cell, side in zip((first, second), pair, SIDES, strict=True):
+        columns = dict.fromkeys(("status", *metrics, cell.scenario.judged))
+        found: Any = next(lanes for _, lanes in results.by_cell("sample", *columns, cells=[cell.number]))
+        sides.append(found[["sample", *columns]].rename(columns={name: name + side for name in columns}))
+    return sides[0].merge(sides[1], on="sample").sort_values("sample")
 
 
 def mark_unrecovered(
@@ -178,8 +185,8 @@ def mark_unrecovered(
     ]
     known = not np.isnan(levels).any()
     judged = {
-        f"unrecovered{side}": lanes[f"tail_mean{side}"] > level if known else np.nan
-        for side, level in zip(SIDES, levels, strict=True)
+        f"unrecovered{side}": lanes[f"{cell.scenario.judged}{side}"] > level if known else np.nan
+        for side, cell, level in zip(SIDES, pair, levels, strict=True)
     }
     return lanes.assign(ok=(lanes["status_A"] == "ok") & (lanes["status_B"] == "ok"), **judged)
 
@@ -195,9 +202,9 @@ def comparison_row(
         ceilings(each.study.config, cell, ok["sample"].tolist())
         for each, cell in zip(studies, pair, strict=True)
     )
-    for metric in SUMMARISED:
+    for metric in compared_metrics(*studies):
         apart = (ok[f"{metric}_B"] - ok[f"{metric}_A"]).to_numpy(float)
-        found = metric_statistics(apart, (-a[metric], b[metric]), drawn)
+        found = metric_statistics(apart, (-a.get(metric, np.inf), b.get(metric, np.inf)), drawn)
         row |= {f"{metric}_{name}": found[of] for name, of in DIFFERENCE.items()}
     if ok[["unrecovered_A", "unrecovered_B"]].isna().to_numpy().any() or not len(ok):
         return row | dict.fromkeys(Shift._fields, np.nan)
@@ -239,7 +246,7 @@ def lane_table(pairs: Sequence[CellPair], lanes: Sequence[pd.DataFrame], columns
         found.append(pd.DataFrame({**{key: [value] * len(rows) for key, value in labels.items()}}))
         for name in columns:
             found[-1][name] = rows[name].to_numpy()
-    return pd.concat(found, ignore_index=True)
+    return pd.concat([each for each in found if len(each)] or found, ignore_index=True)
 
 
 def differing_settings(first: Results, second: Results) -> pd.DataFrame:

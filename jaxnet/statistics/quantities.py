@@ -13,13 +13,19 @@ import pandas as pd
 from jaxtyping import Float
 from scipy import stats
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
 from jaxnet.kinds.metrics import Metric
 from jaxnet.model.wording import count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
-from jaxnet.statistics.recovery import CONFIDENCE, clopper_pearson, confidence_told, criterion_words
+from jaxnet.statistics.recovery import (
+    CONFIDENCE,
+    clopper_pearson,
+    confidence_told,
+    share_definition,
+    share_name,
+)
 from jaxnet.statistics.summary import UNBOUNDED, independent_units, metric_statistics, ranges_of
 from jaxnet.store import rows
 from jaxnet.store.folder import FolderError
@@ -35,6 +41,11 @@ STATISTIC_WORDS = {
 }
 LEAST_RATIO_OF_LOG = 30.0  # of the greatest and the least value, for a log axis
 LEAST_SHARE_OF_LOG = 1e-5  # of the greatest value, the least that a log axis shows
+SPREAD_WORDS = "spread: greatest distance of two vehicles that are not attacked"
+AGREEMENT_NOTES = {
+    "spread": f"{SPREAD_WORDS}, over the tail",
+    "outside": "outside: greatest way of such a vehicle out of the convex hull of their starts",
+}
 QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 
 
@@ -82,6 +93,8 @@ class Quantity(NamedTuple):
         known = known[np.isfinite(known)]
         if self.log:
             return decades(max(self.floor, known.min()), known.max())
+        if self.unit == "m" and np.abs(known).max() < LOG_FLOOR:  # rounding needs no scale of its own
+            return 0.0, 1.0
         return min(0.0, float(known.min())), float(known.max())
 
     @property
@@ -147,8 +160,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         found: Any = 100 * shares.astype(float)
         table = found.set_axis(["value", "low", "high"], axis=1)
         reduced = amplitude_note(cells) if study.recovery.of == "magnitude" else ""
-        note = "; ".join(filter(None, [f"unrecovered: {criterion_words(study.recovery)}", reduced]))
-        told = Quantity(name, "lanes unrecovered", "%", True, confidence, table, note)
+        note = "; ".join(filter(None, [share_definition(study.recovery, cells), reduced]))
+        told = Quantity(name, f"lanes {share_name(cells)}", "%", True, confidence, table, note)
         return told._replace(lanes=lanes_of_each(results, table, "ok"))
     if name == "failed":
         table = failed_table(results, cells)
@@ -159,7 +172,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     if metric.over == "tail":
         words = f"{words.partition(',')[0]} over the tail,{words.partition(',')[2]}"
     table = statistic_table(results, cells, metric, statistic)
-    told = Quantity(name, words, metric.column_unit, False, CONFIDENCE, table)
+    note = AGREEMENT_NOTES.get(metric.name, "") if is_leaderless(cells) else ""
+    told = Quantity(name, words, metric.column_unit, False, CONFIDENCE, table, note)
     return told._replace(lanes=lanes_of_each(results, table, "ok"))
 
 

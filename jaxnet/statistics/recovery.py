@@ -1,5 +1,7 @@
 """How often the defence fails: the share of lanes whose mean error stays above τ ā (theorems.md O6).
 
+Where there is no navigator, the spread counts in place of the mean error: such lanes end without agreement.
+
 A fixed number of lanes has the exact binomial interval of Clopper and Pearson (1934). In a sequential study,
 lanes are added until the interval is narrow enough, so the interval is computed repeatedly, once per look.
 Look i comes after 256 · 1.5^(i - 1) samples and has the error α / (i (i + 1)). These errors sum to α. With
@@ -17,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import special
 
 from jaxnet.config.amplitude import known_amplitude
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.config.keys import Criterion, Recovery, Sequential
 from jaxnet.config.naming import NO_BREAK
 from jaxnet.config.study import Study
@@ -34,10 +36,10 @@ class RecoveryCounts(NamedTuple):
     unrecovered: Int[np.ndarray, " cells"]
     ended: Int[np.ndarray, " cells"]
 
-    def add(self, cell: Cell, errors: Float[np.ndarray, " lanes"], asked: Recovery) -> None:
-        """Count the mean errors [m] of a cell's ok lanes."""
-        self.unrecovered[cell.number] += np.count_nonzero(errors > threshold(cell, asked))
-        self.ended[cell.number] += len(errors)
+    def add(self, cell: Cell, judged: Float[np.ndarray, " lanes"], asked: Recovery) -> None:
+        """Count a cell's ok lanes by their mean error or spread [m]."""
+        self.unrecovered[cell.number] += np.count_nonzero(judged > threshold(cell, asked))
+        self.ended[cell.number] += len(judged)
 
 
 def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
@@ -46,7 +48,7 @@ def zero_counts(cells: Sequence[Cell]) -> RecoveryCounts:
 
 
 def threshold(cell: Cell, asked: Recovery | None) -> float:
-    """Return the error above which a lane of the cell is unrecovered [m].
+    """Return the mean error or spread above which a lane of the cell is unrecovered [m].
 
     The threshold is not-a-number without an attack, and if a study does not ask for recovery.
     """
@@ -56,10 +58,24 @@ def threshold(cell: Cell, asked: Recovery | None) -> float:
     return asked.tau * (known_amplitude(cell.scenario) if in_force else attack_size(cell))
 
 
-def criterion_words(asked: Recovery) -> str:
+def criterion_words(asked: Recovery, cells: Sequence[Cell]) -> str:
     """Return in words when a lane is unrecovered."""
     size = "ā" if asked.of == "magnitude" else "of the amplitude in force"
-    return f"mean error over the tail > {asked.tau:g}{NO_BREAK}{size}"
+    judged = {cell.scenario.judged for cell in cells}
+    what = "spread" if is_leaderless(cells) else "mean error"
+    other = "" if len(judged) == 1 else " (without a navigator: spread)"
+    return f"{what} over the tail{other} > {asked.tau:g}{NO_BREAK}{size}"
+
+
+def share_name(cells: Sequence[Cell]) -> str:
+    """Return the name of the share unrecovered: without a navigator, lanes end without agreement."""
+    return "without agreement" if is_leaderless(cells) else "unrecovered"
+
+
+def share_definition(asked: Recovery, cells: Sequence[Cell]) -> str:
+    """Return the name of the share unrecovered, its name in files if that differs, and its criterion."""
+    also = " (unrecovered)" if is_leaderless(cells) else ""
+    return f"{share_name(cells)}{also}: {criterion_words(asked, cells)}"
 
 
 def same_thresholds(study: Study, table: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
@@ -163,7 +179,7 @@ def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidenc
 
 
 def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[tuple[int, int]]:
-    """Return cell and sample of the ok lanes with the greatest mean error per ā.
+    """Return cell and sample of the ok lanes with the greatest judged metric per ā.
 
     The list takes the worst lane of each group of cells that differ only in ā, then the second of each group,
     and so on. Otherwise one group would often fill the list with similar lanes.
@@ -174,7 +190,7 @@ def worst_lanes(rows: pd.DataFrame, cells: Sequence[Cell], number: int) -> list[
         {
             "cell": rows["cell"],
             "sample": rows["sample"],
-            "ratio": rows["tail_mean"] / scale[rows["cell"]],
+            "ratio": rows[judged_metric(cells)] / scale[rows["cell"]],
             "group": groups[rows["cell"]],
         }
     ).dropna()

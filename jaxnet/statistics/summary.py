@@ -46,7 +46,7 @@ def summarise(
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         table.append(row)
         if study.recovery is not None:
-            counts.add(cells[number], ok["tail_mean"].to_numpy(), study.recovery)
+            counts.add(cells[number], ok[cells[number].scenario.judged].to_numpy(), study.recovery)
     cells_table = pd.DataFrame(table)
     if study.recovery is None:
         return cells_table

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
@@ -59,12 +59,15 @@ def tiling(cells: Sequence[Cell], axes: Axes | None = None) -> Tiling | None:
 def tile_table(results: Results) -> pd.DataFrame:
     """Return the share unrecovered with its interval [%], and the worst tail error per ā, by cell.
 
+    Without a navigator the greatest spread [m] stands in place of the error per ā.
+
     Further columns are the interval as text, the numbers of ok and failed lanes, and the reason for a tile
     without numbers.
     """
     cells: Any = results.cells
     found = pd.DataFrame({name: 100 * cells.get(name, np.nan) for name in SHARE_COLUMNS}, index=cells.index)
-    found["worst"] = cells["tail_max_max"] / cell_magnitudes(results)
+    alone = is_leaderless(results.study.cells)
+    found["worst"] = cells["spread_max"] if alone else cells["tail_max_max"] / cell_magnitudes(results)
     found[["ok", "failed"]] = cells[["ok", "failed"]]
     ends = zip(found["unrecovered_low"], found["unrecovered_high"], strict=True)
     found["interval"] = [interval_text(low, high) if low < high else "" for low, high in ends]
@@ -75,23 +78,23 @@ def tile_table(results: Results) -> pd.DataFrame:
 
 
 def blank_reason(cell: Cell, ok: int) -> str:
-    """Return why a cell has no number per ā, or an empty text if it has one."""
+    """Return why a cell has no share and no number per ā, or an empty text if it has them."""
     size = configured_magnitude(cell)
     if is_drawn(size):
         return "ā is drawn"
     return "no attack" if size <= 0 else "" if ok else "no lane ended"
 
 
-def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."]) -> list[str]:
+def blank_reasons(found: pd.DataFrame, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
     """Return why some of these tiles have no number."""
-    reasons = [*found["blank"].reindex(numbers.ravel()).dropna().unique()]
+    reasons = [*found["blank"].where(found[metric].isna()).reindex(numbers.ravel()).dropna().unique()]
     return [*filter(None, reasons), *(["not run"] if (numbers == NO_CELL).any() else [])]
 
 
 def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -> list[str]:
     """Return notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
-    known: Any = found[found.index.isin(cells) & (found["blank"] == "")]
+    known: Any = found[found.index.isin(cells) & found[metric].notna()]
     least, most = int(known["ok"].min()), int(known["ok"].max())
     words = [f"{f'{least:,} to ' if least < most else ''}{count(most, 'lane')} a tile"]
     if metric == "unrecovered":

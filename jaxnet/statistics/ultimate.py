@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import pandas as pd
 from upath import UPath
 
+from jaxnet.config.cells import is_leaderless
 from jaxnet.statistics import fits as fit
 from jaxnet.statistics import limits as bounds
 from jaxnet.statistics.groups import attacked_groups
@@ -34,5 +35,7 @@ def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Ite
 
 
 def has_fixed_magnitude(results: Results) -> bool:
-    """Return whether lanes are attacked with an ā > 0 that is fixed or swept."""
-    return any(group.attacked for group in attacked_groups(results.study.cells))
+    """Return whether lanes follow a navigator, attacked with an ā > 0 that is fixed or swept."""
+    return not is_leaderless(results.study.cells) and any(
+        group.attacked for group in attacked_groups(results.study.cells)
+    )

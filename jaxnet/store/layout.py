@@ -32,6 +32,9 @@ ERRORS = {
         LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
     ),
 }
+SPREAD_OVER_TIME = Variable(
+    LANE_TIME, "float32", "m", "max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread"
+)
 TRAJECTORIES = {
     "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"),
     "inputs": Variable(
@@ -119,7 +122,7 @@ def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
 
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
     """Return the variables of the stores that are filled shard by shard, by store."""
-    stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
+    stores = {"errors.zarr": error_variables(cells)} if save.errors else {}
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
     return stores
@@ -141,6 +144,15 @@ def disk_bytes(study: keys.Config, cells: Sequence[Cell], lanes: int) -> int:
             chosen = 0
     chosen_bytes = variable_bytes(along_lanes(trajectory_variables(cells)), cells) if chosen else 0
     return lanes * (ROW_BYTES + lane_bytes(cells, study.save)) + chosen * chosen_bytes
+
+
+def error_variables(cells: Sequence[Cell]) -> dict[str, Variable]:
+    """Return the arrays over time: with the spread where a cell has no navigator, without the error where
+    none has.
+    """
+    leaderless = [cell.scenario.leaderless for cell in cells]
+    spread = {"spread": SPREAD_OVER_TIME} if any(leaderless) else {}
+    return spread | {name: each for name, each in ERRORS.items() if name != "tracking" or not all(leaderless)}
 
 
 def trajectory_variables(cells: Sequence[Cell]) -> dict[str, Variable]:

@@ -11,19 +11,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
 from jaxnet.config.naming import MAGNITUDE, is_kind, own_name, quantity, unit, value_alone, value_name
-from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
+from jaxnet.statistics.recovery import share_name
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 COUNTS = ("ok", "failed", "lanes")
+ERROR_COLUMNS = ("tail_mean_mean", "tail_mean_median", "tail_mean_q95", "tail_max_max")
+AGREEMENT_COLUMNS = ("spread_mean", "spread_median", "spread_q95", "spread_max", "outside_max")
 STATISTIC_TITLES = {"mean": "mean", "median": "median", "q05": "q05", "q95": "q95", "max": "worst"}
 TITLES = {"tail_mean_mean": "tail mean", "tail_max_max": "worst", "unrecovered": "unrecovered"}
 LATEX_SYMBOLS = {
@@ -169,10 +172,11 @@ def summary_columns(
     numbers = Column("cell", "cell", "cell", [cell.number for cell in cells])
     swept = [key_column(key, [cell.labels[key] for cell in cells]) for key in keys]
     study = results.study.config
-    wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table)
+    every = results.study.cells
+    wanted = [known_column(name, table, keys) for name in names] or default_columns(study, table, every)
     if not names and (reduced := reduced_amplitudes(cells)):
         swept.append(amplitude_column(cells, reduced))
-    found = [statistic_column(each, rows, study) for each in wanted if each not in keys]
+    found = [statistic_column(each, rows, study, every) for each in wanted if each not in keys]
     sizes = known_or(np.full(len(results.study.cells), np.nan), lambda: cell_magnitudes(results))
     sizes = sizes[numbers.values].tolist()
     return [
@@ -241,13 +245,17 @@ def known_column(name: str, table: pd.DataFrame, keys: Sequence[str]) -> str:
     raise FolderError(f"no column {name} (there are {known})")
 
 
-def default_columns(study: Config, table: pd.DataFrame) -> list[str]:
-    """Return the names of the columns that are shown if nobody asks for others, the asked-for one first."""
-    asked = asked_quantity(study)
-    own = [f"{metric.name}_mean" for metric in study.measured()[len(CONTRACT) :]]
+def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -> list[str]:
+    """Return the names of the columns that are shown if nobody asks for others, the asked-for one first.
+
+    Without a navigator they are about the agreement of vehicles, not about errors.
+    """
+    asked, alone = asked_quantity(study), is_leaderless(cells)
+    tail = AGREEMENT_COLUMNS if alone else ERROR_COLUMNS
+    names = [metric.name for metric in study.measured()[len(CONTRACT) :]]
+    own = [f"{name}_mean" for name in names if not (alone and name in AGREEMENT)]
     first = asked if asked in table else f"{asked}_mean"
-    others = ["tail_mean_mean", "tail_mean_median", "tail_mean_q95", "tail_max_max", *own, "ok", "failed"]
-    return [name for name in dict.fromkeys([first, *others]) if name in table]
+    return [name for name in dict.fromkeys([first, *tail, *own, "ok", "failed"]) if name in table]
 
 
 def key_column(key: str, labels: Iterable[Any]) -> Column:
@@ -263,12 +271,12 @@ def amplitude_column(cells: Sequence[Cell], reduced: Mapping[int, float]) -> Col
     return Column("amplitude", "attack amplitude [m]", "amplitude [m]", values, key=MAGNITUDE)
 
 
-def statistic_column(name: str, rows: pd.DataFrame, study: Config) -> Column:
+def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequence[Cell]) -> Column:
     """Return a column of `cells.csv` with its interval, if it has one."""
     if name in COUNTS:
         return Column(name, name, name, rows[name].tolist())
     if name.startswith("unrecovered"):
-        words = name.replace("_", ", ")
+        words = name.replace("_", ", ").replace("unrecovered", share_name(cells))
         ends = interval_ends(rows[f"{name}_low"], rows[f"{name}_high"]) if name == "unrecovered" else None
         return Column(name, f"{words} [%]", latex_title(words, "%"), rows[name].tolist(), ends, 100.0)
     stem, _, end = name.rpartition("_")

@@ -103,6 +103,27 @@ def test_the_way_outside_the_hull_is_measured_along_half_planes():
     assert exact * (1 - 0.0013) <= results.lanes["outside"].iloc[0] <= exact + 1e-9
 
 
+def test_rows_measure_agreement_where_some_cell_has_no_navigator():
+    """Without being asked, behind the metrics of the study; a stored study has the same columns."""
+    bare = {key: value for key, value in KEYS.items() if key != "metrics"}
+
+    def own(**keys):
+        config = jaxnet.load(bare | keys).config
+        assert jaxnet.load(jaxnet.load(bare | keys)).config == config
+        return [metric.name for metric in config.metrics]
+
+    assert own() == ["spread", "outside"]
+    assert own(metrics=["outside", "min_separation"]) == ["outside", "min_separation", "spread"]
+    assert own(navigator="lissajous") == []
+    assert own(sweep={"navigator": ["lissajous", "none"]}) == ["spread", "outside"]
+    assert own(sweep={"navigator": ["lissajous"]}) == []
+    search = {"over": {"attack.phase": "each"}}
+    rotating = {"attack": {"kind": "rotating", "vehicles": [1]}}
+    assert jaxnet.load(bare | rotating | {"search": search}).config.search.maximise == "spread"
+    chosen = bare | rotating | {"search": search | {"maximise": "tail_max"}}
+    assert jaxnet.load(chosen).config.search.maximise == "tail_max"
+
+
 def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known():
     """L is singular without a navigator; a lattice of six neighbours is 3-robust."""
     with pytest.raises(jaxnet.ConfigError, match="the law has no solution: give law: local"):
@@ -112,6 +133,23 @@ def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known
     assert "9 vehicles, 54 links: 1-9 hear 6 sources" in text
     assert "law stable, deviations times" in text
     assert "the theorems presuppose a navigator" in text
+
+
+@pytest.mark.parametrize("vehicles", [[5], {"random": 1}])
+def test_a_link_that_is_replaced_carries_the_signal_alone(vehicles):
+    """One step of a plain program, whether the liar is named or drawn."""
+    attack = {"kind": "bias", "magnitude": 7.0, "threat": "replaces", "vehicles": vehicles}
+    results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="none", horizon=0.1)
+    states, signal = (
+        results.trajectories[name].sel(cell=0, sample=0).values for name in ("states", "attack")
+    )
+    hears = np.zeros((10, 10))
+    for i, j in GRAPHS["jia 10 union"]["hears"]:
+        hears[i - 1, j - 1] = 1.0
+    sent = np.where(signal[0].any(axis=1)[:, None], signal[0], states[0])
+    wanted = states[0] + 0.8 * (hears @ sent / hears.sum(axis=1, keepdims=True) - states[0])
+    assert signal[0].any()
+    np.testing.assert_allclose(states[1], wanted, rtol=0, atol=1e-12)
 
 
 def test_a_lost_message_is_left_out_and_who_hears_nobody_stands_still():

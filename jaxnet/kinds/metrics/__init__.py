@@ -8,6 +8,8 @@ from jaxnet.kinds.protocols import FleetView
 from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
+AGREEMENT = ("spread", "outside")  # metrics that rows have where there is no navigator
+
 Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
 OverTime = Literal["mean", "max", "min", "sum", "integral"]

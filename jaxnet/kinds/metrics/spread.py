@@ -20,5 +20,5 @@ SPREAD = Metric(
     "tail",
     "max",
     "max",
-    "distance of two honest vehicles",
+    "spread of honest vehicles",
 )

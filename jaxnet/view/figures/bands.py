@@ -1,4 +1,4 @@
-"""The mean tracking error ẽ(t) over lanes: median, 5 to 95 % and maximum."""
+"""The mean tracking error ẽ(t), or the spread without a navigator: median, 5 to 95 % and maximum of lanes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,12 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jaxnet.config.cells import Cell
-from jaxnet.statistics.bands import Band, bands_span, scenes
+from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.statistics.bands import Band, bands_span, scenes, variable_over_time
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
+from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
+OVER_TIME = {"tracking": r"$\tilde{e}$ [m]", "spread": "spread [m]"}
 MOST_MAGNITUDES = 3  # of ā shown in one panel: the least, a middle one and the greatest
 
 
@@ -23,7 +25,8 @@ def bands_figure(
     there = scenes(cells)
     groups = there[: multiples.panels_fitting([group.labels for group in there], width)]
     labels = [group.labels for group in groups]
-    drawn, panels = multiples.panel_grid(labels, "t [s]", r"$\tilde{e}$ [m]", width)
+    words = OVER_TIME[variable_over_time(cells)]
+    drawn, panels = multiples.panel_grid(labels, "t [s]", words, width)
     looks: dict[str, style.LineStyle] = {}
     for panel, group in zip(panels, groups, strict=True):
         for cell in spread_cells(group.cells):
@@ -48,6 +51,8 @@ def bands_figure(
         ncols=multiples.legend_columns(width, 5),
         handlelength=2.6,
     )
+    if is_leaderless(cells):
+        multiples.write_note(drawn, SPREAD_WORDS)
     sizes = max(len(group.cells) for group in groups)
     multiples.write_left_out(
         drawn,

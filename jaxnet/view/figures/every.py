@@ -10,13 +10,14 @@ import matplotlib as mpl
 import pandas as pd
 from upath import UPath
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless, judged_metric
 from jaxnet.explore.courses import search_courses
 from jaxnet.explore.sensitivity import SENSITIVITY_FILE
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.bands import all_bands
 from jaxnet.statistics.choice import Where, as_list, select_cells
 from jaxnet.statistics.curves import curves, no_magnitudes
+from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
@@ -103,7 +104,7 @@ class Plots:
 
     @styled
     def tails(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
-        """Draw the mean error over the tail: a dot per lane, a row per cell."""
+        """Draw the mean error, or the spread, over the tail: a dot per lane, a row per cell."""
         return tails.tails_figure(self.results, *cells_and_width(self.results, where, column))
 
     @styled
@@ -118,7 +119,7 @@ class Plots:
 
     @styled
     def bands(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
-        """Draw the tracking error over time: median, 5 to 95 % and maximum over the lanes."""
+        """Draw the error, or the spread, over time: median, 5 to 95 % and maximum over the lanes."""
         if not has_store(self.results, "errors"):
             raise lacking_error(self.results, "errors.zarr", "save.errors=true")
         cells, width = cells_and_width(self.results, where, column)
@@ -182,7 +183,10 @@ class Plots:
     def heat_worst(
         self, where: Where | None = None, column: str = "two", *, note: bool = True, **axes: Any
     ) -> Figure:
-        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does."""
+        """Draw a heat map of the greatest tail error of any vehicle in any lane, per ā, as `heat` does.
+
+        Without a navigator it is the greatest spread [m].
+        """
         cells, width = cells_and_width(self.results, where, column)
         return over_two_keys(self.results, "worst", cells, width, **axes)
 
@@ -215,8 +219,9 @@ class Plots:
 
     @styled
     def sensitivity(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
-        """Draw Sobol's indices of the mean tail error, a panel per cell."""
-        return parts_of_variance(self.results, "tail_mean", *cells_and_width(self.results, where, column))
+        """Draw Sobol's indices of the mean tail error, or of the spread, a panel per cell."""
+        metric = judged_metric(self.results.study.cells)
+        return parts_of_variance(self.results, metric, *cells_and_width(self.results, where, column))
 
     @styled
     def sensitivity_unrecovered(
@@ -241,6 +246,8 @@ def cells_and_width(results: Results, where: Where | None, column: str) -> tuple
 
 def against_magnitude(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
     """Draw a tail metric against the attack magnitude ā."""
+    if is_leaderless(cells):
+        raise LackingError(f"{results.place}: {NO_ULTIMATE_ERROR}")
     found = curves(results, cells)
     if reason := no_magnitudes(found):
         remedy = "run the study with an attack and 'sweep.attack.magnitude={geomspace: [0.1, 100, 12]}'"

@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -13,16 +14,19 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patches import Patch, Rectangle
 
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import quantity, value_alone
 from jaxnet.statistics.curves import decades
 from jaxnet.statistics.groups import Label
+from jaxnet.statistics.quantities import SPREAD_WORDS
+from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import NEGLIGIBLE_ERROR, Tiling, blank_reasons, tile_notes, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
 COLOUR_MAP = mpl.colormaps["YlGnBu"]  # ever darker, and told apart by all eyes
-METRIC_LABELS = {"unrecovered": "lanes unrecovered [%]", "worst": "greatest tail error / ā"}
+METRICS = ("unrecovered", "worst")
 TILE_WITH_INTERVAL, TILE_ALONE = (
     (0.36, 0.26),
     (0.24, 0.17),
@@ -51,6 +55,13 @@ class TileStyle(NamedTuple):
     numbers: bool  # whether tiles have room for them, and for intervals
     intervals: bool
     whole: bool  # whether tiles have room for the digits of tables
+
+
+def metric_label(metric: str, cells: Sequence[Cell]) -> str:
+    """Return a metric of these cells in words, with its unit."""
+    if metric == "unrecovered":
+        return f"lanes {share_name(cells)} [%]"
+    return "greatest spread over the tail [m]" if is_leaderless(cells) else "greatest tail error / ā"
 
 
 def text_colour(colour: str) -> str:
@@ -113,7 +124,8 @@ def heat_figure(results: Results, tiles: Tiling, metric: str, width: float = sty
     )
     panels[0].set_yticks(0.5 + np.arange(down), names)
     bar = ScalarMappable(look.norm, COLOUR_MAP)
-    drawn.colorbar(bar, ax=drawn.axes, location="bottom", aspect=50, shrink=0.7, label=METRIC_LABELS[metric])
+    words = metric_label(metric, results.study.cells)
+    drawn.colorbar(bar, ax=drawn.axes, location="bottom", aspect=50, shrink=0.7, label=words)
     annotate(drawn, results, tiles.cells[:shown], look)
     multiples.write_left_out(drawn, (shown, len(tiles.panels), "panels"), where="cells.csv")
     return drawn
@@ -156,7 +168,8 @@ def write_tile(panel: Axes, place: tuple[float, float], tile: Tile, look: TileSt
 
 def annotate(drawn: Figure, results: Results, numbers: Int[np.ndarray, "..."], look: TileStyle) -> None:
     """Add notes on the intervals and a legend of the hatched tiles."""
-    for words in tile_notes(results, numbers, look.metric):
+    spread = [SPREAD_WORDS] * (look.metric == "worst" and is_leaderless(results.study.cells))
+    for words in [*tile_notes(results, numbers, look.metric), *spread]:
         multiples.write_note(drawn, words)
-    if reasons := blank_reasons(look.found, numbers):
+    if reasons := blank_reasons(look.found, numbers, look.metric):
         drawn.legend(handles=[Patch(label=", ".join(reasons), **HATCHED_STYLE)], loc="outside lower right")

@@ -192,7 +192,7 @@ def scale_values(axis: Any, panel: Panel, found: Quantity, letter: str, room: fl
         panel.set(**{f"{letter}scale": "log", f"{letter}lim": found.ends})
         multiples.log_ticks(axis)
     elif len(known) and known.min() >= 0:
-        panel.set(**{f"{letter}lim": (0, 1.05 * known.max() or 1.0)})
+        panel.set(**{f"{letter}lim": (0, 1.05 * found.ends[1] or 1.0)})
         axis.set_major_locator(MaxNLocator(4))
 
 

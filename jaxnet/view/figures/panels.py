@@ -6,16 +6,19 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.lines import Line2D
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import NO_BREAK, value_name
 from jaxnet.model.graph import Digraph, Links
+from jaxnet.statistics.bands import variable_over_time
 from jaxnet.statistics.curves import LOG_FLOOR, magnitude_words
 from jaxnet.statistics.groups import Label
+from jaxnet.statistics.quantities import SPREAD_WORDS
 from jaxnet.store.results import Results
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
@@ -26,7 +29,11 @@ ROW_HEIGHT = 1.95  # [in]
 PANELS_LEGEND_HEIGHT = 0.35  # [in]
 ROW_LETTERS = 25  # that a line along a row's height takes
 TITLE_LETTERS = 110  # that a line across the page takes
-SYMBOLS = {"tracking": r"$\tilde{e}$ [m]", "disagreement": r"$\tilde{\epsilon}$ [m]"}
+SYMBOLS = {
+    "tracking": r"$\tilde{e}$ [m]",
+    "spread": "spread [m]",
+    "disagreement": r"$\tilde{\epsilon}$ [m]",
+}
 
 
 def panels_figure(
@@ -58,13 +65,19 @@ def panels_figure(
             draw_trajectories(drawn, spots[number], number * len(places), row, lanes, reach)
     if errors:
         for number, row in enumerate(rows):
-            words = "errors" if trajectories else textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
+            words = (
+                ("spread" if is_leaderless(cells) else "errors")
+                if trajectories
+                else textwrap.fill(row_caption(row[0]), TITLE_LETTERS)
+            )
             title = f"({chr(ord('a') + (number + 1) * len(places) - 1)}) {words}"
             draw_errors(drawn, spots[number][-1], row, results.errors, title, key=number == 0 and not narrow)
     if trajectories:
         ncols = multiples.legend_columns(width, 6)
         handles = panels_legend(rows) + (error_keys(rows[0]) if errors and narrow else [])
         drawn.legend(handles=handles, loc="outside lower center", ncols=ncols, handlelength=2.2)
+    if errors and is_leaderless(cells):
+        multiples.write_note(drawn, SPREAD_WORDS)
     stores = {"trajectories.zarr": trajectories, "errors.zarr": errors}
     multiples.write_left_out(
         drawn,
@@ -91,7 +104,7 @@ def places_of_row(
 
 def first_lane(data: xr.Dataset, cell: Cell) -> xr.Dataset | None:
     """Return the first stored lane of a cell that has a valid start, or None."""
-    paths = data[["states", "navigator"]]
+    paths = data[["states", "navigator", "attack"]]
     if "lane" in data.dims:
         mine, along = paths.isel(lane=data["cell"] == cell.number), "lane"
     else:
@@ -171,8 +184,8 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
     if lane is None:
         panel.text(0.5, 0.5, "no lane stored", transform=panel.transAxes, ha="center")
         return
-    path = lane["navigator"].values
-    panel.plot(path[:, 0], path[:, 1], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), zorder=3)
+    if cell.scenario.navigator.present:
+        panel.plot(*lane["navigator"].values.T[:2], **NAVIGATOR_PATH, zorder=3)
     positions = lane["states"].values[:, :, :2]
     attacked = attacked_vehicles(cell, lane)
     apart = list(range(positions.shape[1]))
@@ -190,6 +203,7 @@ def draw_plane(panel: Axes, cell: Cell, lane: xr.Dataset | None) -> None:
         panel.plot(x[-1], y[-1], "s", color=look["color"], markersize=3, zorder=4)
 
 
+NAVIGATOR_PATH: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.8, "linestyle": (0, (2, 1))}
 HONEST_PATH: dict[str, Any] = {"color": style.SKY, "linewidth": 0.7, "linestyle": "-"}
 CROWDED_PATHS: dict[str, Any] = {"color": "0.2", "linewidth": 0.25, "rasterized": True, "zorder": 1}
 CROWD_INK, CROWD_OPACITY = 150, (0.03, 0.15)  # of all paths of a crowd together, and of one of them
@@ -207,6 +221,16 @@ def attacked_vehicles(cell: Cell, lane: xr.Dataset | None = None) -> list[int]:
     return (np.flatnonzero(np.nan_to_num(lane["attack"].values).any(axis=(0, 2))) + 1).tolist()
 
 
+def fleet_centre(
+    places: Float[np.ndarray, "times m 2"], attacked: Sequence[int]
+) -> Float[np.ndarray, "times 2"]:
+    """Return the mean place of the vehicles that are not attacked [m], of all where all are; attacked ones
+    count from 1.
+    """
+    honest = np.delete(places, np.array(attacked, int) - 1, axis=1)
+    return (honest if honest.shape[1] else places).mean(axis=1)
+
+
 def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Links:
     """Return the links on which these vehicles are attacked: own transmissions or the navigator's."""
     sources, listeners = graph.sources, np.arange(1, graph.vehicles + 1)[:, None]
@@ -217,8 +241,9 @@ def falsified_links(cell: Cell, graph: Digraph, attacked: Sequence[int]) -> Link
 def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
     """Return legend entries for the paths."""
     fleets = [cell.scenario.vehicles for row in rows for cell in row]
+    has_navigator = any(cell.scenario.navigator.present for row in rows for cell in row)
     handles = [
-        Line2D([], [], color=style.BLACK, linewidth=1.8, linestyle=(0, (2, 1)), label="navigator"),
+        *[Line2D([], [], **NAVIGATOR_PATH, label="navigator")] * has_navigator,
         *[Line2D([], [], **HONEST_PATH, label="vehicle")] * (min(fleets) <= MOST_APART),
         *[Line2D([], [], color="0.6", linewidth=2.0, label="vehicles")] * (max(fleets) > MOST_APART),
     ]
@@ -232,18 +257,19 @@ def panels_legend(rows: Sequence[Sequence[Cell]]) -> list[Line2D]:
 
 
 def error_keys(cells: Sequence[Cell]) -> list[Line2D]:
-    """Return legend entries for the errors, for panels too small for a legend."""
+    """Return legend entries for the errors or spreads, for panels too small for a legend."""
     pairs = zip(cells, style.SERIES_STYLES, strict=False)
-    return [Line2D([], [], **look, label=f"error, {figure_name(cell)}") for cell, look in pairs]
+    word = "spread" if is_leaderless(cells) else "error"
+    return [Line2D([], [], **look, label=f"{word}, {figure_name(cell)}") for cell, look in pairs]
 
 
 def draw_errors(
     drawn: Figure, place: SubplotSpec, cells: Sequence[Cell], data: xr.Dataset, title: str, key: bool
 ) -> None:
-    """Draw ẽ above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
+    """Draw ẽ, or the spread, above ε̃ on log axes, as a median over lanes with a band from 5 to 95 %."""
     inner = place.subgridspec(2, 1, hspace=0.0)
     upper: Axes | None = None
-    for number, (variable, symbol) in enumerate(SYMBOLS.items()):
+    for number, variable in enumerate((variable_over_time(cells), "disagreement")):
         panel = drawn.add_subplot(inner[number], sharex=upper)
         for cell, look in zip(cells, style.SERIES_STYLES, strict=False):
             values = data[variable].isel(cell=cell.number).values
@@ -251,7 +277,7 @@ def draw_errors(
         panel.set_yscale("log")
         panel.autoscale_view()
         multiples.log_ticks(panel.yaxis)
-        panel.set_ylabel(symbol)
+        panel.set_ylabel(SYMBOLS[variable])
         panel.grid(True, axis="y", color="0.9", linewidth=0.5)
         if number == 0:
             upper = panel

@@ -18,7 +18,7 @@ MOST_CHANGED = 1000  # lanes that the page lists
 def comparison_page(found: Comparison) -> str:
     """Return the comparison as an HTML page."""
     a, b = (escape(PurePath(folder).name) for folder in found.folders)
-    lead = f"B is {b}, A is {a}. {escape(comparison.COMPARISON_LEGEND)}"
+    lead = f"B is {b}, A is {a}. {escape(comparison.comparison_legend(found))}"
     shown = [
         Section("differ", "What differs", settings_table(found)),
         Section("differences", "Differences, B − A", differences_table(found)),
@@ -39,8 +39,8 @@ def settings_table(found: Comparison) -> str:
 def differences_table(found: Comparison) -> str:
     """Return the table of pairs of cells; differences below rounding are marked."""
     table = comparison.comparison_rows(found)
-    errors = [str(name) for name in table if "mean" in str(name) or "max" in str(name)]
-    return sortable_table(table, scales=dict.fromkeys(errors, np.ones(len(table))))
+    lengths = comparison.length_columns(table)
+    return sortable_table(table, scales=dict.fromkeys(lengths, np.ones(len(table))))
 
 
 def lanes_table(lanes: pd.DataFrame, none: str) -> str:

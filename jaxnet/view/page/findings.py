@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
 from jaxnet.model.wording import count, counted
 from jaxnet.statistics import recovery
@@ -26,22 +27,28 @@ MOST_COMPARED = 8  # values of a swept kind in one sentence
 
 def finding_sentences(results: Results, found: Sequence[Curve], fit: str) -> list[str]:
     """Return each finding as HTML; `fit` is the command that computes the bounds."""
+    alone = is_leaderless(results.study.cells)
     return [
         *unrecovered_sentences(results),
         extremes_sentence(results),
+        *(outside_sentences(results) if alone else []),
         *kinds_sentences(results),
         failures_sentence(results),
-        bounds_sentence(results, found, fit),
+        *([] if alone else [bounds_sentence(results, found, fit)]),
         certainty_sentence(results),
     ]
 
 
 def errors_per_size(results: Results) -> tuple[pd.Series, str]:
-    """Return mean tail errors by cell and their unit: per ā, or in metres if no ā is known."""
+    """Return mean tail errors by cell and their unit: per ā, or in metres if no ā is known.
+
+    Without a navigator they are mean spreads in metres.
+    """
     cells: Any = results.cells
-    errors = pd.Series(cells["tail_mean_mean"].to_numpy(dtype=float))
+    metric = judged_metric(results.study.cells)
+    errors = pd.Series(cells[f"{metric}_mean"].to_numpy(dtype=float))
     known = cell_magnitudes(results)
-    if np.isnan(known).all():
+    if np.isnan(known).all() or metric == "spread":
         return errors.dropna(), "m"
     return (errors / known).dropna(), "ā"
 
@@ -62,13 +69,14 @@ def extremes_sentence(results: Results) -> str:
     errors, unit = errors_per_size(results)
     if errors.empty:
         ended = results.manifest["lanes"]["ok"]
-        return "No attacked lane came to its end." if ended else "No lane came to its end: there is no error."
+        none = f"No lane came to its end: there is no {judged_word(results)}."
+        return "No attacked lane came to its end." if ended else none
     asked = len(results.study.cells) if unit == "m" else int(np.sum(cell_magnitudes(results) > 0))
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
     least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
-    head = "The mean error over the tail"
+    head = f"The mean {judged_word(results)} over the tail"
     if least == most:  # as they are printed
         return f"{head} is {most} {where_words(results, errors.index.tolist())}.{without}"
     best, worst = (
@@ -77,14 +85,38 @@ def extremes_sentence(results: Results) -> str:
     return f"{head} ranges from {least} {best} to {most} {worst}.{without}"
 
 
+def judged_word(results: Results) -> str:
+    """Return the word for what lanes are judged by."""
+    return "spread" if is_leaderless(results.study.cells) else "error"
+
+
+def outside_sentences(results: Results) -> list[str]:
+    """State how far vehicles left the hull of their starts, in a study without a navigator."""
+    cells: Any = results.cells
+    ways: Any = pd.Series(cells["outside_max"].to_numpy(dtype=float)).dropna()
+    if ways.empty:
+        return []
+    left = ways[ways >= ROUNDING_ERROR]
+    whom = "vehicle that is not attacked"
+    if left.empty:
+        return [f"No {whom} left the convex hull of their starts, in any lane."]
+    far = f"<b>{error_text(ways.max())} m</b> {where_words(results, ways.index[ways == ways.max()].tolist())}"
+    inside = f"; in {count(len(ways) - len(left), 'cell')} none left it" if len(left) < len(ways) else ""
+    return [f"The greatest way of a {whom} out of the convex hull of their starts is {far}{inside}."]
+
+
 def kinds_sentences(results: Results) -> list[str]:
     """Compare the values of each swept kind, setting by setting of the other swept keys."""
     compared, unit = compared_values(results)
+    share = f"Lanes {recovery.share_name(results.study.cells)}"
+    what = share if unit == "%" else f"Mean {judged_word(results)} over the tail"
     keys = list(results.study.cells[0].labels)
     swept = pd.DataFrame([results.study.cells[n].labels for n in compared.index], compared.index, keys)
     swept = swept.map(str)
     return [
-        kind_sentence(key, compared, swept, unit) for key in keys if is_kind(key) and len({*swept[key]}) > 1
+        kind_sentence(key, compared, swept, unit, what)
+        for key in keys
+        if is_kind(key) and len({*swept[key]}) > 1
     ]
 
 
@@ -101,7 +133,7 @@ def compared_values(results: Results) -> tuple[pd.DataFrame, str]:
     return pd.DataFrame({"value": errors, "low": printed, "high": printed}), unit
 
 
-def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str) -> str:
+def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: str, what: str) -> str:
     """Compare the values of one swept kind: the range, and the number of settings where a value is least.
 
     A setting is a combination of the other swept keys. A value is least where its interval begins no later
@@ -119,7 +151,6 @@ def kind_sentence(key: str, compared: pd.DataFrame, swept: pd.DataFrame, unit: s
         for many, _, name, low, high in sorted(rows, key=lambda row: row[:2])[:MOST_COMPARED]
     ]
     told = "; ".join(words + [count(len(rows) - len(words), "other")] * (len(rows) > len(words)))
-    what = "Lanes unrecovered" if unit == "%" else "Mean error over the tail"
     over = f" over {count(settings.ngroups, 'setting')}, least within intervals" if others else ""
     return f"{what} by {escape(key_name(key))}{over}: {told}."
 
@@ -143,9 +174,10 @@ def unrecovered_sentences(results: Results) -> list[str]:
     """State the least and the greatest share of lanes unrecovered, if the study asks for it."""
     found, asked = unrecovered_shares(results), results.study.config.recovery
     if found.empty:
-        return [] if asked is None else ["No share unrecovered: no attacked lane came to its end."]
+        name = recovery.share_name(results.study.cells)
+        return [] if asked is None else [f"No share {name}: no attacked lane came to its end."]
     confidence = 100 * recovery.confidence_told(results.study.config.samples)
-    above = "" if asked is None else f" ({recovery.criterion_words(asked)})"
+    above = "" if asked is None else f" ({recovery.criterion_words(asked, results.study.cells)})"
     share: Any = found["unrecovered"]
 
     def at(end: float) -> str:
@@ -154,7 +186,7 @@ def unrecovered_sentences(results: Results) -> list[str]:
         interval = f"{confidence:g} % interval {four_digits(low)} to {four_digits(high)} %"
         return f"<b>{four_digits(100 * end)} %</b> ({interval}) {where_words(results, numbers)}"
 
-    head = f"Lanes unrecovered{above}"
+    head = f"Lanes {recovery.share_name(results.study.cells)}{above}"
     if share.min() == share.max():
         return [f"{head}: {at(share.max())}."]
     return [f"{head}: from {at(share.min())} to {at(share.max())}."]
@@ -210,10 +242,13 @@ def certainty_sentence(results: Results) -> str:
     cells: Any = results.cells
     place: Any = errors.idxmax()
     worst, scale = cells.iloc[place], float(cell_magnitudes(results)[place])
+    metric = judged_metric(results.study.cells)
     mean, low, high = (
-        error_text(float(worst[f"tail_mean_{name}"]), scale) for name in ("mean", "low", "high")
+        error_text(float(worst[f"{metric}_{name}"]), scale) for name in ("mean", "low", "high")
     )
     where = "The greatest mean" if len(errors) > 1 else "The mean"
+    if metric == "spread":
+        return f"{samples}. {where} spread is {mean} m, over {count(int(worst['ok']), 'ok lane')}."
     lanes = count(int(worst["ok"]), "ok lane")
     if np.isnan(worst["tail_mean_high"]):
         least = "" if np.isnan(worst["tail_mean_low"]) else f" (at least {low} m with 97.5 % confidence)"

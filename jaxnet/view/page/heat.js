@@ -28,8 +28,8 @@ function showHeat(section, given) {
     const where = keys.map((key, number) => data.keys[key][data.cells[cell][number]]).join(", ");
     const of = `${given.ok[cell].toLocaleString("en")} lane${given.ok[cell] === 1 ? "" : "s"}`, value = metric.values[cell];
     const interval = `, ${short(given.confidence)} % interval ${short(given.low[cell])} to ${short(given.high[cell])} %`;
-    const what = value === null ? given.blank[cell] : metric.share ? `${short(value)} % unrecovered${interval}, of ${of}`
-      : `greatest tail error ${measured(value)} ā, of ${of}`;
+    const what = value === null ? given.blank[cell] : metric.share ? `${short(value)} % ${given.share}${interval}, of ${of}`
+      : `${metric.told} ${measured(value)} ${metric.unit}, of ${of}`;
     return `${where} (cell ${cell}): ${what}; ${given.failed[cell] ? `failed: ${given.failed[cell]}` : "none failed"}.`;
   }
 

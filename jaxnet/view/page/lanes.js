@@ -14,21 +14,23 @@ const FATES = [["dropped", "--line"], ["dropped, attacked", "--green"], ["retain
 // The numbers of a lane, by frame and vehicle (from 1).
 function unpacked(given) {
   const { vehicles, attacked } = given, at = (packed) => ((values) => (frame, vehicle) => values[frame * vehicles + vehicle - 1])(floats(packed));
-  const navigator = ["navigator_x", "navigator_y"].map((key) => floats(given[key]));
+  const centre = ["centre_x", "centre_y"].map((key) => floats(given[key]));
   const signal = floats(given.attack), bits = given.kept && bytes(given.kept), links = given.links.length;
   const lane = {
-    ...given, axes: ["x [m]", "y [m]"], trail: Infinity, time: floats(given.time), ahead: at(given.ahead), error: at(given.error), navigator,
+    ...given, axes: ["x [m]", "y [m]"], trail: Infinity, time: floats(given.time), ahead: at(given.ahead), error: at(given.error), centre,
     all: Array.from({ length: vehicles }, (_, n) => n + 1),
     called: (vehicle) => `vehicle ${vehicle}` + (given.names.length ? ` (${given.names[vehicle - 1].replaceAll("<", "&lt;")})` : ""),
     isAttacked: (vehicle) => attacked.includes(vehicle),
     retained: (frame, link) => !bits || ((bits[(frame * links + link) >> 3] >> (7 - ((frame * links + link) & 7))) & 1) === 1,
   };
   const [x, y] = [at(given.x), at(given.y)];
-  lane.place = (frame, source) => (source ? [x(frame, source), y(frame, source)] : navigator.map((each) => each[frame]));
+  // Source 0 is the navigator; without one it is the mean of the vehicles that are not attacked.
+  lane.place = (frame, source) => (source ? [x(frame, source), y(frame, source)] : centre.map((each) => each[frame]));
   // Whose place is falsified at an attacked vehicle, its own or what it hears of the navigator's, and what is told instead.
   lane.speaks = (frame, vehicle) => lane.place(frame, given.heard_from_navigator ? 0 : vehicle);
   lane.told = (frame, vehicle) => {
-    const from = given.replaced ? lane.place(frame, 0) : lane.speaks(frame, vehicle);
+    const alone = given.leaderless ? [0, 0] : lane.place(frame, 0); // what a link carries that is replaced, without the signal
+    const from = given.replaced ? alone : lane.speaks(frame, vehicle);
     const n = 2 * (frame * attacked.length + attacked.indexOf(vehicle));
     return [from[0] + signal[n], from[1] + signal[n + 1]];
   };
@@ -56,8 +58,8 @@ function trails(lane, frame) {
   const trail = (name, vehicles, line) => ({ name, ...segments(vehicles.map(path)), mode: "lines", line: { ...line, shape }, hoverinfo: "skip", showlegend: false });
   const [honest, attacked] = [lane.all.filter((each) => !lane.isAttacked(each)), lane.attacked];
   return [
-    { name: "navigator", x: lane.navigator[0], y: lane.navigator[1], mode: "lines", hoverinfo: "skip", showlegend: false,
-      line: { color: "--black", width: 1.5, dash: "2px,3px", shape } },
+    ...(lane.leaderless ? [] : [{ name: "navigator", x: lane.centre[0], y: lane.centre[1], mode: "lines", hoverinfo: "skip", showlegend: false,
+      line: { color: "--black", width: 1.5, dash: "2px,3px", shape } }]),
     trail("vehicle", honest, { color: "--sky", width: 1.2 }),
     trail("attacked vehicle", attacked, { color: "--red", width: 1.4, dash: "6px,2px" }),
   ];
@@ -95,7 +97,7 @@ function toldNow(lane, frame) {
 function fleetNow(lane, frame) {
   const some = (name, vehicles, color, symbol, size, standoff) => {
     const where = points(vehicles.map((vehicle) => lane.place(frame, vehicle)));
-    const text = vehicles.map((vehicle) => `${lane.called(vehicle)}: error ${measured(lane.error(frame, vehicle))} m`);
+    const text = vehicles.map((vehicle) => `${lane.called(vehicle)}: ${lane.leaderless ? "" : "error "}${measured(lane.error(frame, vehicle))} m${lane.leaderless ? " from the mean" : ""}`);
     const angle = vehicles.map((vehicle) => 270 - lane.ahead(frame, vehicle));
     return [
       { name, ...where, mode: "markers", text, hoverinfo: "text", marker: { color, symbol, size } },
@@ -106,13 +108,13 @@ function fleetNow(lane, frame) {
   return [
     ...some("vehicle", honest, "--blue", "circle", 8, 6),
     ...some("attacked vehicle", lane.attacked, "--red", "diamond", 10, 7),
-    { name: "navigator", ...points([lane.place(frame, 0)]), mode: "markers", text: ["navigator"], hoverinfo: "text",
-      marker: { color: "--black", symbol: "square-open", size: 13, line: { width: 2 } } },
+    ...(lane.leaderless ? [] : [{ name: "navigator", ...points([lane.place(frame, 0)]), mode: "markers", text: ["navigator"], hoverinfo: "text",
+      marker: { color: "--black", symbol: "square-open", size: 13, line: { width: 2 } } }]),
   ];
 }
 
-// The lane as the navigator sees it: all places relative to its own, as far as errors reach in the second half.
-function aroundNavigator(lane) {
+// The lane as the navigator sees it, or the mean without one: places relative to it, as far as errors reach in the second half.
+function aroundCentre(lane) {
   const relative = (place) => (frame, source) => {
     const [here, origin] = [place(frame, source), lane.place(frame, 0)];
     return here.map((value, n) => value - origin[n]);
@@ -120,10 +122,13 @@ function aroundNavigator(lane) {
   const told = relative(lane.told), late = Array.from(lane.time.keys()).filter((frame) => 2 * frame >= lane.time.length - 1);
   const far = late.flatMap((frame) => [...lane.all.map((vehicle) => lane.error(frame, vehicle)),
     ...lane.attacked.map((vehicle) => Math.hypot(...told(frame, vehicle)))]).filter(Number.isFinite);
-  const navigator = lane.navigator.map((each) => each.map(() => 0));
-  return { ...lane, place: relative(lane.place), speaks: relative(lane.speaks), told, navigator,
-    trail: Math.ceil(lane.time.length / 4), axes: ["x − x<sub>0</sub> [m]", "y − y<sub>0</sub> [m]"], reach: far.reduce((most, each) => Math.max(most, 1.15 * each), 1e-3) };
+  const centre = lane.centre.map((each) => each.map(() => 0)), axes = ["x", "y"].map((axis) => `${axis} − ${centreName(lane, axis)} [m]`);
+  return { ...lane, place: relative(lane.place), speaks: relative(lane.speaks), told, centre,
+    trail: Math.ceil(lane.time.length / 4), axes, reach: far.reduce((most, each) => Math.max(most, 1.15 * each), 1e-3) };
 }
+
+// A coordinate of the navigator, or of the mean without one.
+const centreName = (lane, axis) => (lane.leaderless ? `${axis}\u0304` : `${axis}<sub>0</sub>`);
 
 // The frame of the last quarter at which a vehicle is farthest off.
 function worstFrame(lane) {
@@ -157,7 +162,7 @@ function errors(lane, frame) {
   const all = lane.all.flatMap((vehicle) => Array.from(lane.time, (_, n) => lane.error(n, vehicle))).filter((value) => value > ROUNDING);
   const [least, most] = all.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, ROUNDING]);
   const ends = [10 ** Math.floor(Math.log10(Math.min(least, most))), 10 ** Math.ceil(Math.log10(most) + 0.01)];
-  return { data: lane.all.map(one), layout: { xaxis: timeAxis(lane), yaxis: decades(ends, "‖y<sub>i</sub> − y<sub>0</sub>‖ [m]"), shapes: cursor(lane.time[frame]) } };
+  return { data: lane.all.map(one), layout: { xaxis: timeAxis(lane), yaxis: decades(ends, `‖y<sub>i</sub> − ${centreName(lane, "y")}‖ [m]`), shapes: cursor(lane.time[frame]) } };
 }
 
 function raster(lane, frame) {
@@ -179,7 +184,7 @@ function raster(lane, frame) {
 
 // What is saved: paths with what is told, errors, and whom vehicles retain.
 const LANE_ROWS = {
-  positions: (lane) => [["time", "vehicle", "x", "y", "told_x", "told_y"], ...Array.from(lane.time).flatMap((time, n) => [0, ...lane.all].map((source) =>
+  positions: (lane) => [["time", "vehicle", "x", "y", "told_x", "told_y"], ...Array.from(lane.time).flatMap((time, n) => (lane.leaderless ? lane.all : [0, ...lane.all]).map((source) =>
     [time, source, ...lane.place(n, source), ...(lane.isAttacked(source) && !lane.heard_from_navigator ? lane.told(n, source) : [null, null])]))],
   errors: (lane) => [["time", ...lane.all.map((vehicle) => `vehicle ${vehicle}`)],
     ...Array.from(lane.time, (time, n) => [time, ...lane.all.map((vehicle) => lane.error(n, vehicle))])],
@@ -198,9 +203,10 @@ function showLanes(section, lanes) {
     return { data: visible(data, hidden), layout: layout(given) };
   }, () => rows(lane), classes);
   const around = element("select", { class: "view", change: () => look() },
-    element("option", { value: "navigator" }, "around the navigator"), element("option", { value: "plane" }, "in the plane"));
+    element("option", { value: "centre" }), element("option", { value: "plane" }, "in the plane"));
   const inPlane = panel("Positions", (_, now) => positions(seen, now), LANE_ROWS.positions, "plane");
-  const overTime = [panel("Error of each vehicle", errors, LANE_ROWS.errors, "errors"), panel("Whom vehicles retain", raster, LANE_ROWS.raster, "raster")];
+  const named = lanes.every((each) => each.leaderless) ? "Distance of each vehicle from the mean of those not attacked" : "Error of each vehicle";
+  const overTime = [panel(named, errors, LANE_ROWS.errors, "errors"), panel("Whom vehicles retain", raster, LANE_ROWS.raster, "raster")];
   const [plot, ...cursors] = [inPlane, ...overTime].map((each) => each.querySelector(".plot"));
   const show = () => {
     redraw(plot);
@@ -211,7 +217,7 @@ function showLanes(section, lanes) {
     slider.setAttribute("aria-valuetext", clock.textContent);
   };
   const look = () => {
-    seen = around.value === "plane" ? lane : aroundNavigator(lane);
+    seen = around.value === "plane" ? lane : aroundCentre(lane);
     show();
   };
   const stop = () => { clearInterval(timer); timer = undefined; play.textContent = "Play"; };
@@ -229,6 +235,8 @@ function showLanes(section, lanes) {
     command.textContent = lane.command;
     said.textContent = wordsOf(lane);
     overTime[1].hidden = keys.children[5].hidden = !lane.kept;
+    keys.children[0].hidden = lane.leaderless;
+    around.options[0].textContent = `around the ${lane.leaderless ? "mean of vehicles not attacked" : "navigator"}`;
     keys.children[2].hidden = keys.children[3].hidden = !lane.attacked.length;
     cursors.forEach((each) => { each.stale = true; });
     slider.value = worstFrame(lane);

@@ -71,7 +71,7 @@ function pointsOf(panel, metric, floor, there) {
   ];
 }
 
-// ẽ(t): 5 to 95 % filled, median and maximum as lines.
+// ẽ(t), or the spread over time: 5 to 95 % filled, median and maximum as lines.
 const MEDIAN_LINE = { color: "--blue", width: 2, dash: "solid" }, MAXIMUM_LINE = { color: "--red", width: 1.4, dash: "5px,3px" };
 const bands = {
   curves: (given) => [
@@ -93,7 +93,7 @@ const bands = {
         { ...edge, y: drawn("low"), showlegend: false }, { ...edge, y: drawn("high"), fill: "tonexty", fillcolor: "--band" },
         curve("maximum", "greatest", MAXIMUM_LINE), curve("median of lanes", "median", MEDIAN_LINE),
       ],
-      layout: { xaxis: { range: [0, time.at(-1)], title: { text: "t [s]" } }, yaxis: decades(given.ends, "ẽ [m]") },
+      layout: { xaxis: { range: [0, time.at(-1)], title: { text: "t [s]" } }, yaxis: decades(given.ends, given.label) },
     };
   },
   rows(given, [panel]) {

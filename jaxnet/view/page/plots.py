@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.colors import to_hex
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import key_name, labels_title, quantity, value_alone
 from jaxnet.explore.courses import Course
 from jaxnet.model.wording import counted
@@ -26,7 +26,7 @@ from jaxnet.statistics.curves import (
 )
 from jaxnet.statistics.groups import Label
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.recovery import confidence_told, share_name
 from jaxnet.statistics.tiles import Tiling, tile_table, tile_text
 from jaxnet.store.results import Results
 from jaxnet.view.figures import heat, lines, style
@@ -170,12 +170,15 @@ def tiles_data(results: Results, tiling: Tiling) -> dict[str, object]:
             for labels, numbered in zip(tiling.panels, tiling.cells, strict=True)
         ],
         "metrics": [
-            coloured_metric(name, found[name]) for name in heat.METRIC_LABELS if found[name].notna().any()
+            coloured_metric(name, found[name], results.study.cells)
+            for name in heat.METRICS
+            if found[name].notna().any()
         ],
         "low": finite_numbers(found["unrecovered_low"]),
         "high": finite_numbers(found["unrecovered_high"]),
         "intervals": found["interval"].tolist(),
         "confidence": 100 * confidence_told(results.study.config.samples),
+        "share": share_name(results.study.cells),
         "ok": found["ok"].tolist(),
         "failed": {cell: counted(kinds) for cell, kinds in failed_kinds(results).items()},
         "blank": found["blank"].tolist(),
@@ -183,11 +186,13 @@ def tiles_data(results: Results, tiling: Tiling) -> dict[str, object]:
     }
 
 
-def coloured_metric(metric: str, values: pd.Series) -> dict[str, object]:
+def coloured_metric(metric: str, values: pd.Series, cells: Sequence[Cell]) -> dict[str, object]:
     """Return a metric of all cells as numbers, as texts, and as places on its scale."""
     norm = heat.colour_scale(metric, values)
     return {
-        "name": heat.METRIC_LABELS[metric],
+        "name": heat.metric_label(metric, cells),
+        "told": "greatest spread" if is_leaderless(cells) else "greatest tail error",
+        "unit": "m" if is_leaderless(cells) else "ā",
         "share": metric == "unrecovered",
         "values": finite_numbers(values),
         "words": [tile_text(metric, value) if np.isfinite(value) else "" for value in values],
@@ -210,8 +215,9 @@ def searches_data(found: Iterable[Course], words: str) -> dict[str, object]:
 
 
 def bands_data(cells: Sequence[Cell], found: Mapping[int, Band]) -> dict[str, object]:
-    """Return the bands of ẽ(t), a panel per cell."""
+    """Return the bands of ẽ(t), or of the spread without a navigator, a panel per cell."""
     return {
+        "label": "spread [m]" if is_leaderless(cells) else "ẽ [m]",
         "ends": bands_span(found),
         "time": pack_numbers(next(iter(found.values())).time),
         "panels": [

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
 from jaxnet.runs.replay import worst_of_cells
@@ -24,6 +25,7 @@ from jaxnet.statistics.curves import (
 )
 from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
+from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tiling
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
@@ -57,18 +59,18 @@ def page_sections(results: Results) -> list[Section]:
     if not results.has_run:
         analyses = [sensitivity_section(results), rare_section(results), run_section(results)]
         return [section for section in analyses if section is not None]
-    found = known_or([], lambda: curves(results))
+    found, alone = known_or([], lambda: curves(results)), is_leaderless(results.study.cells)
     each: list[Callable[[], Section | None]] = [
         lambda: answer_section(results),
         lambda: findings_section(results, found),
         lambda: run_section(results),
         lambda: summary_section(results),
-        lambda: ultimate_section(results, found),
+        lambda: None if alone else ultimate_section(results, found),
         lambda: bands_section(results),
         lambda: heat_section(results),
         lambda: search_section(results),
         lambda: lanes_section(results),
-        lambda: violations_section(results),
+        lambda: None if alone else violations_section(results),
         lambda: sensitivity_section(results),
         lambda: rare_section(results),
         lambda: failed_section(results),
@@ -211,10 +213,11 @@ def bands_section(results: Results) -> Section | None:
     if not found:
         return None
     below = f"what is below {LOG_FLOOR:g} m is rounding and drawn there."
-    note = f"<p>Mean error of the fleet over time; {below}</p>"
-    return Section(
-        "bands", "Error over time ẽ(t)", note + PLOT_PLACE, plots.bands_data(results.study.cells, found)
-    )
+    name, what = "Error over time ẽ(t)", "Mean error of the fleet over time"
+    if is_leaderless(results.study.cells):
+        name, what = "Spread over time", "Greatest distance of two vehicles that are not attacked over time"
+    note = f"<p>{what}; {below}</p>"
+    return Section("bands", name, note + PLOT_PLACE, plots.bands_data(results.study.cells, found))
 
 
 def answer_section(results: Results) -> Section | None:
@@ -304,8 +307,8 @@ def rare_section(results: Results) -> Section | None:
         return None
     rows = results.rare.drop(columns=["points", "threshold"])
     note = (
-        "<p>The share of lanes unrecovered by subset simulation, with a 95 % interval over its repeats;"
-        " plain lanes: the number of random lanes with an interval as narrow.</p>"
+        f"<p>The share of lanes {share_name(results.study.cells)} by subset simulation, with a 95 % interval"
+        " over its repeats; plain lanes: the number of random lanes with an interval as narrow.</p>"
     )
     labels = {key: quantity(key) for key in results.study.cells[0].labels}
     shown = rows.rename(columns=labels | {"plain_lanes": "plain lanes"})
@@ -321,7 +324,7 @@ def lanes_section(results: Results) -> Section:
         ended = worst_of_cells(results, 1)
         if ended.empty:
             return Section("lanes", name, "<p>No lane is ok.</p>")
-        row: Any = ended.loc[ended["tail_mean"].idxmax()]
+        row: Any = ended.loc[ended[judged_metric(results.study.cells)].idxmax()]
         command = escape(results.replay_command(int(row["cell"]), int(row["sample"])))
         return Section("lanes", name, f"<p>No lane was replayed yet; the worst: <code>{command}</code></p>")
     if results.in_memory:

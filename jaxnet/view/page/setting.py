@@ -96,7 +96,8 @@ def attacked_words(cell: Cell) -> str:
         whom = "drawn vehicles"
     else:
         whom = f"{count(attack.number(), 'drawn vehicle')} of each lane"
-    heard = situation_of(cell.scenario).attacked[:, 0].any()
+    known = situation_of(cell.scenario)
+    heard = (known.attacked & (known.graph.sources == 0)).any()
     caveat = f" ({attack.caveat()})" if attack.caveat() else ""
     verb = ("hear" if heard else "transmit") + ("s" if one else "")
     return f"what {whom} {verb}{' of the navigator' if heard else ''}{caveat}"

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.naming import labels_title
 from jaxnet.config.scenario import situation_of
 from jaxnet.model import hearing
@@ -15,7 +15,7 @@ from jaxnet.model.graph import Digraph
 from jaxnet.runs.watched import MOST_VEHICLES, Watched, watched
 from jaxnet.statistics.curves import cell_magnitudes
 from jaxnet.store.results import Results
-from jaxnet.view.figures.panels import attacked_vehicles, falsified_links
+from jaxnet.view.figures.panels import attacked_vehicles, falsified_links, fleet_centre
 from jaxnet.view.page.elements import error_text
 from jaxnet.view.page.plots import pack_numbers
 
@@ -60,8 +60,9 @@ def search_label(results: Results, of: Results, one: Watched) -> dict[str, objec
         return {}
     number = int(of.path.name)
     where = labels_title(results.study.cells[number].labels)
-    error = float(of.lanes["tail_max"].iloc[0])
-    told = f"found by the search, cell {number}: greatest tail error {error_text(error)} m"
+    alone = is_leaderless(results.study.cells)
+    metric, word = ("spread", "spread") if alone else ("tail_max", "greatest tail error")
+    told = f"found by the search, cell {number}: {word} {error_text(float(of.lanes[metric].iloc[0]))} m"
     return {"cells": [number], "label": ", ".join(filter(None, [where, told]))}
 
 
@@ -81,7 +82,8 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
     attacked, graph = attacked_vehicles(cell, data), lane_graph(results, one, cell)
     listeners, slots = graph.edges()
     sources, false = graph.sources[listeners, slots], falsified_links(cell, graph, attacked)[listeners, slots]
-    places, navigator = data["states"].values[..., :2], data["navigator"].values
+    places, leaderless = data["states"].values[..., :2], not cell.scenario.navigator.present
+    centre = fleet_centre(places, attacked) if leaderless else data["navigator"].values
     given = {
         "cells": [one.cell],
         "sample": one.sample,
@@ -100,9 +102,10 @@ def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
         "x": pack_numbers(places[..., 0]),
         "y": pack_numbers(places[..., 1]),
         "ahead": pack_numbers(headings(data["states"])),
-        "navigator_x": pack_numbers(navigator[:, 0]),
-        "navigator_y": pack_numbers(navigator[:, 1]),
-        "error": pack_numbers(np.linalg.norm(places - navigator[:, None], axis=-1)),
+        "leaderless": leaderless,
+        "centre_x": pack_numbers(centre[:, 0]),
+        "centre_y": pack_numbers(centre[:, 1]),
+        "error": pack_numbers(np.linalg.norm(places - centre[:, None], axis=-1)),
         "attack": pack_numbers(data["attack"].values[:, np.array(attacked, int) - 1]),
     }
     if cell.scenario.defence.decides:
@@ -124,12 +127,13 @@ def lane_graph(results: Results, one: Watched, cell: Cell) -> Digraph:
 def lane_label(results: Results, one: Watched, cell: Cell) -> str:
     """Return the name of a lane in the page's menu."""
     row = results.row(one.cell, one.sample)
-    error = float("nan") if row is None else float(row.loc["tail_mean"])
+    error = float("nan") if row is None else float(row.loc[cell.scenario.judged])
     where = f"{labels_title(cell.labels)}, " if cell.labels else ""
     by = f", {one.engine} engine" if one.engine else ""
     size = float(cell_magnitudes(results)[one.cell])
     told = "none, it failed" if np.isnan(error) else f"{error_text(error, size)} m"
-    return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): tail mean {told}"
+    word = "spread" if cell.scenario.leaderless else "tail mean"
+    return f"{where}cell {one.cell}, sample {one.sample} ({one.why}{by}): {word} {told}"
 
 
 def headings(states: xr.DataArray) -> Float[np.ndarray, "times m"]:

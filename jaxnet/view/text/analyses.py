@@ -2,12 +2,11 @@
 
 import pandas as pd
 
+from jaxnet.config.cells import judged_metric
 from jaxnet.store.results import Results
 from jaxnet.view.text.sensitivity import indices_text
 from jaxnet.view.text.width import MOST_ROWS, table_text
 from jaxnet.view.text.worst import search_text
-
-SHOWN_METRIC = "tail_mean"  # of the metrics in sensitivity.csv
 
 
 def analyses_text(results: Results) -> str:
@@ -22,6 +21,8 @@ def rare_text(table: pd.DataFrame) -> str:
 
 
 ANALYSIS_TEXTS = {
-    "sensitivity": lambda results: indices_text(results.sensitivity, results.study, SHOWN_METRIC),
+    "sensitivity": lambda results: indices_text(
+        results.sensitivity, results.study, judged_metric(results.study.cells)
+    ),
     "rare": lambda results: rare_text(results.rare),
 }

@@ -8,7 +8,7 @@ from time import monotonic
 
 import numpy as np
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import (
@@ -68,7 +68,8 @@ def amplitude_advice(study: Study) -> str:
     asked = study.config.recovery
     if asked is None or asked.of != "magnitude" or not amplitude_note(study.cells):
         return ""
-    return "; recovery compares errors with tau · ā: give recovery.of: amplitude to compare with the shift"
+    what = "spreads" if is_leaderless(study.cells) else "errors"
+    return f"; recovery compares {what} with tau · ā: give recovery.of: amplitude to compare with the shift"
 
 
 def certificates(cells: Sequence[Cell]) -> list[str]:
@@ -247,7 +248,8 @@ def leaderless_rows(scenario: Scenario, known: Situation, seconds: float) -> dic
         "graph": graph_line(scenario, facts),
         **names_line(scenario),
         **({"robustness": f"the vehicles are {alone_text(graph, seconds)}"} if seconds > 0 else {}),
-        "navigator": "none: errors are distances from the mean of the vehicles that are not attacked",
+        "navigator": "none: rows measure the spread of the vehicles that are not attacked, and their way out"
+        " of the hull of their starts",
         "attack": attack_line(scenario, facts),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
         "law": stability_line(scenario, known),
@@ -318,13 +320,14 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if scenario.vehicles > certificate.MOST_INVERTED:
         return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
     fixed = None if kept is None else kept.fixed
-    honest = ~(known.attacked & scenario.attack.replaces())
+    drawn = scenario.attack.replaces() and not scenario.attack.targets()  # any vehicle may be replaced
+    honest = ~(known.attacked & (scenario.attack.replaces() and not drawn))
     weights = dense((known.graph if fixed is None else fixed).only(honest))
     if law.local:
         weights = followed_weights(scenario, known.graph, fixed, weights)
     along = rounds.eigenvalues(weights)
     if not scenario.navigator.present:  # an eigenvalue of 1 belongs to agreement
-        along = np.delete(along, np.abs(along - 1).argmin())
+        along = along[np.abs(along - 1) > 1e-9]
     left = law.left(along)
     if left is None and not law.local:
         return f"{law.kind}: nothing is known of its stability"
@@ -337,6 +340,7 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
+    line += "; that is without the attack, which replaces what drawn vehicles send" * drawn
     return line + RETAINED * (fixed is None)
 
 

@@ -17,6 +17,8 @@ COMPARISON_COLUMNS = {
     "tail_max_difference": "max [m]",
     "tail_max_low": "max low",
     "tail_max_high": "max high",
+    "spread_difference": "spread [m]",
+    "outside_difference": "outside [m]",
     "unrecovered": "unrecovered",
     "unrecovered_low": "share low",
     "unrecovered_high": "share high",
@@ -27,12 +29,28 @@ COMPARISON_DROP_ORDER = (
     *(("failed",), ("max low", "max high"), ("share low", "share high"), ("max [m]",)),
     *(("p",), ("pairs",), ("unrecovered",), ("mean low", "mean high")),
 )
-COMPARISON_LEGEND = (
-    "All differences are B - A, of the same draws. mean, max: tail_mean and tail_max;"
-    " low, high: 95 % intervals of means of paired differences; an end is blank where theory does not bound"
-    " the errors. saved, lost: lanes"
-    " unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
+ERROR_LEGEND = (
+    "mean, max: tail_mean and tail_max; low, high: 95 % intervals of means of paired differences; an end is"
+    " blank where theory does not bound the errors."
 )
+AGREEMENT_LEGEND = (
+    "spread: greatest distance of two vehicles that are not attacked, over the tail; outside: greatest way of"
+    " such a vehicle out of the hull of their starts; unrecovered: without agreement."
+)
+SHARE_LEGEND = (
+    "saved, lost: lanes unrecovered in A alone, in B alone; p: McNemar's exact test of as many either way."
+)
+
+
+def comparison_legend(found: Comparison) -> str:
+    """Return the meaning of the columns."""
+    measured = AGREEMENT_LEGEND if "spread_difference" in found.cells else ERROR_LEGEND
+    return f"All differences are B - A, of the same draws. {measured} {SHARE_LEGEND}"
+
+
+def length_columns(table: pd.DataFrame) -> list[str]:
+    """Return the columns with differences of lengths, in which rounding is no difference."""
+    return [name for name in map(str, table) if name.startswith(("mean", "max", "spread", "outside"))]
 
 
 def comparison_rows(found: Comparison) -> pd.DataFrame:
@@ -44,11 +62,11 @@ def comparison_rows(found: Comparison) -> pd.DataFrame:
 def comparison_text(found: Comparison) -> str:
     """Return the whole comparison for a terminal."""
     table = comparison_rows(found)
-    errors = [name for name in table if "mean" in str(name) or "max" in str(name)]
+    errors = length_columns(table)
     table[errors] = table[errors].where(table[errors].abs() >= ROUNDING_DIFFERENCE, 0.0)
     labels = [name for name in table if name not in {*COMPARISON_COLUMNS.values(), *COUNT_COLUMNS}]
     shown, left_out, is_cut = fit_terminal(table.head(MOST_ROWS), labels, COMPARISON_DROP_ORDER)
-    lines = [table_text(shown), "", fill(COMPARISON_LEGEND, terminal_width())]
+    lines = [table_text(shown), "", fill(comparison_legend(found), terminal_width())]
     if len(table) > MOST_ROWS:
         lines.append(f"… {len(table) - MOST_ROWS} more pairs of cells in differences.csv")
     lines += table_notes(left_out, is_cut, "differences.csv")

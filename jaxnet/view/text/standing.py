@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jaxnet.config.cells import is_leaderless
+from jaxnet.statistics.recovery import share_name
 from jaxnet.view.text.width import cell_title, four_digits
 
 if TYPE_CHECKING:
@@ -27,7 +29,8 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
     from rich.text import Text
 
     asked = any(np.isfinite(each.unrecovered) for each in found)
-    rows = [["so far", "lanes", "tail mean [m]", "unrecovered"]]
+    mean = "spread [m]" if is_leaderless(tally.cells) else "tail mean [m]"
+    rows = [["so far", "lanes", mean, share_name(tally.cells)]]
     for each in worst_standings(found, room):
         share = f"{each.unrecovered:.3g}" if np.isfinite(each.unrecovered) else "-"
         rows.append([str(each.cell), f"{each.lanes:,}", four_digits(each.mean), share])
@@ -39,7 +42,7 @@ def standing_lines(tally: "Tally", width: int, height: int) -> "Iterator[str | T
         numbers = "".join(f"{word:>{room}}" for word, room in zip(words, columns, strict=False))
         yield Text(f"{name:<{longest}}{numbers}", no_wrap=True)
     if len(tally.cells) > room:
-        by = "shares unrecovered" if asked else "means"
+        by = f"shares {share_name(tally.cells)}" if asked else "means"
         yield f"of {len(tally.cells)} cells those with the greatest {by}"
     if tally.last_look:
         yield Text(f"widest interval: {tally.last_look}", no_wrap=True)

@@ -9,12 +9,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import pandas as pd
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config, Sequential
 from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
 from jaxnet.store.folder import FolderError
@@ -152,27 +153,29 @@ def text_width(shown: Sequence[Lettered]) -> int:
 
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """Return what the columns leave open: which intervals they have, and what the greatest lane says."""
-    config, names = results.study.config, {each.name for each in shown}
-    notes = [*interval_lines(config, shown), *missing_end_lines(shown)]
-    if "unrecovered" in names and config.recovery is not None:
-        notes.append(f"unrecovered: {recovery.criterion_words(config.recovery)}")
+    config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
+    notes = [*interval_lines(config, cells, shown), *missing_end_lines(shown)]
+    if SHARE_NAME in names and config.recovery is not None:
+        notes.append(recovery.share_definition(config.recovery, cells))
+    if is_leaderless(cells):
+        told = {name.rpartition("_")[0] for name in names}
+        notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
     if "amplitude" in names:
-        notes.append(amplitude_note(results.study.cells))
-    if "tail_max_max" in names:
+        notes.append(amplitude_note(cells))
+    if names & {"tail_max_max", "spread_max"}:
         notes += greatest_lines(results)
-    return notes + caveat_lines(results.study.cells)
+    return notes + caveat_lines(cells)
 
 
-def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
+def interval_lines(config: Config, cells: Sequence[Cell], shown: Sequence[Column]) -> list[str]:
     """Return a note on the intervals of shares, and one on those of means, where these are shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
     shares = [each for each in shown if each.ends and each.name == SHARE_NAME]
     means = [each.title.partition(" [")[0] for each in shown if each.ends and each.name != SHARE_NAME]
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
-    told = [f"[low, high] of {SHARE_NAME}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(
-        shares
-    )
+    of = recovery.share_name(cells)
+    told = [f"[low, high] of {of}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(shares)
     basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
     return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
 
@@ -283,7 +286,8 @@ def stop_reason(results: Results) -> str:
         words += "no attacked lane came to its end"
     else:
         why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
-        words += f"the widest interval of the share unrecovered is ± {half:.2g}, {why}"
+        share = recovery.share_name(results.study.cells)
+        words += f"the widest interval of the share {share} is ± {half:.2g}, {why}"
     return f"\n{fill(words, terminal_width())}"
 
 

@@ -138,7 +138,8 @@ def short_labels(labels: Sequence[str]) -> Mapping[str, str]:
 
 def table_notes(left_out: Sequence[str], is_cut: bool, file: str) -> list[str]:
     """Return a note below a table that lacks columns or shows shortened labels."""
-    words = [f"left out: {', '.join(left_out)}"] * bool(left_out) + [
+    between = "; " if any("," in each for each in left_out) else ", "
+    words = [f"left out: {between.join(left_out)}"] * bool(left_out) + [
         "… stands where a label is cut short"
     ] * is_cut
     return [fill(f"{'; '.join(words)}; all are in {file}", terminal_width())] if words else []

@@ -1,0 +1,178 @@
+"""A study without a navigator speaks of agreement: in its table, its figures and its page."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+import jaxnet
+from jaxnet.film import film_figure, film_of
+from jaxnet.runs.replay import trajectory_of
+from jaxnet.statistics import pairs
+from jaxnet.store.folder import FolderError
+from jaxnet.view import columns, page
+from jaxnet.view.figures import every
+from jaxnet.view.page.trajectories import headings
+from jaxnet.view.text import check, comparison, tables
+from tests.view.test_page import read_through, section
+
+DEAF = [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (3, 2), (4, 2)]  # links that are not there
+LINKS = [[i, j, 1.0] for i, j in itertools.product(range(1, 6), repeat=2) if (i, j) not in DEAF]
+KEYS = {"name": "agree", "vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [8.0]}
+KEYS |= {
+    "vehicles": 5,
+    "topology": {"kind": "edges", "edges": LINKS},
+    "tick": 0.1,
+    "engine": "exact",
+    "horizon": 2.0,
+    "tail": 0.5,
+}
+KEYS |= {"attack": {"kind": "bias", "vehicles": [2]}, "samples": 4}
+KEYS |= {"sweep": {"defence": ["none", "w_msr"], "attack.magnitude": [1, 40]}}
+KEYS |= {"save": {"errors": True, "trajectories": "all"}, "recovery": {"tau": 0.01}}
+OF_A_NAVIGATOR = re.compile("navigator|error|bound", re.IGNORECASE)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Four vehicles and a liar, without a defence and with W-MSR."""
+    return jaxnet.run(KEYS, tmp_path_factory.mktemp("agree") / "out", progress=False)
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    """The same draws for a shorter time, and a liar that hides where it is."""
+    hides = {"horizon": 1.0, "attack": KEYS["attack"] | {"threat": "replaces"}}
+    return jaxnet.run(KEYS | hides, tmp_path_factory.mktemp("hides") / "out", progress=False)
+
+
+@pytest.fixture(scope="module")
+def spreads(results):
+    """The greatest distance of vehicles other than the liar by cell, sample and time, one pair at a time."""
+    places = np.delete(results.trajectories["states"].values, 1, axis=3)
+    pairs_of = itertools.combinations(range(places.shape[3]), 2)
+    return np.max([np.linalg.norm(places[:, :, :, i] - places[:, :, :, j], axis=3) for i, j in pairs_of], 0)
+
+
+def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
+    """Over time and over the tail; a lane is without agreement if its spread over the tail is over τ ā."""
+    assert set(results.errors.data_vars) == {"spread", "disagreement"}
+    np.testing.assert_allclose(results.errors["spread"].values, spreads, rtol=1e-6, atol=1e-12)
+    tail = spreads[:, :, -6:].max(axis=2)
+    rows = results.lanes["spread"].to_numpy().reshape(4, 4)
+    np.testing.assert_allclose(rows, tail, rtol=1e-9, atol=1e-12)
+    over = tail > 0.01 * np.array([[1], [40], [1], [40]])
+    assert results.cells["unrecovered"].to_list() == over.mean(axis=1).tolist()
+    assert 0 < over.mean() < 1
+
+
+def test_the_table_is_about_the_spread(results, monkeypatch):
+    """Columns and notes; what follows from the spread is defined below the table."""
+    monkeypatch.setenv("COLUMNS", "200")
+    text = tables.summary_text(results)
+    assert not OF_A_NAVIGATOR.search(text)
+    titles = [each.title for each in columns.summary_columns(results)]
+    for words in ("without agreement [%]", "spread, mean [m]", "spread, worst [m]", "outside, worst [m]"):
+        assert words in titles
+    assert "without agreement (unrecovered): spread over the tail > 0.01\N{NO-BREAK SPACE}ā" in text
+    assert "spread: greatest distance of two vehicles that are not attacked, over the tail" in text
+    assert "worst is the greatest of the lanes simulated" in text
+
+
+def words_of(figure):
+    """All that is written in a figure."""
+    return "\n".join(each.get_text() for each in figure.findobj(Text))
+
+
+@pytest.mark.parametrize("name", ["curve", "tails", "bands", "panels", "heat", "heat_worst", "topologies"])
+def test_a_figure_says_nothing_of_errors(results, name):
+    """Neither on an axis nor in a legend or note; the spread, or the share without agreement, is named."""
+    words = words_of(getattr(every.Plots(results), name)())
+    assert not OF_A_NAVIGATOR.search(words)
+    if name != "topologies":
+        assert "spread" in words.lower() or "without agreement" in words
+
+
+def test_figures_draw_the_spread(results, spreads):
+    """The median of the lanes over time, and the greatest spread in metres, in each tile."""
+    figure = every.Plots(results).bands()
+    drawn = [line.get_ydata() for panel in figure.axes for line in panel.lines]
+    medians = np.maximum(np.median(spreads, axis=1), 1e-9)
+    for median in medians:
+        assert any(len(line) == len(median) and np.allclose(line, median, rtol=1e-5) for line in drawn)
+    heat = every.Plots(results).heat_worst()
+    values = heat.axes[0].collections[0].get_array().ravel()
+    np.testing.assert_allclose(sorted(values), sorted(results.cells["spread_max"]), rtol=1e-12)
+
+
+def test_what_needs_a_navigator_is_refused(results):
+    """There is no error to bound or to fit; the message names the figure of the spread."""
+    with pytest.raises(FolderError, match="without a navigator there is no error to fit and no bound"):
+        every.Plots(results).ultimate()
+    with pytest.raises(FolderError, match="`jaxnet figure curve` draws the spread"):
+        results.fit()
+
+
+def test_a_film_has_no_navigator(other):
+    """Distances are from the mean of the vehicles that are not attacked."""
+    lane, graph = trajectory_of(other, 1, 0)
+    film = film_of(lane, other.study.cells[1], graph, headings(lane["states"]))
+    honest = np.delete(lane["states"].values, 1, axis=1)
+    apart = np.linalg.norm(lane["states"].values - honest.mean(axis=1, keepdims=True), axis=2)
+    np.testing.assert_allclose(film.errors, apart, rtol=0, atol=1e-12)
+    told = lane["attack"].values[:, 1]
+    np.testing.assert_array_equal(film.told[:, 0], told)  # of a link that is replaced, the signal alone
+    figure, *_ = film_figure(film, other.study.cells[1], 0)
+    assert not OF_A_NAVIGATOR.search(words_of(figure))
+
+
+def test_a_comparison_is_of_spreads(results, other):
+    """The mean difference of paired lanes."""
+    found = pairs.compare_studies(results, other)
+    apart = (other.lanes["spread"] - results.lanes["spread"]).groupby(results.lanes["cell"]).mean()
+    np.testing.assert_allclose(found.cells["spread_difference"], apart, rtol=1e-12)
+    assert not OF_A_NAVIGATOR.search(comparison.comparison_text(found))
+
+
+def test_check_knows_the_stability_of_a_fleet_whose_liar_is_drawn():
+    """A complete graph of five has the eigenvalues 1 and -1/4: at k0 = 4/5/tick all agree in one step."""
+    drawn = {"kind": "bias", "threat": "replaces", "vehicles": {"random": 1}}
+    text = " ".join(check.check_text(jaxnet.load(KEYS | {"attack": drawn, "topology": "complete"})).split())
+    assert "stable, deviations times 0.0000 at each tick of 0.1 s; that is without the attack" in text
+    assert "none: rows measure the spread of the vehicles that are not attacked" in text
+    assert "error" not in text
+
+
+VISIBLE = """() => {
+  for (const each of document.querySelectorAll("details")) each.remove();
+  const plots = [...document.querySelectorAll(".plot")].filter(plot => plot.data);
+  const hovers = plots.flatMap(plot => plot.data)
+    .flatMap(trace => [trace.name, ...[trace.text ?? []].flat(3)]);
+  const drawn = [...document.querySelectorAll("svg text")].map(each => each.textContent);
+  const named = [...document.querySelectorAll("[aria-label]")].map(each => each.getAttribute("aria-label"));
+  return [document.body.innerText, ...hovers, ...drawn, ...named].join("\\n");
+}"""
+
+
+def test_the_page_says_nothing_of_errors(browser, results):
+    """In no sentence, table, plot or hint; only the setting says that there is no navigator."""
+    path = page.write_page(results)
+    text = path.read_text()
+    assert re.findall(r'<section id="(.*?)"', text) == [
+        "answer", "findings", "run", "summary", "bands", "heat", "lanes", "failed"
+    ]  # fmt: skip
+    assert "<dt>navigator</dt><dd>no navigator</dd>" in section(text, "run")
+    shown = browser.new_page()
+    complaints = []
+    shown.on("pageerror", lambda error: complaints.append(str(error)))
+    shown.goto(path.as_uri())
+    read_through(shown)
+    words = shown.evaluate(VISIBLE)
+    shown.close()
+    assert complaints == []
+    assert "m from the mean" in words
+    assert "Distance of each vehicle from the mean of those not attacked" in words
+    left = words.replace("navigator\nno navigator", "")
+    assert [left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)] == []
