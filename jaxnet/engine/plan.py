@@ -75,3 +75,4 @@ class Outcome(NamedTuple):
     switches: Int[Array, "*lanes"]
     unheard: Int[Array, "*lanes"]  # (vehicle, tick) pairs at which a vehicle kept its drive
     series: dict[str, Any]
+    cut_off: dict[str, Any]  # by column, of vehicles that decisions cut off (`engine.fate`)

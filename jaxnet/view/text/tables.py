@@ -292,7 +292,9 @@ def failures_text(results: Results) -> str:
     count, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
     lines = [
-        f"failed: {lane_title(results, row)}: {row.status}\n  {results.replay_command(row.cell, row.sample)}"
+        f"failed: {lane_title(results, row)}: {row.status}"
+        f"{cut_off_words(getattr(row, 'cut_off', 0), getattr(row, 'cut_off_at', 0.0))}\n"
+        f"  {results.replay_command(row.cell, row.sample)}"
         for row in rows
     ]
     if count > MOST_FAILURES:
@@ -303,6 +305,11 @@ def failures_text(results: Results) -> str:
         if status in FAILURE_REASONS
     ]
     return "\n".join(lines)
+
+
+def cut_off_words(vehicle: int, since: float) -> str:
+    """Return which vehicle was cut off first, and when; "" for number 0, which is none."""
+    return f", vehicle {vehicle} since {since:g} s" if vehicle else ""
 
 
 def lane_title(results: Results, row: LaneRow) -> str:
