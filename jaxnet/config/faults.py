@@ -31,7 +31,7 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield from recovery_faults(study, cells)
     if study.search is not None:
         yield from search_faults(study, study.search)
-    stores = study.save.errors or study.save.trajectories != "none"
+    stores = study.save.errors or study.save.vehicles or study.save.trajectories != "none"
     if stores and "vehicles" not in study.sweep and len({cell.vehicles for cell in cells}) > 1:
         yield Fault(
             ("save", "sweep.topology"), "stores arrays of one size: all networks need as many vehicles"

@@ -5,16 +5,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-Lanes = Int[Array, " lanes"]
-
 
 class Isolation(NamedTuple):
     """Vehicles that decisions have cut off until now."""
 
-    first: Lanes  # lowest number of the vehicles cut off first; 0 for none
+    first: Int[Array, " lanes"]  # lowest number of the vehicles cut off first; 0 for none
     since: Float[Array, " lanes"]  # [s] time of the tick at which they were; not-a-number for none
     ever: Bool[Array, "m lanes"]
-    pairs: Lanes  # (vehicle, tick) pairs
+    pairs: Int[Array, " lanes"]  # (vehicle, tick) pairs
 
 
 def nobody(vehicles: int, lanes: int) -> Isolation:
@@ -34,7 +32,7 @@ def passed(before: Isolation, cut_off: Bool[Array, "m lanes"], time: Float[Array
     )
 
 
-def counted(isolation: Isolation, ticks: Int[Array, ""]) -> dict[str, Float[Array, " lanes"] | Lanes]:
+def isolation_counts(isolation: Isolation, ticks: Int[Array, ""]) -> dict[str, Array]:
     """Return the columns of rows after this number of ticks."""
     vehicles = len(isolation.ever)
     return {

@@ -262,9 +262,9 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
     if batch.lane.vehicle.singular:
         status = fail(status, Status.singular, (gathered["min_speed"] < LEAST_SPEED).any(axis=0))
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    found = metrics.fleet_values(
-        batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
-    )
+    plan, ok = batch.plan, status == Status.ok
+    found = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs, ok)
+    errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
     ticks = clock.outputs * clock.ticks + 1
     return Outcome(
         status,
@@ -272,8 +272,8 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
         motion.steps(fleet.state),
         fleet.switches,
         fleet.unheard,
-        series,
-        fate.counted(fleet.isolation, ticks),
+        series | errors,
+        fate.isolation_counts(fleet.isolation, ticks),
     )
 
 
@@ -367,4 +367,4 @@ def from_queue(
 
     series = metrics.empty_series(plan.save, plan.rows, one)
     outcome, series = work_off(queue, count, plan.chunk, Work(start, advance, under_way, end), series)
-    return outcome._replace(series=series)
+    return outcome._replace(series=outcome.series | series)

@@ -32,6 +32,14 @@ ERRORS = {
         LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
     ),
 }
+VEHICLES = {
+    "tail_mean": Variable(
+        ("cell", "sample", "vehicle"), "float32", "m", "mean of ‖y_i - y_0‖ over the tail", "vehicle_mean"
+    ),
+    "tail_max": Variable(
+        ("cell", "sample", "vehicle"), "float32", "m", "greatest ‖y_i - y_0‖ over the tail", "vehicle_max"
+    ),
+}
 TRAJECTORIES = {
     "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"),
     "inputs": Variable(
@@ -120,6 +128,8 @@ def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
     """Return the variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
+    if save.vehicles:
+        stores["vehicles.zarr"] = dict(VEHICLES)
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
     return stores

@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import pyarrow.dataset as ds
@@ -337,6 +337,17 @@ class Results:
             The study did not save errors.
         """
         return self.arrays("errors.zarr", "save.errors=true")
+
+    @property
+    def vehicles(self) -> "xarray.Dataset":
+        """Mean and greatest error [m] of each vehicle over the tail, over (cell, sample, vehicle).
+
+        Raises
+        ------
+        FolderError
+            The study did not save errors of vehicles.
+        """
+        return self.arrays("vehicles.zarr", "save.vehicles=true")
 
     @property
     def trajectories(self) -> "xarray.Dataset":

@@ -62,7 +62,7 @@ def column_type(study: Config, key: str, label: CellLabel) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-COUNTS = ("steps", "switches", "unheard")
+ROW_COUNTS = ("steps", "switches", "unheard")
 ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, and their types
     "cut_off": pa.int64(),
     "cut_off_at": pa.float64(),
@@ -99,7 +99,7 @@ def outcome_table(
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [status.Status(code).name for code in outcome.status]
     columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
-    columns |= {name: getattr(outcome, name).astype(np.int64) for name in COUNTS}
+    columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
     columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
     return pa.table(columns)
 
@@ -107,7 +107,7 @@ def outcome_table(
 def column_names(cell: Cell, isolation: Sequence[str]) -> list[str]:
     """Return the names of a row file's columns, in order."""
     metrics = [metric.name for metric in cell.scenario.measured()]
-    return ["cell", "sample", *cell.labels, "status", *metrics, *COUNTS, *isolation]
+    return ["cell", "sample", *cell.labels, "status", *metrics, *ROW_COUNTS, *isolation]
 
 
 def row_file(number: int) -> str:

@@ -240,7 +240,8 @@ def written_text(results: Results) -> str:
     """Return the numbers of lanes, and the files that a run wrote."""
     lanes = results.manifest["lanes"]
     names = ["cells.csv", "lanes/"]
-    names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
+    stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
+    names += [name for name in stores if (results.path / name).exists()]
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
         f" wrote {results.path}: {', '.join(names)}" + stop_reason(results)
