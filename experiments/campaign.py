@@ -131,13 +131,14 @@ def compared(results: Results) -> int:
     """How many rows, of some shards, are those of a simulation in this process; raises if one is not."""
     enable()
     config, shards, count = results.study.config, results.shards, 0
-    types = rows.column_types(config, results.study.cells)
+    cells = results.study.cells
+    types, isolation = rows.column_types(config, cells), rows.isolation_columns(cells)
     for number in np.random.default_rng(0).choice(len(shards), AGAIN, replace=False):
         shard = shards[number]
         outcome = batch.simulate(job(shard.cell.scenario, Keyed(config.seed), shard.samples))
         stored = rows.read_rows(results.path / rows.row_file(shard.number))[0].to_pandas()
         pd.testing.assert_frame_equal(
-            rows.outcome_table(shard, outcome, types).to_pandas(), stored, check_exact=True
+            rows.outcome_table(shard, outcome, types, isolation).to_pandas(), stored, check_exact=True
         )
         count += len(stored)
     return count

@@ -19,6 +19,7 @@ import jaxnet
 from jaxnet.runs.cache import enable
 
 BASE = {"horizon": 20.0, "tail": 5.0, "output_step": 0.5, "samples": 16, "engine": "exact"}
+LOSSY = {"loss": {"kind": "bernoulli", "probability": 0.4}}
 TURNING = {"kind": "rotating", "magnitude": 10, "frequency": 0.7}
 DRAWN = {"kind": "rotating", "magnitude": 10, "frequency": {"uniform": [0.3, 3.0]}}
 ANNOUNCED = {"kind": "trusted_trim", "score": "announced"}
@@ -43,6 +44,10 @@ STUDIES: dict[str, dict[str, Any]] = {
     "clipped": {"attack": DRAWN, "defence": {"kind": "clipping"}},
     "freeze": {"attack": {"kind": "freeze", "magnitude": 10, "links": "navigator"}, "topology": "star"},
     "rounds": {"attack": TURNING, "law": {"kind": "rounds", "rounds": 3}, "tick": 0.02, "horizon": 8.0},
+    "lossy": {"attack": TURNING, "channel": LOSSY, "sensing": {"position": 0.1}},
+    "lossy, rounds": {"attack": TURNING, "channel": LOSSY, "law": "rounds", "tick": 0.02, "horizon": 8.0},
+    "lossy, local": {"attack": TURNING, "channel": LOSSY, "law": "local", "defence": "w_msr"},
+    "nonlinear, lossy": {"engine": "nonlinear", "attack": TURNING, "channel": LOSSY},
     "exact 200": {"vehicles": 200, "topology": LATTICE, "attack": {**TURNING, "vehicles": [2, 90]}},
     "nonlinear": {"engine": "nonlinear", "attack": TURNING},
     "nonlinear, car": {
@@ -78,6 +83,14 @@ STUDIES: dict[str, dict[str, Any]] = {
     },
     "failed, steps": {"engine": {"kind": "nonlinear", "max_steps": 25}, "attack": TURNING},
     "stacked": {"engine": "stacked", "attack": TURNING, "horizon": 4.0, "tail": 2.0, "samples": 4},
+    "stacked, lossy": {
+        "engine": "stacked",
+        "attack": TURNING,
+        "channel": LOSSY,
+        "horizon": 4.0,
+        "tail": 2.0,
+        "samples": 4,
+    },
     "stacked, in the field": {
         "engine": "stacked",
         "attack": TURNING,

@@ -39,7 +39,7 @@ KEYS = {
     "vehicles": 3,
     "attack": {"vehicles": [2]},
     "sweep": {"attack.magnitude": [1, 5.5]},
-    "save": {"errors": True, "trajectories": "all"},
+    "save": {"errors": True, "vehicles": True, "trajectories": "all"},
 }
 NOT_HERE = {"heat", "heat_worst", *SEARCH, *SENSITIVITY}  # of two swept keys, other commands
 EDGES = {"kind": "edges"}

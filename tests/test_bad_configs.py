@@ -233,6 +233,12 @@ KINDS = [
     Bad("defence: {trusted: {→1: 2}}", "defence.trusted.1", "must be a list (got 2)"),
     Bad("defence: {→trusted: [1]}", "defence.trusted", "must be none, {vehicle: [sources]}, {share: s} or"),
     Bad("defence: {→tolerance: -1e-9}", "defence.tolerance", "must be at least 0 (got -1e-09)"),
+    Bad(
+        "defence: {→isolated: coast}\n→tick: 0",
+        "defence.isolated|tick",
+        "coast: a vehicle keeps its drive from tick to tick: give a tick, or fail",
+    ),
+    Bad("defence: {→isolated: stay}", "defence.isolated", "must be 'fail' or 'coast' (got \"stay\")"),
     Bad("→engine: flt", "engine|engine.kind", 'exact, nonlinear, stacked, or module:Class (got "flt")'),
     Bad("→engine: exat", "engine|engine.kind", "did you mean 'exact'?"),
     Bad("→engine: flat", "engine|engine.kind", "flat was renamed to exact"),

@@ -229,6 +229,7 @@ def figure_command(
     heat_worst  the greatest error over two swept keys
     ultimate, ultimate_mean              the error over the tail against ā
     tails, bands, panels                 lanes by cell; errors over time; trajectories
+    vehicles                             the error of each vehicle over the tail
     topologies                           graphs with weights and attacked links
     search, search_worst                 of jaxnet search
     sensitivity, sensitivity_unrecovered of jaxnet sensitivity

@@ -310,6 +310,8 @@ def refuse_sweep(
             yield key, "must stand before the dotted keys that set into it"
         if saves and key in ("vehicles", "vehicle", "horizon", "output_step"):
             yield key, "cannot be swept while save stores errors or trajectories"
+        if settled is not None and settled.save.vehicles and key == "vehicles" and not saves:
+            yield key, "cannot be swept while save stores the errors of each vehicle"
         twice = [name for name, times in Counter(value_labels(key, listed)).items() if times > 1]
         if twice:
             remedy = "; give each a label" if key in KINDS else ""

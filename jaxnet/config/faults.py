@@ -31,7 +31,7 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield from recovery_faults(study, cells)
     if study.search is not None:
         yield from search_faults(study, study.search)
-    stores = study.save.errors or study.save.trajectories != "none"
+    stores = study.save.errors or study.save.vehicles or study.save.trajectories != "none"
     if stores and "vehicles" not in study.sweep and len({cell.vehicles for cell in cells}) > 1:
         yield Fault(
             ("save", "sweep.topology"), "stores arrays of one size: all networks need as many vehicles"
@@ -42,7 +42,8 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
 def metric_faults(study: Config) -> Iterator[Fault]:
     """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
     own = [metric.name for metric in study.measured()]
-    names = ["cell", "sample", "status", "steps", "switches", "unheard", *study.sweep, *own]
+    counts = ["steps", "switches", "unheard", "cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"]
+    names = ["cell", "sample", "status", *counts, *study.sweep, *own]
     twice = sorted({name for name in own if names.count(name) > 1})
     odd = [name for name in own if not name.isidentifier()]
     if twice or odd:

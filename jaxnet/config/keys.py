@@ -185,6 +185,9 @@ class Save(Record):
     """Arrays that are stored beside the rows."""
 
     errors: bool = Field(default=False, description="ẽ and ε̃ of every lane over time, in errors.zarr")
+    vehicles: bool = Field(
+        default=False, description="errors of every vehicle of every lane over the tail, in vehicles.zarr"
+    )
     trajectories: Annotated[
         Annotated[Literal["none", "all"], union_member("word")]
         | Annotated[Samples, union_member("samples")]

@@ -74,7 +74,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
         if self.plan.in_field:
             return tick.drive(self.lane, decided, self.plan)
         vectors = tick.attack_vectors(self.lane, decided)
-        return Drive(state.followed.weights, vectors, decided.noise, decided.reception)
+        return Drive(state.followed.weights, vectors, decided.noise, decided.coasting)
 
     def steps(self, state: FollowingState) -> Int[Array, " lanes"]:
         """Return the number of attempts so far."""
@@ -84,7 +84,7 @@ class Following(Motion[FollowingState], Generic[FollowingState]):
 def follow_weights(
     lane: Lane, network: Network, decided: DecisionState, plan: Plan, guesses: bool
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the law with weights and factors, and whether the navigator reaches every vehicle.
+    """Return the law with weights and factors, and the lanes that do not fail as disconnected.
 
     `guesses` says whether the law needs the response for a first guess of the jerk.
     """
@@ -97,9 +97,9 @@ def follow_weights(
     followed = FollowedLaw(drive.weights, factors, None, None)
     if guesses:
         followed = followed._replace(response=response(drive.vectors, followed, network))
-    if drive.reception is None:
+    if drive.coasting is None:
         return followed, residual < CONNECTED
-    return followed, ~tick.cut_off(lane, network, decided, plan)
+    return followed, ~tick.disconnected(lane, network, decided, plan)
 
 
 def response(vectors: Vectors, followed: FollowedLaw, network: Network) -> Vectors:
@@ -123,11 +123,11 @@ def exchanged(
     states: States,
     plan: Plan,
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
-    """Return the law with weights and exchanged jerk, and whether the navigator reaches every vehicle."""
+    """Return the law with weights and exchanged jerk, and the lanes that do not fail as disconnected."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
     told = tick.Told(now.navigator, now.basis, now.path, now.drive)
     jerk = tick.exchange(lane, network, drive, own, told, last)
-    return FollowedLaw(drive.weights, None, jerk, None), ~tick.cut_off(lane, network, decided, plan)
+    return FollowedLaw(drive.weights, None, jerk, None), ~tick.disconnected(lane, network, decided, plan)
 
 
 def law_jerk(
@@ -146,10 +146,10 @@ def law_jerk(
     """
     vectors = tick.attack_vectors(lane, decided)
     if lane.law.local:
-        drive = Drive(followed.weights, vectors, decided.noise, decided.reception, followed.strength)
+        drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, followed.strength)
         return tick.local_demand(lane, network, drive, own, now.navigator, now.basis)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
-    if decided.reception is not None:
-        demand = demand + decided.reception.kept
+    if decided.coasting is not None:
+        demand = demand + decided.coasting.drive
     return network.solver.apply(network.hearing, followed.factors, demand, start)

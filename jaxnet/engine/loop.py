@@ -16,7 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import metrics, tick
+from jaxnet.engine import fate, metrics, tick
+from jaxnet.engine.fate import Isolation
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
 from jaxnet.engine.queue import Places, Work, work_off
@@ -135,6 +136,7 @@ class Fleet(NamedTuple):
     at_tick: LaneFlags
     switches: Int[Array, " lanes"]
     unheard: Int[Array, " lanes"]
+    isolation: Isolation
     status: Code
     stood: LaneFlags  # lanes with a vehicle that was singular at an output time
     gathered: Gathered
@@ -151,6 +153,7 @@ def begin(motion: Motion, batch: Batch, ticks: Ticks) -> Fleet:
         at_tick=jnp.ones(status.shape, bool),
         switches=jnp.zeros_like(status),
         unheard=jnp.zeros_like(status),
+        isolation=fate.nobody(*lane.weights.shape[1:]),
         status=status,
         stood=jnp.zeros(status.shape, bool),
         gathered=metrics.nothing(batch.plan.metrics, lane.initial.shape[1:]),
@@ -183,20 +186,41 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     here = fleet.at_tick & (fleet.status == Status.ok)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
-    last = None if lane.loss is None else last_drive(fleet, motion, lane, first)
+    last = None if before.coasting is None else last_drive(fleet, motion, lane, first)
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
     if not lockstep:
         decided = select(here, decided, fleet.decided)
     lanes, vehicles = tick.changes(decided, fleet.decided, lane)
     switches = fleet.switches + jnp.where(here & ~first, vehicles.sum(axis=0), 0)
     unheard = fleet.unheard
-    if decided.reception is not None:
-        unheard = unheard + jnp.where(here, decided.reception.keeps.sum(axis=0), 0)
+    if decided.coasting is not None:
+        unheard = unheard + jnp.where(here, decided.coasting.vehicles.sum(axis=0), 0)
     at = Tick(here, first, here & (first | lanes), vehicles)
     state, cut_off = motion.hold(fleet.state, decided, at)
     status = fail(fleet.status, Status.disconnected, cut_off)
-    counts = {"switches": switches, "unheard": unheard}
+    alone = isolated(batch, decided, here, cut_off)
+    isolation = fleet.isolation if alone is None else fate.passed(fleet.isolation, alone, time)
+    counts = {"switches": switches, "unheard": unheard, "isolation": isolation}
     return fleet._replace(state=state, decided=decided, status=status, **counts)
+
+
+def isolated(
+    batch: Batch, decided: DecisionState, here: LaneFlags, failing: LaneFlags
+) -> VehicleFlags | None:
+    """Return the vehicles that decisions cut off at this tick; None where decisions never do.
+
+    `failing` are the lanes that fail for it, in which the vehicles are sought only now.
+    """
+    lane, network, plan = batch.lane, batch.network, batch.plan
+    if lane.law.local or not plan.decides:
+        return None
+    if tick.coasts(lane) and decided.coasting is not None:
+        return decided.coasting.cut_off & here[None]
+
+    def seek(_: VehicleFlags) -> VehicleFlags:
+        return tick.cut_off(lane, network, decided, plan) & (failing & here)[None]
+
+    return run_if((failing & here).any(), seek, jnp.zeros(lane.weights.shape[1:], bool))
 
 
 def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Float[Array, "2 m lanes"]:
@@ -245,10 +269,19 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
     clock, gathered = batch.clock, fleet.gathered
     status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    found = metrics.fleet_values(
-        batch.plan.metrics, gathered, clock.outputs, clock.tail_outputs, status == Status.ok
+    plan, ok = batch.plan, status == Status.ok
+    found = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs, ok)
+    errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
+    ticks = clock.outputs * clock.ticks + 1
+    return Outcome(
+        status,
+        found,
+        motion.steps(fleet.state),
+        fleet.switches,
+        fleet.unheard,
+        series | errors,
+        fate.isolation_counts(fleet.isolation, ticks),
     )
-    return Outcome(status, found, motion.steps(fleet.state), fleet.switches, fleet.unheard, series)
 
 
 def in_lockstep(
@@ -343,4 +376,4 @@ def from_queue(
 
     series = metrics.empty_series(plan.save, plan.rows, one)
     outcome, series = work_off(queue, count, plan.chunk, Work(start, advance, under_way, end), series)
-    return outcome._replace(series=series)
+    return outcome._replace(series=outcome.series | series)

@@ -102,14 +102,18 @@ SERIES: dict[str, Callable[[Observation], Float[Array, "..."]]] = {
 }
 
 
+# Errors of each vehicle over the tail that can be saved, and the metric of the contract that gathers them.
+VEHICLE_ERRORS = {"vehicle_mean": "tail_mean", "vehicle_max": "tail_max"}
+
+
 def series(save: Sequence[str], seen: Observation) -> Series:
     """Return the saved arrays of an observation, by name, lanes last."""
-    return {name: SERIES[name](seen) for name in save}
+    return {name: SERIES[name](seen) for name in save if name in SERIES}
 
 
 def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]) -> Series:
     """Return stacks of the saved arrays over `rows` output times, filled with not-a-number."""
-    if not save:
+    if not any(name in SERIES for name in save):
         return {}  # tracing an observation for nothing takes a tenth of all tracing
     shapes = jax.eval_shape(lambda: series(save, seen()))
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
@@ -205,4 +209,16 @@ def fleet_values(
         value = OVER_VEHICLES[metric.vehicles](gathered[metric.name], axis=0)
         value = value / times[metric.over].astype(float) if metric.time == "mean" else value
         found[metric.name] = jnp.where(ok, value, jnp.nan)
+    return found
+
+
+def vehicle_errors(
+    save: Sequence[str], gathered: Gathered, tail_outputs: Int[Array, ""], ok: Bool[Array, "*lanes"]
+) -> Series:
+    """Return the saved errors of each vehicle over the tail [m], (m, lanes); not-a-number in failed lanes."""
+    found = {}
+    for name, metric in VEHICLE_ERRORS.items():
+        if name in save:
+            times = tail_outputs.astype(float) if name == "vehicle_mean" else 1.0
+            found[name] = jnp.where(ok, gathered[metric] / times, jnp.nan)
     return found

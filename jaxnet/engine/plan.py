@@ -21,7 +21,7 @@ class Plan(NamedTuple):
     strategic: bool = False  # whether attackers choose their vectors at ticks
     consistent: bool = True  # whether an attack's signals come with their true derivatives
     in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
-    save: tuple[str, ...] = ()  # names in `metrics.SERIES` of arrays stacked over output times
+    save: tuple[str, ...] = ()  # names in `metrics.SERIES` and `metrics.VEHICLE_ERRORS`
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved
     chunk: int = 0  # lanes side by side
 
@@ -67,7 +67,10 @@ class Inputs(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Results of lanes; `series` have a first axis over output times, t = 0 included."""
+    """Results of lanes; `series` have a first axis over output times, t = 0 included.
+
+    The errors of each vehicle over the tail, among the series, have no such axis.
+    """
 
     status: Code
     metrics: dict[str, Float[Array, "*lanes"]]
@@ -75,3 +78,4 @@ class Outcome(NamedTuple):
     switches: Int[Array, "*lanes"]
     unheard: Int[Array, "*lanes"]  # (vehicle, tick) pairs at which a vehicle kept its drive
     series: dict[str, Any]
+    cut_off: dict[str, Any]  # by column, of vehicles that decisions cut off (`engine.fate`)

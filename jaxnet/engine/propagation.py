@@ -136,7 +136,7 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        if lane.sensor is not None or lane.loss is not None:
+        if lane.sensor is not None or lane.loss is not None or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
 
     def begin(self) -> PropagationState:
@@ -244,7 +244,7 @@ class Held(Propagation):
         jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,
-            lambda _: tick.cut_off(lane, network, decided, plan),
+            lambda _: tick.disconnected(lane, network, decided, plan),
             jnp.zeros_like(at.here),
         )
         return state._replace(vectors=jerk[:, :, None]), cut_off

@@ -32,7 +32,7 @@ def solve_response(
     vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
     vectors, sensors with errors and lost messages change more rows at every tick.
     """
-    decision, rows_change = decided.decision, decided.noise is not None or decided.reception is not None
+    decision, rows_change = decided.decision, decided.noise is not None or decided.coasting is not None
     if decision is not None and decision.dtype == bool and not (plan.strategic or rows_change):
         decision = decision.reshape(-1, *lane.weights.shape)
         system = System(network.hearing, lane.weights, decision, lane.vectors)
@@ -43,10 +43,10 @@ def solve_response(
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
         new, residual = response_vectors(drive, network)
-        if drive.reception is None:
+        if drive.coasting is None:
             cut = ~(residual < CONNECTED)
         else:
-            cut = tick.cut_off(part, network, chosen, plan)
+            cut = tick.disconnected(part, network, chosen, plan)
         return put(response, few, new), put(cut_off, few, cut)
 
     return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
@@ -55,7 +55,7 @@ def solve_response(
 def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where vehicles sense with errors or messages are lost, the vectors of three more functions follow
+    Where vehicles sense with errors or may keep their drive, the vectors of three more functions follow
     (`signal.WithNavigator`).
     """
     weights, vectors = drive.weights, drive.vectors
@@ -70,9 +70,9 @@ def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
 
 def kept_columns(drive: Drive) -> list[Float[Array, "2 m few"]]:
     """Return the right-hand sides of kept drives: `x_i = z_i - R(y_0)` for a vehicle that keeps z_i."""
-    if drive.reception is None:
+    if drive.coasting is None:
         nothing = jnp.zeros((2, *drive.weights.shape[2:]))
         return [] if drive.noise is None else [nothing] * 3
-    navigator = -drive.reception.keeps.astype(float)
+    navigator = -drive.coasting.vehicles.astype(float)
     nothing = jnp.zeros_like(navigator)
-    return [drive.reception.kept, jnp.stack([navigator, nothing]), jnp.stack([nothing, navigator])]
+    return [drive.coasting.drive, jnp.stack([navigator, nothing]), jnp.stack([nothing, navigator])]

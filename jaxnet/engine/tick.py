@@ -8,7 +8,8 @@
     drive    the weights, the attacks' vectors, the errors and the kept drives, until the next tick
 
 A vehicle that hears nobody keeps its last drive `z = y‴ + P(ŷ)`, where ŷ is what it senses. So does a group
-of vehicles that hear only each other: the law has no solution for such a group.
+of vehicles that hear only each other: the law has no solution for such a group. If decisions alone cut a
+vehicle off from the navigator, its lane fails, or the vehicle coasts: it keeps its last drive too.
 
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
@@ -42,12 +43,18 @@ VehicleFlags = Bool[Array, "m lanes"]
 
 
 class Reception(NamedTuple):
-    """Messages that arrived at a tick, and the vehicles that keep their drive because too few did."""
+    """Messages that arrived at a tick."""
 
     arrived: Bool[Array, "slots m lanes"]
     memory: Memory  # of the loss
-    keeps: VehicleFlags
-    kept: PerAxis  # the drive z that they keep [m/s³]; 0 for other vehicles
+
+
+class Coasting(NamedTuple):
+    """Vehicles that keep their last drive until the next tick."""
+
+    vehicles: VehicleFlags
+    drive: PerAxis  # the drive z that they keep [m/s³]; 0 for other vehicles
+    cut_off: VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
 
 
 class DecisionState(NamedTuple):
@@ -59,6 +66,7 @@ class DecisionState(NamedTuple):
     attacker_memory: Memory  # of strategic attackers
     noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
     reception: Reception | None = None  # None where every message arrives
+    coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
 
 
 class Drive(NamedTuple):
@@ -67,7 +75,7 @@ class Drive(NamedTuple):
     weights: AxisWeights  # in force; 0 for a vehicle that keeps its drive
     vectors: Vectors  # of the attacks [m]
     noise: Jets | None  # errors of the sensed jets
-    reception: Reception | None
+    coasting: Coasting | None
     strength: Float[Array, "axes m lanes"] | None = None  # of the rows of weights; None where it is 1
 
 
@@ -151,10 +159,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
-    reception = first_reception(lane, network, errors, time)
+    channel = first_reception(lane, network, errors, time), first_coasting(lane)
     if not plan.strategic:
-        return DecisionState(decision, memory, None, None, noise, reception)
-    state = DecisionState(decision, memory, lane.vectors, None, noise, reception)
+        return DecisionState(decision, memory, None, None, noise, *channel)
+    state = DecisionState(decision, memory, lane.vectors, None, noise, *channel)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -180,8 +188,20 @@ def first_reception(lane: Lane, network: Network, errors: Jets, time: Instants) 
     if lane.loss is None:
         return None
     messages = messages_of(lane, network, errors, time)
-    nobody, zero = jnp.zeros(lane.weights.shape[1:], bool), jnp.zeros_like(errors[0])
-    return Reception(messages.present, lane.loss.start(messages), nobody, zero)
+    return Reception(messages.present, lane.loss.start(messages))
+
+
+def first_coasting(lane: Lane) -> Coasting | None:
+    """Return that no vehicle coasts before the first tick, None where no vehicle ever does."""
+    if lane.loss is None and not coasts(lane):
+        return None
+    nobody = jnp.zeros(lane.weights.shape[1:], bool)
+    return Coasting(nobody, jnp.zeros_like(lane.initial[:2]), nobody)
+
+
+def coasts(lane: Lane) -> bool:
+    """Return whether vehicles that decisions cut off keep their drive; under a local law they have none."""
+    return lane.defence.coasts() and not lane.law.local
 
 
 def decide(
@@ -196,7 +216,7 @@ def decide(
 ) -> DecisionState:
     """Pass one tick: return the decisions for errors E, where the attacks' functions are `basis`.
 
-    `drive` is the drive z of each vehicle until now, needed where messages are lost.
+    `drive` is the drive z of each vehicle until now, needed where vehicles may keep it.
     """
     state = before._replace(noise=sense(lane, time))
     if plan.strategic:
@@ -205,7 +225,7 @@ def decide(
         state = state._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
     state = state._replace(reception=channel(lane, network, state.reception, errors, time))
     state = judge(lane, network, plan, state, errors, basis, time)
-    return keep_drive(lane, network, plan, state, before.reception, drive)
+    return state._replace(coasting=keep_drive(lane, network, plan, state, drive))
 
 
 def sense(lane: Lane, time: Instants) -> Jets | None:
@@ -244,28 +264,28 @@ def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> M
 
 
 def keep_drive(
-    lane: Lane,
-    network: Network,
-    plan: Plan,
-    state: DecisionState,
-    before: Reception | None,
-    drive: PerAxis | None,
-) -> DecisionState:
-    """Return the state with the vehicles that keep their drive: those that no believed message reaches.
+    lane: Lane, network: Network, plan: Plan, state: DecisionState, drive: PerAxis | None
+) -> Coasting | None:
+    """Return the vehicles that keep their drive: those that no believed message reaches.
 
-    A vehicle that kept its drive at the tick before still keeps the same one. Under a local law, a vehicle
-    that hears nobody has no drive, and others need no word from the navigator.
+    `state` has the decisions of this tick, and the vehicles that kept their drive at the tick before. A
+    vehicle that still keeps its drive keeps the same one. Under a local law, a vehicle that hears nobody has
+    no drive, and others need no word from the navigator.
     """
-    reception = state.reception
-    if reception is None or before is None or drive is None:
-        return state
-    heard = (weights_without_loss(lane, state, plan) > 0) & reception.arrived[None]
-    nobody = ~heard.any(axis=1)
-    if lane.law.local:
-        return state._replace(reception=reception._replace(keeps=nobody.any(axis=0)))
-    keeps = (nobody | ~network.hearing.reached(heard, nobody)).any(axis=0)
-    kept = jnp.where(keeps[None], jnp.where(before.keeps[None], before.kept, drive), 0.0)
-    return state._replace(reception=reception._replace(keeps=keeps, kept=kept))
+    before = state.coasting
+    if before is None or drive is None:
+        return before
+    off = cut_off(lane, network, state, plan) if coasts(lane) else jnp.zeros_like(before.cut_off)
+    keeps = off
+    if state.reception is not None:
+        heard = (weights_without_loss(lane, state, plan) > 0) & state.reception.arrived[None]
+        nobody = ~heard.any(axis=1)
+        if lane.law.local:
+            return before._replace(vehicles=nobody.any(axis=0))
+        alone = nobody | off[None]
+        keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
+    kept = jnp.where(keeps[None], jnp.where(before.vehicles[None], before.drive, drive), 0.0)
+    return Coasting(keeps, kept, off)
 
 
 def tell(errors: Jets) -> Sent:
@@ -326,7 +346,7 @@ def arrived_weights(lane: Lane, reception: Reception | None) -> Float[Array, "sl
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
-    return Drive(weights, vectors, state.noise, state.reception, row_strength(lane, state, plan))
+    return Drive(weights, vectors, state.noise, state.coasting, row_strength(lane, state, plan))
 
 
 def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
@@ -350,7 +370,8 @@ def sight(
     def in_force(vectors: Vectors) -> AxisWeights:
         chosen = state._replace(vectors=bounded(vectors, lane), reception=None)
         judged = judge(lane, network, plan, chosen, errors, basis, time)
-        return weights_in_force(lane, judged, plan)
+        kept = keep_drive(lane, network, plan, judged, jnp.zeros_like(errors[0])) if coasts(lane) else None
+        return weights_in_force(lane, judged._replace(coasting=kept), plan)
 
     heard, decision = network.hearing, state.decision
     if decision is None:
@@ -406,12 +427,15 @@ def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
 
 
 def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
-    """Return the weights until the next tick, of messages that arrived and that vehicles retain."""
-    weights, reception = weights_without_loss(lane, state, plan), state.reception
-    if reception is None:
-        return weights
-    arrived = jnp.where(reception.arrived[None], weights, 0.0)
-    return jnp.where(reception.keeps[None, None], 0.0, arrived / arrived.sum(axis=1, keepdims=True))
+    """Return the weights until the next tick, of messages that arrived and that vehicles retain.
+
+    They are 0 for a vehicle that keeps its drive.
+    """
+    weights, coasting = weights_without_loss(lane, state, plan), state.coasting
+    if state.reception is not None:
+        arrived = jnp.where(state.reception.arrived[None], weights, 0.0)
+        weights = arrived / arrived.sum(axis=1, keepdims=True)
+    return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
 
 
 def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
@@ -428,14 +452,20 @@ def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWe
     return jnp.where(believed.any(axis=1, keepdims=True), weights, 0.0)
 
 
-def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
-    """Return the lanes in which decisions alone, without any loss, cut a vehicle off from the navigator.
+def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> VehicleFlags:
+    """Return the vehicles that decisions alone, without any loss, cut off from the navigator."""
+    weights = weights_without_loss(lane, state, plan)
+    return ~network.hearing.reached(weights > 0, (weights == 0).all(axis=1)).all(axis=0)
 
-    A local law, which has a solution all the same, has no such lanes.
+
+def disconnected(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
+    """Return the lanes that fail because decisions alone cut a vehicle off from the navigator.
+
+    No lane fails where such vehicles coast, or under a local law, which has a solution all the same.
     """
-    if lane.law.local:
+    if lane.law.local or coasts(lane):
         return jnp.zeros(lane.attack_scale.shape, bool)
-    return ~network.hearing.all_reached(weights_without_loss(lane, state, plan))
+    return cut_off(lane, network, state, plan).any(axis=0)
 
 
 def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[LaneFlags, VehicleFlags]:
@@ -482,8 +512,8 @@ def exchange(
     else:
         attack = signal.combined(drive.vectors, told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
-    if drive.reception is not None and not lane.law.local:
-        demand = jnp.where(drive.reception.keeps[None], last, demand)
+    if drive.coasting is not None and not lane.law.local:
+        demand = jnp.where(drive.coasting.vehicles[None], last, demand)
 
     def heard(jerk: PerAxis) -> PerAxis:
         sources = jnp.concatenate([jnp.zeros_like(jerk[:, :1]), jerk], axis=1)

@@ -29,8 +29,8 @@ from jaxnet.solvers.choice import choose_solver
 def job(scenario: Scenario, source: Source, samples: Sequence[int], save: tuple[str, ...] = ()) -> Job:
     """Return the lanes of one cell.
 
-    `save` names the series to save, of `metrics.SERIES`. The numbers have double precision, whatever the
-    default of the process is.
+    `save` names the series to save, of `metrics.SERIES` and `metrics.VEHICLE_ERRORS`. The numbers have double
+    precision, whatever the default of the process is.
     """
     with jax.enable_x64(True):
         return build_job(scenario, Draw(source, samples, scenario.vehicles), save)

@@ -41,7 +41,8 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
     for name, content in lane_store.files_of(variables, chosen, sample, outcome.series).items():
         results.folder.put(f"{store}/{name}", lambda file, content=content: file.write(content))
     types = rows.column_types(study.config, study.cells)
-    row = rows.outcome_table(Shard(0, chosen, range(sample, sample + 1)), outcome, types)
+    isolation = rows.isolation_columns(study.cells)
+    row = rows.outcome_table(Shard(0, chosen, range(sample, sample + 1)), outcome, types, isolation)
     return results.folder.path / store, row.to_pandas().iloc[0]
 
 

@@ -142,6 +142,7 @@ class Run:
             self.study,
             self.size,
             rows.column_types(self.study, self.cells),
+            rows.isolation_columns(self.cells),
             layout.filled_stores(self.cells, self.study.save),
             filled,
             self.modules,

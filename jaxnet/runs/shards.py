@@ -49,6 +49,7 @@ class Assignment(NamedTuple):
     config: Config  # of the study
     size: int  # samples of a whole shard
     types: dict[str, pa.DataType]  # of the swept keys' columns
+    isolation: list[str]  # columns on vehicles that decisions cut off
     stores: dict[str, dict[str, Variable]]  # variables to be stored over time, by the stores' names
     filled: dict[str, str] | None  # identities of those stores; None: arrays are put beside the rows
     modules: dict[str, Provenance]  # that kinds from outside came from
@@ -106,7 +107,8 @@ def simulate_shards(
             checksums = write_beside(work, shard, values)
         else:
             checksums = write_arrays(work, shard, values, stores)
-        table, stamp = rows.outcome_table(shard, outcome, work.types), work.stamp(shard, checksums)
+        table = rows.outcome_table(shard, outcome, work.types, work.isolation)
+        stamp = work.stamp(shard, checksums)
         if before := shard.samples.start - work.first(shard):
             there, _ = rows.read_rows(work.folder.path / rows.row_file(shard.number))
             table = pa.concat_tables([there.slice(0, before), table])
@@ -188,7 +190,7 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
         table, stamp = rows.read_rows(path)
         if stamp._replace(filled={}, checksums={}) != work.stamp(shard, {})._replace(filled={}):
             raise TornError("holds lanes of another study or version, or is parted otherwise")
-        if table.column_names != rows.column_names(shard.cell):
+        if table.column_names != rows.column_names(shard.cell, work.isolation):
             raise TornError("has other columns")
         table = table.slice(0, work.rows_of(shard))
         if not has_arrays(work, shard, table, stamp):

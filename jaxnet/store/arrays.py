@@ -1,4 +1,4 @@
-"""`errors.zarr` and `trajectories.zarr`: labelled arrays over (cell, sample, time, …), readable by xarray.
+"""`errors.zarr`, `vehicles.zarr`, `trajectories.zarr`: labelled arrays over (cell, sample, …), for xarray.
 
 A chunk belongs to one cell and one shard, so a write replaces whole chunks and touches no other shard. Each
 chunk ends with its checksum. The shard's row file has a copy of the checksum, which reveals a foreign chunk.

@@ -38,6 +38,7 @@ OURS = (
     "sensitivity.csv",
     "lanes",
     "errors.zarr",
+    "vehicles.zarr",
     "trajectories.zarr",
     "replays",
     "rare.csv",

@@ -35,6 +35,14 @@ ERRORS = {
 SPREAD_OVER_TIME = Variable(
     LANE_TIME, "float32", "m", "max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread"
 )
+VEHICLES = {
+    "tail_mean": Variable(
+        ("cell", "sample", "vehicle"), "float32", "m", "mean of ‖y_i - y_0‖ over the tail", "vehicle_mean"
+    ),
+    "tail_max": Variable(
+        ("cell", "sample", "vehicle"), "float32", "m", "greatest ‖y_i - y_0‖ over the tail", "vehicle_max"
+    ),
+}
 TRAJECTORIES = {
     "states": Variable((*LANE_TIME, "vehicle", "state"), "float64", "", "states of the vehicles", "state"),
     "inputs": Variable(
@@ -123,6 +131,8 @@ def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:
 def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str, Variable]]:
     """Return the variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": error_variables(cells)} if save.errors else {}
+    if save.vehicles:
+        stores["vehicles.zarr"] = dict(VEHICLES)
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
     return stores

@@ -23,7 +23,7 @@ LONGEST_NAME = 63  # letters of a name
 RESERVED = {"case", "catch", "end", "function", "otherwise", "parfor", "persistent", "spmd", "switch"}
 StructField = TypeVar("StructField")
 Struct = dict[str, np.ndarray | dict[str, np.ndarray]]  # a structure of MATLAB
-STORES = ("errors", "trajectories")
+STORES = ("errors", "vehicles", "trajectories")
 
 
 def write_mat(results: Results, out: str | Path | UPath | None = None) -> UPath:

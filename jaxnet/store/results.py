@@ -6,7 +6,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, SupportsInt
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import pyarrow.dataset as ds
@@ -168,7 +168,7 @@ class Results:
         """
         wanted = getattr(cells, "tolist", lambda: cells)()  # for `in` a Series holds its labels
         shards = [shard for shard in self.shards if wanted is None or shard.cell.number in wanted]
-        yield from rows.scan_cells(Folder(self.path), shards, columns, where)
+        yield from rows.scan_cells(Folder(self.path), shards, columns or None, where)
 
     def failed(self, most: int) -> tuple[int, pd.DataFrame]:
         """Count the failed lanes.
@@ -181,13 +181,17 @@ class Results:
         Returns
         -------
         tuple[int, pd.DataFrame]
-            The number of failed lanes, and cell, sample and status of the first `most` of them.
+            The number of failed lanes, and cell, sample and status of the first `most` of them. Where a
+            lane is disconnected, also `cut_off` and `cut_off_at` [s], who was cut off first and when.
         """
         empty = pd.DataFrame({"cell": [], "sample": [], "status": []})
         if not self.manifest["lanes"]["failed"]:
             return 0, empty
-        found = [lanes for _, lanes in self.by_cell("sample", "status", where=~rows.OK)]
-        return sum(map(len, found)), pd.concat(found, ignore_index=True).head(most)
+        failed: Any = pd.concat([lanes for _, lanes in self.by_cell(where=~rows.OK)], ignore_index=True)
+        wanted = ["cell", "sample", "status"]
+        if (failed["status"] == "disconnected").any():
+            wanted += [name for name in ("cut_off", "cut_off_at") if name in failed]
+        return len(failed), failed[wanted].head(most)
 
     def row(self, cell: SupportsInt, sample: SupportsInt) -> pd.Series | None:
         """Read the row of one lane.
@@ -333,6 +337,17 @@ class Results:
             The study did not save errors.
         """
         return self.arrays("errors.zarr", "save.errors=true")
+
+    @property
+    def vehicles(self) -> "xarray.Dataset":
+        """Mean and greatest error [m] of each vehicle over the tail, over (cell, sample, vehicle).
+
+        Raises
+        ------
+        FolderError
+            The study did not save errors of vehicles.
+        """
+        return self.arrays("vehicles.zarr", "save.vehicles=true")
 
     @property
     def trajectories(self) -> "xarray.Dataset":

@@ -62,8 +62,34 @@ def column_type(study: Config, key: str, label: CellLabel) -> pa.DataType:
     return pa.int64() if whole else pa.float64()
 
 
-def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType]) -> pa.Table:
-    """Return the rows of a shard's lanes, with columns in the documented order."""
+ROW_COUNTS = ("steps", "switches", "unheard")
+ISOLATION = {  # columns on vehicles that decisions cut off from the navigator, and their types
+    "cut_off": pa.int64(),
+    "cut_off_at": pa.float64(),
+    "cut_off_vehicles": pa.int64(),
+    "cut_off_share": pa.float64(),
+}
+
+
+def isolation_columns(cells: Sequence[Cell]) -> list[str]:
+    """Return the columns of a study on vehicles that decisions cut off, equal in every shard.
+
+    A study whose defences cannot cut a vehicle off has none. Where they can, the columns tell who and since
+    when; where such vehicles coast, also how many and for how long.
+    """
+    defences = [cell.scenario.defence for cell in cells if not cell.scenario.law.local]
+    if any(defence.coasts() for defence in defences):
+        return list(ISOLATION)
+    return ["cut_off", "cut_off_at"] if any(defence.decides for defence in defences) else []
+
+
+def outcome_table(
+    shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataType], isolation: Sequence[str]
+) -> pa.Table:
+    """Return the rows of a shard's lanes, with columns in the documented order.
+
+    `isolation` are the study's columns on vehicles that decisions cut off.
+    """
     count = len(shard.samples)
     columns: dict[str, pa.Array | np.ndarray | list[str]] = {
         "cell": np.full(count, shard.cell.number, dtype=np.int64),
@@ -73,18 +99,15 @@ def outcome_table(shard: Shard, outcome: "Outcome", types: Mapping[str, pa.DataT
         columns[key] = pa.array([label] * count, type=types[key])
     columns["status"] = [status.Status(code).name for code in outcome.status]
     columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
-    columns |= {
-        "steps": outcome.steps.astype(np.int64),
-        "switches": outcome.switches.astype(np.int64),
-        "unheard": outcome.unheard.astype(np.int64),
-    }
+    columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
+    columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
     return pa.table(columns)
 
 
-def column_names(cell: Cell) -> list[str]:
+def column_names(cell: Cell, isolation: Sequence[str]) -> list[str]:
     """Return the names of a row file's columns, in order."""
     metrics = [metric.name for metric in cell.scenario.measured()]
-    return ["cell", "sample", *cell.labels, "status", *metrics, "steps", "switches", "unheard"]
+    return ["cell", "sample", *cell.labels, "status", *metrics, *ROW_COUNTS, *isolation]
 
 
 def row_file(number: int) -> str:

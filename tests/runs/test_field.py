@@ -39,6 +39,8 @@ def test_what_has_no_field_is_refused():
         jaxnet.field(RING, sample=-1)
     with pytest.raises(ValueError, match="w_msr decides at ticks only"):
         jaxnet.field({**RING, "defence": "w_msr"})
+    with pytest.raises(ValueError, match="trusted_trim has isolated: coast"):
+        jaxnet.field({**RING, "defence": {"isolated": "coast"}})
     with pytest.raises(ValueError, match=r"solved at every instant \(got rounds\)"):
         jaxnet.field({**RING, "law": "rounds"})
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="'jax_enable_x64', True"):

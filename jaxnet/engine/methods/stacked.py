@@ -139,8 +139,8 @@ class ByDiffrax(Motion[StackedState]):
         return state.steps
 
     def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
-        """Return the state unchanged, and the lanes in which a vehicle is cut off."""
-        if self.lane.law.local:
+        """Return the state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
+        if self.lane.law.local or tick.coasts(self.lane):
             return state, jnp.zeros_like(at.here)
         weights = tick.weights_without_loss(self.lane, decided, self.plan)
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)
@@ -155,7 +155,7 @@ class ByDiffrax(Motion[StackedState]):
     def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
         """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
         drive = self.drive(state, decided)
-        kept = None if drive.reception is None else drive.reception.kept
+        kept = None if drive.coasting is None else drive.coasting.drive
         return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, kept, drive.strength)
 
     def advance(

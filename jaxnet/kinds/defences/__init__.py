@@ -93,6 +93,10 @@ class AnyDefence(DrawsAtTicks):
         """Return whether the defence has a memory, so that it cannot decide at every instant (`tick: 0`)."""
         return True
 
+    def coasts(self) -> bool:
+        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
+        return False
+
     def trusts(self, graph: Digraph) -> Links:
         """Return the trusted links of a graph: by default all links from the navigator."""
         return trusted_links(graph, {})
@@ -271,6 +275,16 @@ class Defence(AnyDefence):
         " tick its own; as many m/s and m/s² of velocities and accelerations, and m/s³ of what vehicles"
         " announce; the law uses what is received without it",
     )
+    isolated: Literal["fail", "coast"] = Field(
+        default="fail",
+        description="where decisions cut a vehicle off from the navigator: fail, its lane fails; coast, the"
+        " vehicle keeps its last drive until a believed path reaches it again; under law: local, a vehicle"
+        " that retains nobody has q = 0 with either",
+    )
+
+    def coasts(self) -> bool:
+        """Return whether vehicles that decisions cut off from the navigator keep their last drive."""
+        return self.isolated == "coast"
 
     def draws(self) -> bool:
         """Return whether the rule has noise."""
@@ -311,6 +325,9 @@ class Defence(AnyDefence):
             yield Fault(("defence.trusted", "topology"), message)
         if (self.needs_ticks() or self.draws()) and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")
+        elif self.coasts() and scenario.tick == 0:
+            message = "coast: a vehicle keeps its drive from tick to tick: give a tick, or fail"
+            yield Fault(("defence.isolated", "tick"), message)
 
 
 class Sparing(Defence):

@@ -15,8 +15,8 @@ class LocalLaw(Law):
 
     q is the derivative of the vehicles' order r. No neighbour tells its q, so a fleet lags behind a navigator
     that moves. A vehicle that hears or retains nobody has q = 0: an agent of order 1 stands still, one of
-    order 2 keeps its velocity. No lane fails as disconnected. Single integrators with the gain k0 = 1/tick
-    that hold q step by `x ← W x`, with W the weights in force.
+    order 2 keeps its velocity. No lane fails as disconnected, whatever the defence's `isolated` is. Single
+    integrators with the gain k0 = 1/tick that hold q step by `x ← W x`, with W the weights in force.
 
     Source: Olfati-Saber, Fax and Murray, Consensus and cooperation in networked multi-agent systems, 2007.
     """

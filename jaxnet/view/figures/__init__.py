@@ -10,6 +10,7 @@ FIGURE_NAMES = (
     "tails",
     "panels",
     "bands",
+    "vehicles",
     *HEAT,
     *ULTIMATE,
     *SEARCH,

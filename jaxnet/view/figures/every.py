@@ -21,6 +21,7 @@ from jaxnet.statistics.fits import NO_ULTIMATE_ERROR
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.statistics.tiles import tile_table, tiling
+from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
 from jaxnet.store.results import Results, read_table
@@ -38,6 +39,7 @@ from jaxnet.view.figures import (
     tails,
     topology,
     ultimate,
+    vehicles,
 )
 from jaxnet.view.figures.style import Figure
 from jaxnet.view.text import worst
@@ -124,6 +126,17 @@ class Plots:
             raise lacking_error(self.results, "errors.zarr", "save.errors=true")
         cells, width = cells_and_width(self.results, where, column)
         return bands.bands_figure(cells, all_bands(self.results, cells), width)
+
+    @styled
+    def vehicles(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
+        """Draw the mean error of each vehicle over the tail: median, 5 to 95 % and maximum over the lanes."""
+        if not has_store(self.results, "vehicles"):
+            raise lacking_error(self.results, "vehicles.zarr", "save.vehicles=true")
+        cells, width = cells_and_width(self.results, where, column)
+        found = vehicle_table(self.results, cells)
+        if found.empty:
+            raise LackingError(f"{self.results.place}: no lane of these cells came to its end")
+        return vehicles.vehicles_figure(found, cells, self.results.study.config.recovery, width)
 
     @styled
     def curve(

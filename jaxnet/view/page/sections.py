@@ -27,6 +27,7 @@ from jaxnet.statistics.limits import unchecked_words
 from jaxnet.statistics.quantities import asked_quantity, quantity_of
 from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tiling
+from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.looking import MissingKindError, known_or
 from jaxnet.store.results import Results, read_table
 from jaxnet.view import columns
@@ -67,6 +68,7 @@ def page_sections(results: Results) -> list[Section]:
         lambda: summary_section(results),
         lambda: None if alone else ultimate_section(results, found),
         lambda: bands_section(results),
+        lambda: vehicles_section(results),
         lambda: heat_section(results),
         lambda: search_section(results),
         lambda: lanes_section(results),
@@ -218,6 +220,23 @@ def bands_section(results: Results) -> Section | None:
         name, what = "Spread over time", "Greatest distance of two vehicles that are not attacked over time"
     note = f"<p>{what}; {below}</p>"
     return Section("bands", name, note + PLOT_PLACE, plots.bands_data(results.study.cells, found))
+
+
+def vehicles_section(results: Results) -> Section | None:
+    """Return the table of vehicles and their errors, or None if errors of vehicles are not stored."""
+    if not (results.path / "vehicles.zarr").exists():
+        return None
+    found = vehicle_table(results, results.study.cells)
+    if found.empty:
+        return None
+    shown = found.sort_values("median", ascending=False, kind="stable").head(MOST_LISTED)
+    shown = shown.dropna(axis="columns", how="all")  # the share, without a threshold of recovery
+    words = {"low": "5 % [m]", "median": "median [m]", "q95": "95 % [m]", "greatest": "greatest [m]"}
+    words["unrecovered"] = "lanes off [%]"
+    note = "<p>Mean error over the tail of each vehicle, over lanes, the greatest median first"
+    left = f"; {len(shown)} of {len(found)}" if len(shown) < len(found) else ""
+    table = sortable_table(shown.rename(columns=words), ([cell] for cell in shown["cell"]))
+    return Section("vehicles", "Who tracks", f"{note}{left}.</p>{table}")
 
 
 def answer_section(results: Results) -> Section | None:

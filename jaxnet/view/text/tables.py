@@ -243,7 +243,8 @@ def written_text(results: Results) -> str:
     """Return the numbers of lanes, and the files that a run wrote."""
     lanes = results.manifest["lanes"]
     names = ["cells.csv", "lanes/"]
-    names += [name for name in ("errors.zarr", "trajectories.zarr") if (results.path / name).exists()]
+    stores = ("errors.zarr", "vehicles.zarr", "trajectories.zarr")
+    names += [name for name in stores if (results.path / name).exists()]
     return (
         f"{lanes['ok']} of {lanes['total']} lanes ok, {lanes['failed']} failed;"
         f" wrote {results.path}: {', '.join(names)}" + stop_reason(results)
@@ -296,7 +297,9 @@ def failures_text(results: Results) -> str:
     count, failed = results.failed(MOST_FAILURES)
     rows: Any = failed.itertuples()
     lines = [
-        f"failed: {lane_title(results, row)}: {row.status}\n  {results.replay_command(row.cell, row.sample)}"
+        f"failed: {lane_title(results, row)}: {row.status}"
+        f"{cut_off_words(getattr(row, 'cut_off', 0), getattr(row, 'cut_off_at', 0.0))}\n"
+        f"  {results.replay_command(row.cell, row.sample)}"
         for row in rows
     ]
     if count > MOST_FAILURES:
@@ -307,6 +310,11 @@ def failures_text(results: Results) -> str:
         if status in FAILURE_REASONS
     ]
     return "\n".join(lines)
+
+
+def cut_off_words(vehicle: int, since: float) -> str:
+    """Return which vehicle was cut off first, and when; "" for number 0, which is none."""
+    return f", vehicle {vehicle} since {since:g} s" if vehicle else ""
 
 
 def lane_title(results: Results, row: LaneRow) -> str:
