@@ -112,7 +112,7 @@ def test_the_effect_of_the_highest_degree_is_the_greatest_of_its_integrals():
     """On a grid, by cumulative sums."""
     grid = np.linspace(0.0, 1.0, 40_001)
     jerk = np.polynomial.Legendre.basis(gauss.STAGES - 1, domain=[0, 1])(grid)
-    effects = gauss.effect(jnp.asarray(LENGTHS), jnp.ones((2, 1, LANES)))
+    effects = gauss.effect(jnp.asarray(LENGTHS), jnp.ones((2, 1, LANES)), 4)
     for order, told in enumerate(effects[::-1], start=1):
         jerk = np.concatenate([[0.0], np.cumsum((jerk[1:] + jerk[:-1]) / 2 * np.diff(grid))])
         np.testing.assert_allclose(told[0, 0], LENGTHS**order * np.abs(jerk).max(), rtol=1e-4)
