@@ -10,7 +10,7 @@ from matplotlib import text as mpl_text
 
 from jaxnet.statistics.axes import choose_axes
 from jaxnet.statistics.quantities import Quantity
-from jaxnet.view.figures import COLUMN_WIDTHS, lines, style
+from jaxnet.view.figures import COLUMN_WIDTHS, lines, multiples, style
 from tests import systems
 
 LONG = [f"a rather long name of the graph, number {number}" for number in range(6)]
@@ -145,3 +145,16 @@ def test_the_note_says_how_many_lanes_a_point_has():
     cells = study_cells(**{"attack.frequency": [0.1, 0.3, 1.0]})
     assert "200 lanes a point" in numbered(cells)._replace(lanes=200).notes
     assert "lanes a point" not in numbered(cells).notes
+
+
+def test_labels_of_axes_do_not_touch_in_larger_type():
+    """Two panels in one column of a journal, in matplotlib's own style and in a larger one."""
+    labels = [{"defence": "none"}, {"defence": "w_msr"}]
+    for size in (10.0, 14.0):
+        with mpl.rc_context(style.LAYOUT | {"font.size": size}):
+            drawn, panels = multiples.panel_grid(
+                labels, "attack magnitude ā [m]", "spread [m]", COLUMN_WIDTHS["one"]
+            )
+            drawn.draw_without_rendering()
+            left, right = (panel.xaxis.label.get_window_extent() for panel in panels)
+            assert left.x1 < right.x0

@@ -97,7 +97,7 @@ def write_legend(drawn: Figure, title: str, looks: Sequence[Look], width: float)
 
 def legend_layout(looks: Sequence[Look], width: float) -> tuple[int, list[str]]:
     """Return the number of columns of the legend, and its labels, wrapped to the width [in]."""
-    room = LEGEND_LETTERS_PER_INCH * width
+    room = LEGEND_LETTERS_PER_INCH * width / multiples.type_scale("legend.fontsize")
     longest = max(len(each.label) for each in looks) + HANDLE_LETTERS
     columns = max(1, min(len(looks), int(room / longest)))
     letters = int(room / columns) - HANDLE_LETTERS

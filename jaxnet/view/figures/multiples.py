@@ -3,9 +3,11 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.font_manager import FontProperties
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jaxnet.config.naming import labels_title
@@ -134,11 +136,18 @@ def panel_grid(
     for number, panel in enumerate(grid[len(labels) :], len(labels)):
         panel.axis("off")
         grid[number - across].tick_params(labelbottom=True)
+    larger = type_scale("axes.labelsize")
     for panel in grid[::across]:
-        panel.set_ylabel(textwrap.fill(y, LETTERS_PER_PANEL))
+        panel.set_ylabel(textwrap.fill(y, int(LETTERS_PER_PANEL / larger)))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
-        panel.set_xlabel(textwrap.fill(x, letters))
+        panel.set_xlabel(textwrap.fill(x, int(letters / larger)))
     return drawn, grid[: len(labels)]
+
+
+def type_scale(setting: str) -> float:
+    """Return how much larger the type of a setting of matplotlib is now than in the style for print."""
+    size = FontProperties(size=mpl.rcParams[setting]).get_size_in_points()
+    return float(size / style.PRINT_STYLE[setting])
 
 
 def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
