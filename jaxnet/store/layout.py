@@ -32,7 +32,7 @@ ERRORS = {
         LANE_TIME, "float32", "m", "mean over vehicles of ‖y_i - Σ w_ij y_j‖", "disagreement"
     ),
 }
-VEHICLES = {
+VEHICLE_ARRAYS = {
     "tail_mean": Variable(
         ("cell", "sample", "vehicle"), "float32", "m", "mean of ‖y_i - y_0‖ over the tail", "vehicle_mean"
     ),
@@ -129,7 +129,7 @@ def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str,
     """Return the variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": dict(ERRORS)} if save.errors else {}
     if save.vehicles:
-        stores["vehicles.zarr"] = dict(VEHICLES)
+        stores["vehicles.zarr"] = dict(VEHICLE_ARRAYS)
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
     return stores
