@@ -35,7 +35,7 @@ ERRORS = {
 SPREAD_OVER_TIME = Variable(
     LANE_TIME, "float32", "m", "max of ‖y_i - y_j‖ over vehicles that are not attacked", "spread"
 )
-VEHICLES = {
+VEHICLE_ARRAYS = {
     "tail_mean": Variable(
         ("cell", "sample", "vehicle"), "float32", "m", "mean of ‖y_i - y_0‖ over the tail", "vehicle_mean"
     ),
@@ -132,7 +132,7 @@ def filled_stores(cells: Sequence[Cell], save: keys.Save) -> dict[str, dict[str,
     """Return the variables of the stores that are filled shard by shard, by store."""
     stores = {"errors.zarr": error_variables(cells)} if save.errors else {}
     if save.vehicles:
-        stores["vehicles.zarr"] = dict(VEHICLES)
+        stores["vehicles.zarr"] = dict(VEHICLE_ARRAYS)
     if save.trajectories == "all":
         stores["trajectories.zarr"] = trajectory_variables(cells)
     return stores
