@@ -137,10 +137,14 @@ def panel_grid(
         panel.axis("off")
         grid[number - across].tick_params(labelbottom=True)
     larger = type_scale("axes.labelsize")
+    beside = textwrap.fill(y, int(LETTERS_PER_PANEL / larger))
     for panel in grid[::across]:
-        panel.set_ylabel(textwrap.fill(y, int(LETTERS_PER_PANEL / larger)))
+        panel.set_ylabel(beside)
+    more = (larger - 1) * LABEL_ROOM + LINE_HEIGHT * larger * beside.count("\n") * (larger > 1)
+    fitting = int((letters - TITLE_LETTERS_PER_INCH * more / across) / larger)
+    below = textwrap.fill(x, max(1, fitting))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
-        panel.set_xlabel(textwrap.fill(x, int(letters / larger)))
+        panel.set_xlabel(below)
     return drawn, grid[: len(labels)]
 
 
