@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -150,8 +151,8 @@ def panel_grid(
 
 def type_scale(setting: str) -> float:
     """Return how much larger the type of a setting of matplotlib is now than in the style for print."""
-    size = FontProperties(size=mpl.rcParams[setting]).get_size_in_points()
-    return float(size / style.PRINT_STYLE[setting])
+    now: Any = mpl.rcParams
+    return float(FontProperties(size=now[setting]).get_size_in_points() / style.PRINT_STYLE[setting])
 
 
 def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
