@@ -151,9 +151,10 @@ def test_labels_of_axes_do_not_touch_in_larger_type():
     """Two panels in one column of a journal, in matplotlib's own style and in a larger one."""
     labels = [{"defence": "none"}, {"defence": "w_msr"}]
     for size in (10.0, 14.0):
-        with mpl.rc_context(style.LAYOUT | {"font.size": size}):
+        larger: style.Style = {**style.LAYOUT, "font.size": size}
+        with mpl.rc_context(larger):
             drawn, panels = multiples.panel_grid(
-                labels, "attack magnitude ā [m]", "spread [m]", COLUMN_WIDTHS["one"]
+                labels, "attack magnitude ā [m]", "spread of the vehicles, median [m]", COLUMN_WIDTHS["one"]
             )
             drawn.draw_without_rendering()
             left, right = (panel.xaxis.label.get_window_extent() for panel in panels)

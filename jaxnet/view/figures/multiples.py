@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -137,17 +138,21 @@ def panel_grid(
         panel.axis("off")
         grid[number - across].tick_params(labelbottom=True)
     larger = type_scale("axes.labelsize")
+    beside = textwrap.fill(y, int(LETTERS_PER_PANEL / larger))
     for panel in grid[::across]:
-        panel.set_ylabel(textwrap.fill(y, int(LETTERS_PER_PANEL / larger)))
+        panel.set_ylabel(beside)
+    more = (larger - 1) * LABEL_ROOM + LINE_HEIGHT * larger * beside.count("\n") * (larger > 1)
+    fitting = int((letters - TITLE_LETTERS_PER_INCH * more / across) / larger)
+    below = textwrap.fill(x, max(1, fitting))
     for panel in grid[max(0, len(labels) - across) : len(labels)]:
-        panel.set_xlabel(textwrap.fill(x, int(letters / larger)))
+        panel.set_xlabel(below)
     return drawn, grid[: len(labels)]
 
 
 def type_scale(setting: str) -> float:
     """Return how much larger the type of a setting of matplotlib is now than in the style for print."""
-    size = FontProperties(size=mpl.rcParams[setting]).get_size_in_points()
-    return float(size / style.PRINT_STYLE[setting])
+    now: Any = mpl.rcParams
+    return float(FontProperties(size=now[setting]).get_size_in_points() / style.PRINT_STYLE[setting])
 
 
 def row_heights(labels: Sequence[Labels], width: float) -> tuple[list[str], np.ndarray]:
