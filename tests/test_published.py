@@ -1,0 +1,165 @@
+"""Studies of others, repeated: configs in configs/published/ give what was published (docs/published.md)."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.theory.robustness import pairs, percolated_nodes
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "configs" / "published"
+CONFIGS = sorted(FOLDER.glob("*.yaml"))
+
+# Lee and Panagou, 2025: [i, j] means that agent i hears agent j, from 1; agents 1 to 3 lead.
+FIRST = [
+    [4, 1],
+    [6, 1],
+    [6, 3],
+    [6, 5],
+    [6, 7],
+    [6, 9],
+    [7, 1],
+    [7, 2],
+    [7, 3],
+    [7, 9],
+    [8, 4],
+    [8, 5],
+    [8, 9],
+]
+SECOND = [[4, 9], [5, 2], [5, 4], [5, 9], [6, 9], [7, 5], [7, 9], [8, 1], [8, 2], [8, 3]]
+BYZANTINE = 10
+
+CHUNK = 32  # lanes side by side
+
+
+@pytest.fixture
+def simulated(tmp_path):
+    """A function that runs a config with few lanes."""
+
+    def run(name, samples=1, **keys):
+        study = jaxnet.load(FOLDER / f"{name}.yaml", {"samples": samples} | keys)
+        return jaxnet.run(study, tmp_path / name, progress=False, chunk=CHUNK)
+
+    return run
+
+
+def swept(name, key):
+    """The values of a key in the sweep of a config."""
+    return jaxnet.load(FOLDER / f"{name}.yaml").config.sweep[key]
+
+
+def links(topology):
+    """The links of an edge list between two vehicles."""
+    return [[i, j] for i, j, _ in topology["edges"] if i != j]
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_a_config_says_its_command_source_claim_and_page(path):
+    first, second, *lines = path.read_text().splitlines()
+    assert first.split(" --")[0] == f"# jaxnet run configs/published/{path.name}"
+    assert second == "# yaml-language-server: $schema=../schema.json"
+    assert [
+        word for word in ("# Source:", "# Claim:", "# Ours:") if not any(word in line for line in lines)
+    ] == []
+    assert jaxnet.load(path).config.name == path.stem
+    assert f"configs/published/{path.name}" in (ROOT / "docs" / "published.md").read_text()
+
+
+def test_w_msr_agrees_inside_the_range_whoever_lies(simulated):
+    """LeBlanc et al., 2013, Fig. 6: the network is (2, 2)-robust. Each of the 14 lies in some of 64 lanes."""
+    keys = {"sweep": {}, "attack.vehicles": {"random": 1}, "horizon": 200.0, "output_step": 200.0}
+    results = simulated("leblanc_2013", 64, **keys)
+    heard = links(results.study.config.topology.model_dump())
+    assert len(heard) == 62
+    assert pairs(heard, 14)[1] == 2
+    assert (results.lanes["spread"] < 0.05).all()
+    assert (results.lanes["outside"] < 1e-9).all()
+
+
+def ends_apart(heard, liar, steps):
+    """The spread of honest agents by a plain program of the rule published in 2016."""
+    x = np.array([60.0, 75, 2, 85, 66, 83, 20])
+    for t in range(steps):
+        x[liar] = 45 + 55 * np.cos(0.031 * t)
+        new = x.copy()
+        for i in set(range(7)) - {liar}:
+            values = np.sort([x[j - 1] for k, j in heard if k == i + 1])
+            below, above = values[values < x[i]][1:], values[values > x[i]][:-1]
+            new[i] -= 0.02 * (x[i] - np.concatenate([below, above])).sum()
+        x = new
+    return np.ptp(np.delete(x, liar))
+
+
+def test_a_laman_network_splits_as_published_and_a_triangular_one_does_not(simulated):
+    """Saldaña et al., 2016, Fig. 6: 52.5376 and 62.9368 are the ends that the published program gives.
+
+    Vehicle 4 lies. The Laman network is 1-robust alone, the others are (2, 2)-robust.
+    """
+    networks = swept("saldana_2016", "topology")
+    assert [pairs(links(each), 7) for each in networks] == [[7], [4, 2], [7, 2]]
+    keys = {"sweep": {"topology": networks[:2]}, "attack.vehicles": [4]}
+    published = simulated("saldana_2016", **keys).lanes
+    assert published["spread"][0] == pytest.approx(62.9368 - 52.5376, abs=1e-4)
+    for found, network in zip(published["spread"], networks, strict=False):
+        assert found == pytest.approx(ends_apart(links(network), 3, 599), abs=1e-9)
+    drawn = simulated("saldana_2016_starts", CHUNK, horizon=599.0, output_step=599.0, **keys).lanes
+    spread = drawn.groupby("topology")["spread"]
+    assert spread.median()["laman"] > 5.0 > spread.median()["triangular"]
+    assert (drawn["outside"] < 1e-9).all()
+
+
+def test_a_robust_union_agrees_whichever_two_lie(simulated):
+    """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others apart."""
+    robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
+    assert robust[2] >= 3 > other[2]
+    keys = {"attack.vehicles": {"random": 2}, "horizon": 100.0, "output_step": 100.0}
+    results = simulated("jia_union", 64, sweep={"topology": swept("jia_union", "topology")}, **keys)
+    spread = results.lanes.groupby("topology")["spread"].max()
+    assert spread["robust"] < 1e-3
+    assert spread["not robust"] > 0.1
+    assert (results.lanes["outside"] < 1e-9).all()
+
+
+def test_half_of_a_complete_network_may_lie_if_f_says_so(simulated):
+    """LeBlanc et al., 2013, with 7 agents in place of 101 for the test's sake; 3 lie."""
+    few = {"vehicles": 7, "initial.position": [{"uniform": [0, 50]}] * 7, "attack.vehicles": [5, 6, 7]}
+    results = simulated("complete_101", 4, **few, **{"sweep.defence.F": [2, 3]})
+    assert (results.lanes["spread"] < 1e-6).all()
+    outside = results.lanes.groupby("defence.F")["outside"]
+    assert outside.min()[2] > 40
+    assert outside.max()[3] < 1e-9
+
+
+def active(heard):
+    """The agents that percolation with F = 1 activates."""
+    return set(percolated_nodes(heard, 9, [1, 2, 3], F=1))
+
+
+def test_percolated_followers_reach_the_leaders_and_others_do_not(simulated):
+    """Lee and Panagou, 2025: published activations in 100 steps, the two networks in turn."""
+    counts = [50 * (i in active(FIRST)) + 50 * (i in active(SECOND)) for i in range(1, 10)]
+    assert counts == [100, 100, 100, 0, 0, 50, 50, 50, 0]
+    percolated, everybody = ({*map(tuple, links(each))} for each in swept("lee_panagou_2025", "topology"))
+    honest = ({link for link in each if BYZANTINE not in link} for each in (percolated, everybody))
+    told = {(i, j) for heard in (FIRST, SECOND) for i, j in heard if {i, j} <= active(heard)}
+    assert [*honest] == [told, {*map(tuple, FIRST + SECOND)}]
+    ends = np.abs(simulated("lee_panagou_2025", 8).trajectories["states"].isel(time=-1).values[..., 0])
+    assert ends[0][:, [5, 6, 7]].max() < 1e-6
+    assert ends[0][:, [3, 4, 8]].min() > 1e-3
+    assert ends[1][:, 3:9].max(axis=1).min() > 1.0
+
+
+def test_centerpoints_meet_where_coordinate_medians_do_not(simulated):
+    """Shabbir et al., 2020, with ten robots in place of 28; each hears two liars among seven."""
+    places = {"west": [-0.5, -0.3], "east": [0.3, 0.5], "far west": [-1.4, -1.2], "far east": [1.2, 1.4]}
+    x = {name: [{"uniform": ends}, {"uniform": [-0.1, 0.1]}] for name, ends in places.items()}
+    position = [x["west"]] * 3 + [x["east"]] * 3 + [x["far west"]] * 2 + [x["far east"]] * 2
+    heard = [(i, j) for i in range(1, 7) for j in [*range(1, 7), *((7, 8) if i <= 3 else (9, 10))] if i != j]
+    few = {"vehicles": 10, "initial.position": position, "attack.vehicles": [7, 8, 9, 10]}
+    results = simulated("li_2020", 4, **few, **{"topology.edges": [[i, j, 1] for i, j in heard]})
+    lanes = results.lanes.groupby("defence")
+    assert lanes["spread"].max()["centerpoint"] < 1e-3
+    assert lanes["outside"].max()["centerpoint"] < 1e-9
+    assert lanes["spread"].min()["coordinate_median"] > 0.5
