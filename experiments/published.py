@@ -37,13 +37,14 @@ def main(folder: str, over: float, together: bool) -> None:
 
 def line(named: object, lanes: pd.DataFrame, over: float) -> str:
     """The line of a group of lanes."""
-    spread, apart = lanes["spread"], int((lanes["spread"] > over).sum())
+    spread = lanes["spread"].to_numpy(dtype=float)
+    apart = int(np.count_nonzero(spread > over))
     low, high = clopper_pearson(np.array([apart]), np.array([len(lanes)]), CONFIDENCE)
     words = (
         f"{named}: {apart} of {len(lanes)} apart, {apart / len(lanes):.2%} ({low[0]:.2%} to {high[0]:.2%})"
     )
-    words += f"; spread median {spread.median():.3g}, greatest {spread.max():.6g}"
-    return words + (f"; outside {lanes['outside'].max():.3g}" if "outside" in lanes else "")
+    words += f"; spread median {np.median(spread):.3g}, greatest {spread.max():.6g}"
+    return words + f"; outside {lanes['outside'].max():.3g}"
 
 
 def single_agents(results: Results) -> None:
