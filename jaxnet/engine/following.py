@@ -147,7 +147,7 @@ def law_jerk(
     vectors = tick.attack_vectors(lane, decided)
     if lane.law.local:
         drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, followed.strength)
-        return tick.local_demand(lane, network, drive, own, now.navigator, now.basis)
+        return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if decided.coasting is not None:

@@ -28,21 +28,21 @@ from jaxnet.model import control, plane
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 
-DEGREE = 10  # of the polynomials, less one
+COEFFICIENTS = 10  # of a polynomial
 MOST_TERMS = 120  # of a series: enough while the tick times the fastest rate is under 30
-ROUNDING = 2.0**-56  # relative size at which a series stops
+LEAST_TERM = 2.0**-56  # relative size at which a series stops
 
-ANGLES = (np.arange(DEGREE) + 0.5) * np.pi / DEGREE
-NODES = (1 - np.cos(ANGLES)) / 2  # Chebyshev's points in [0, 1]
-TO_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODES - 1, DEGREE - 1))
+CHEBYSHEV_ANGLES = (np.arange(COEFFICIENTS) + 0.5) * np.pi / COEFFICIENTS
+CHEBYSHEV_POINTS = (1 - np.cos(CHEBYSHEV_ANGLES)) / 2  # Chebyshev's points in [0, 1]
+TO_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * CHEBYSHEV_POINTS - 1, COEFFICIENTS - 1))
 INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(MOST_TERMS + 1)])
 
 
 def derivatives_of_chebyshev() -> Float[np.ndarray, "derivatives coefficients"]:
     """Return the derivatives at 0 of Chebyshev's polynomials of 2x - 1, of each order."""
     polynomials = np.polynomial.Chebyshev.identity(domain=[0, 1])
-    basis = [polynomials.basis(n, domain=[0, 1]) for n in range(DEGREE)]
-    return np.array([[each.deriv(n)(0.0) if n else each(0.0) for each in basis] for n in range(DEGREE)])
+    basis = [polynomials.basis(n, domain=[0, 1]) for n in range(COEFFICIENTS)]
+    return np.array([[each.deriv(n)(0.0) if n else each(0.0) for each in basis] for n in range(COEFFICIENTS)])
 
 
 DERIVATIVES = derivatives_of_chebyshev()
@@ -71,7 +71,7 @@ class Local(Held):
         """Return `y^(r) + P(ŷ)`, with y^(r) of the law."""
         lane, drive = self.lane, self.drive(state, decided)
         own = tick.sensed(state.jets, decided.noise)
-        demand = tick.local_demand(lane, self.network, drive, own, self.navigator(state), state.basis)
+        demand = tick.followed_demand(lane, self.network, drive, own, self.navigator(state), state.basis)
         return demand + control.feedback(lane.gain, own)
 
     def advance(
@@ -113,14 +113,14 @@ def by_series(
 
     def term(n: Int[Array, ""], window: Jets) -> PerAxis:
         """Return the derivative of order r + n from the r before it."""
-        here = n < DEGREE
+        here = n < COEFFICIENTS
         functions = jax.tree.map(
             lambda leaf: jnp.where(here, jax.lax.dynamic_index_in_dim(leaf, n, keepdims=False), 0.0), forcing
         )
         own = window
         if noise is not None:
             own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=False))
-        return tick.local_demand(lane, network, drive, own, functions.navigator, functions.basis)
+        return tick.followed_demand(lane, network, drive, own, functions.navigator, functions.basis)
 
     def add(carry: tuple) -> tuple:
         n, window, sums, bound, _ = carry
@@ -129,12 +129,12 @@ def by_series(
         bound = bound + plane.length(new) * factorials[n]
         last = jnp.abs(new) * factorials[number - order + 1]
         size = jnp.maximum(jnp.abs(sums[-1]).max(axis=(0, 1)), jnp.abs(sums[0]).max(axis=(0, 1)))
-        more = (jnp.where(jnp.isfinite(last), last, 0.0).max(axis=(0, 1)) > ROUNDING * size).any()
+        more = (jnp.where(jnp.isfinite(last), last, 0.0).max(axis=(0, 1)) > LEAST_TERM * size).any()
         return n + 1, (*window[1:], new), sums, bound, more
 
     def under_way(carry: tuple) -> Bool[Array, ""]:
         n, *_, more = carry
-        return ((n < DEGREE + order) | more) & (n + order < MOST_TERMS)
+        return ((n < COEFFICIENTS + order) | more) & (n + order < MOST_TERMS)
 
     sums = tuple(sum(first[m] / math.factorial(m - k) for m in range(k, order)) for k in range(order))
     begin = jnp.asarray(0), first, sums, jnp.zeros_like(first[0][0]), jnp.asarray(True)
@@ -150,7 +150,7 @@ def scaled(jets: Jets, powers: list[Instants]) -> Jets:
 
 def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:
     """Return the derivatives of the polynomials through the navigator's jets and the attacks' functions."""
-    times = time[None] + jnp.asarray(NODES)[:, None] * span[None]
+    times = time[None] + jnp.asarray(CHEBYSHEV_POINTS)[:, None] * span[None]
     known = Forcing(jax.vmap(lane.path)(times), jax.vmap(lane.basis)(times))
     powers = jnp.stack([span**k for k in range(known.navigator.shape[1])])
 

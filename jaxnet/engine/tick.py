@@ -508,7 +508,7 @@ def exchange(
     """
     own, weights = sensed(own, drive.noise), drive.weights
     if lane.law.local:
-        demand = local_demand(lane, network, drive, own, told.navigator, told.basis)
+        demand = followed_demand(lane, network, drive, own, told.navigator, told.basis)
     else:
         attack = signal.combined(drive.vectors, told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
@@ -522,7 +522,7 @@ def exchange(
     return lane.law.exchange(last, demand, heard)
 
 
-def local_demand(
+def followed_demand(
     lane: Lane,
     network: Network,
     drive: Drive,
