@@ -9,10 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from jaxnet.model import graph
 
+Weight = Float[np.ndarray, "r r"]
 ErrorJets = Float[np.ndarray, "r m 2"]
 
 
@@ -22,6 +23,21 @@ def companion(gain: Float[np.ndarray, "*lanes r"]) -> Float[np.ndarray, "*lanes 
     matrix = np.broadcast_to(np.eye(order, k=1), (*gain.shape, order)).copy()
     matrix[..., -1, :] = -gain
     return matrix
+
+
+def lyapunov_matrix(gain: Float[np.ndarray, " r"], Q: Weight | None = None) -> Weight:
+    """Return the solution `P` of `A_c'P + P A_c = -Q`; the default Q is the identity."""
+    Q = np.eye(len(gain)) if Q is None else Q
+    return solve_continuous_lyapunov(companion(gain).T, -Q)
+
+
+def decay_constants(gain: Float[np.ndarray, " r"]) -> tuple[float, float]:
+    """Return c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` without attack.
+
+    `V = η'Pη` with Q = 1 falls at the rate 1/λ_max(P) at least, and `λ_min ‖η‖² ≤ V ≤ λ_max ‖η‖²`.
+    """
+    axes = np.linalg.eigvalsh(lyapunov_matrix(gain))
+    return float(np.sqrt(axes[-1] / axes[0])), float(0.5 / axes[-1])
 
 
 def backward_reach(gain: Float[np.ndarray, "lanes r"], interval: float) -> Float[np.ndarray, "lanes r"]:

@@ -14,32 +14,23 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Array, Float
-from scipy.linalg import solve_continuous_lyapunov
 
 from jaxnet.theory import exact
 from jaxnet.theory.response import LawGain
-
-Weight = Float[np.ndarray, "r r"]
 
 STEPS = 2000
 LEARNING_RATE = 0.1
 
 
-def lyapunov_matrix(gain: LawGain, Q: Weight | None = None) -> Weight:
-    """Return the solution `P` of `A_c'P + P A_c = -Q`; the default Q is the identity."""
-    Q = np.eye(len(gain)) if Q is None else Q
-    return solve_continuous_lyapunov(exact.companion(gain).T, -Q)
-
-
-def printed_constant(gain: LawGain, Q: Weight | None = None) -> float:
+def printed_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
     """Return `2‖PB‖ / λ_min(Q)`, the paper's constant, which is false in general."""
     least = 1.0 if Q is None else np.linalg.eigvalsh(Q)[0]
-    return float(2 * np.linalg.norm(lyapunov_matrix(gain, Q)[:, -1]) / least)
+    return float(2 * np.linalg.norm(exact.lyapunov_matrix(gain, Q)[:, -1]) / least)
 
 
-def corrected_constant(gain: LawGain, Q: Weight | None = None) -> float:
+def corrected_constant(gain: LawGain, Q: exact.Weight | None = None) -> float:
     """Return `√κ(P) · 2‖PB‖ / λ_min(Q)`, which is a bound for every Q ≻ 0."""
-    return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(lyapunov_matrix(gain, Q))))
+    return printed_constant(gain, Q) * float(np.sqrt(np.linalg.cond(exact.lyapunov_matrix(gain, Q))))
 
 
 def best_constant(gain: LawGain) -> float:

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+import jaxnet
 from jaxnet.kinds.graphs.path import Path
 from jaxnet.kinds.graphs.star import Star
 from jaxnet.theory import exact, lyapunov, response
@@ -36,7 +37,7 @@ def bounds_of(network, gain=GAIN):
 def test_lyapunov_constants_of_the_default_gain():
     """theorems.md O5."""
     P = [[2.3125, 1.9375, 0.5], [1.9375, 3.25, 0.8125], [0.5, 0.8125, 0.4375]]
-    np.testing.assert_allclose(lyapunov.lyapunov_matrix(GAIN), P, rtol=1e-12)
+    np.testing.assert_allclose(exact.lyapunov_matrix(GAIN), P, rtol=1e-12)
     assert lyapunov.printed_constant(GAIN) == pytest.approx(2.0991, abs=5e-5)
     assert lyapunov.corrected_constant(GAIN) / lyapunov.printed_constant(GAIN) == pytest.approx(
         4.7626, abs=5e-5
@@ -108,6 +109,36 @@ def test_a_disturbance_can_attain_the_peak_gain():
     for h in impulse[::-1]:
         state = flow @ state + push * np.sign(h[0])
     assert state[0] == pytest.approx(response.impulse_norm(gain), rel=1e-4)
+
+
+@pytest.mark.parametrize("gain", [[1.0, 3.0, 3.0], [2.0], [1.0, 2.0], [1.0, 4.0, 6.0, 4.0], [5.0, 3.0, 2.0]])
+def test_lemma_1_bounds_the_flow_of_the_errors(gain):
+    """At dense times; at the default gain the factor is √κ(P) = 4.762563."""
+    factor, rate = exact.decay_constants(np.array(gain))
+    flow = [np.linalg.norm(expm(exact.companion(np.array(gain)) * t), 2) for t in np.linspace(0, 40, 801)]
+    bound = factor * np.exp(-rate * np.linspace(0, 40, 801))
+    assert (flow <= bound * (1 + 1e-12)).all()
+    assert rate > 0
+    if gain == [1.0, 3.0, 3.0]:
+        assert factor == pytest.approx(4.762563, abs=1e-6)
+
+
+def test_lemma_1_bounds_the_lanes():
+    """Local errors with their derivatives, of a run without attack, from the vehicles' states."""
+    keys = {"attack": "none", "engine": "exact", "horizon": 20.0, "tail": 1.0, "topology": "path"}
+    keys |= {"save": {"trajectories": "all"}, "defence": "none", "samples": 4}
+    results = jaxnet.simulate(keys, progress=False)
+    factor, rate = exact.decay_constants(np.array([1.0, 3.0, 3.0]))
+    weights = matrix_of(results.study.config.topology, 12)
+    for sample in range(4):
+        data = results.trajectories.sel(cell=0, sample=sample)
+        states, times = np.moveaxis(data["states"].values, -1, 0), data["time"].values
+        own = results.study.config.vehicle.output_jets(states)
+        path = np.asarray(results.study.config.navigator.jets(times))[:3]
+        errors = np.stack(own) - path.transpose(0, 1, 2)[..., None]
+        eta = errors - errors @ weights[:, 1:].T
+        size = np.sqrt((eta**2).sum(axis=(0, 1, 3)))
+        assert (size <= factor * np.exp(-rate * times) * size[0] + 1e-6).all()
 
 
 def test_the_printed_constant_holds_at_the_default_gain():

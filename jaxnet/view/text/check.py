@@ -1,5 +1,6 @@
 """The report of `jaxnet check`: cells, and the guarantees of each network. It needs no JAX."""
 
+import itertools
 import re
 from collections.abc import Hashable, Mapping, Sequence
 from functools import lru_cache
@@ -33,7 +34,7 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, integer, robustness, rounds
+from jaxnet.theory import announced, certificate, exact, integer, robustness, rounds
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
@@ -158,7 +159,18 @@ def guarantees(cells: Sequence[Cell]) -> str:
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
+    gains = dict.fromkeys(
+        tuple(cell.scenario.gain) for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)
+    )
+    if gains and not any(map(is_drawn, itertools.chain(*gains))):
+        rows["without attack"] = "; or ".join(map(decay_text, gains))
     return wrap_lines(network_text("guarantees", rows))
+
+
+def decay_text(gain: Sequence[float]) -> str:
+    """Return the paper's Lemma 1 with its constants, for one gain."""
+    factor, rate = exact.decay_constants(np.array(gain))
+    return f"‖η(t)‖ ≤ {factor:.3g} exp(-{rate:.3g} t) ‖η(0)‖ while nobody changes sources (Lemma 1)"
 
 
 class NetworkKeys:
