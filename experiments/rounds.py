@@ -71,7 +71,7 @@ def main(samples: int) -> None:
 def weights_of(graph: str, vehicles: int) -> Any:
     """Those of one of the graphs."""
     kind, keys = GRAPHS[graph]
-    return dense(registry.find("topology", kind)(**keys).normalised(vehicles))
+    return dense(registry.find("topology", kind)(**keys).normalised_rows(vehicles))
 
 
 def tables() -> None:
@@ -182,7 +182,7 @@ def late(results: Any) -> None:
     """What is left of the tracking error, and by how much vehicles are late on average."""
     print("\nmean error of the tail [m], the median lane; late [s]; lanes of 8 that failed")
     for cell, row in zip(results.study.cells, results.cells.to_dict("records"), strict=True):
-        weights = dense(cell.scenario.topology.normalised(12))
+        weights = dense(cell.scenario.topology.normalised_rows(12))
         by = rounds.lateness(weights, row["tick"], row["law.rounds"]).mean()
         named = f"{row['topology']:8} {row['tick']:5.2f} s {row['law.rounds']} rounds"
         print(f"  {named}  {row['tail_mean_median']:10.4g}  {by:.4f}  {row['failed']}")

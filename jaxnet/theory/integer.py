@@ -155,8 +155,8 @@ def s_bracket(heard: Heard, r: int, seconds: float) -> RobustnessBracket:
     --------
     >>> from jaxnet.theory.integer import s_bracket
     >>> from jaxnet.theory.robustness import heard_matrix
-    >>> ring = [[i, (i + step) % 20 + 1] for i in range(1, 21) for step in range(4)]  # node i hears 4 nodes
-    >>> s_bracket(heard_matrix(ring, 20), r=2, seconds=60.0)
+    >>> ring = [[i, (i + step) % 14 + 1] for i in range(1, 15) for step in range(4)]  # node i hears 4 nodes
+    >>> s_bracket(heard_matrix(ring, 14), r=2, seconds=60.0)
     RobustnessBracket(low=6, high=6)
     """
     n = len(heard)

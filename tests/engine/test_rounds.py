@@ -101,7 +101,7 @@ GRAPHS = {  # each with a tick and rounds that are stable, and others that are n
 def growths(study):
     """The graph of a study, A's eigenvalues, and the growth along each eigenvector as simulated."""
     scenario = study.cells[0].scenario
-    weights = dense(scenario.topology.normalised(scenario.vehicles))
+    weights = dense(scenario.topology.normalised_rows(scenario.vehicles))
     values, vectors = np.linalg.eig(weights[:, 1:])
     outcome = systems.simulate(parted(systems.lanes(study, len(weights) + 1), vectors))
     return weights, values, slowest(outcome.series["state"], vectors)
@@ -145,7 +145,7 @@ def test_the_fleet_is_late_for_a_slow_navigator(topology):
     position = systems.simulate(one).series["state"][0, -1, :, :2]
     navigator = systems.lane(one, 0).navigator
     before, after = (np.asarray(navigator.jets(np.asarray(60.0 - 3.0 + by)))[3] for by in (-1e-3, 1e-3))
-    weights = dense(study.cells[0].scenario.topology.normalised(12))
+    weights = dense(study.cells[0].scenario.topology.normalised_rows(12))
     known = theory.lateness(weights, 0.02, 2) * np.linalg.norm(after - before) / 2e-3
     found = np.linalg.norm(position - np.asarray(navigator.jets(np.asarray(60.0)))[0], axis=1)
     np.testing.assert_allclose(found, known, rtol=0.02)

@@ -242,7 +242,7 @@ def test_a_draw_has_the_weakest_of_its_reasons():
     keys = {"vehicles": 5, "topology": "path", "defence": "none", "engine": "exact"}
     drawn = systems.study(attack={"kind": "rotating", "vehicles": {"random": 1}}, **keys)
     scenario = drawn.cells[0].scenario
-    graph = scenario.topology.normalised(5)
+    graph = scenario.topology.normalised_rows(5)
     found, *_ = safe_in_all(scenario, graph, attacked_draws(scenario, graph))
     alone = [systems.study(attack={"kind": "rotating", "vehicles": [i]}, **keys) for i in range(1, 6)]
     each = [

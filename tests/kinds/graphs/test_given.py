@@ -40,7 +40,7 @@ class Mine(Graph):
 def test_arrays_dense_and_sparse_are_one_graph(way):
     """Its rows of sum 1, its links, and the lanes of it."""
     expected = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)
-    np.testing.assert_array_equal(graph.dense(Mine(way=way).normalised(3)), expected)
+    np.testing.assert_array_equal(graph.dense(Mine(way=way).normalised_rows(3)), expected)
     np.testing.assert_array_equal(links_of(Mine(way=way), 3), WEIGHTS > 0)
     given = systems.study(topology=Mine(way=way), vehicles=3, attack="none", engine="exact", defence="none")
     np.testing.assert_array_equal(systems.lane(systems.lanes(given, 2), 1).weights, expected)
@@ -50,4 +50,4 @@ def test_arrays_dense_and_sparse_are_one_graph(way):
 def test_one_of_another_size_is_refused(way):
     """By its kind's name, with the shape that is wanted."""
     with pytest.raises(KindError, match=r"mine: weights must be \(4, 5\) numbers, none of them negative"):
-        Mine(way=way).normalised(4)
+        Mine(way=way).normalised_rows(4)

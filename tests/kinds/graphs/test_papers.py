@@ -31,4 +31,4 @@ def test_the_papers_graphs_have_the_papers_weights(graph, rows):
         for source, weight in row.items():
             expected[listener - 1, source] = weight
     np.testing.assert_array_equal(matrix_of(graph, len(rows)), expected)
-    np.testing.assert_allclose(dense(graph.normalised(len(rows))), expected, rtol=1e-15)
+    np.testing.assert_allclose(dense(graph.normalised_rows(len(rows))), expected, rtol=1e-15)
