@@ -159,11 +159,11 @@ def guarantees(cells: Sequence[Cell]) -> str:
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
-    gains = dict.fromkeys(
-        tuple(cell.scenario.gain) for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)
-    )
+    gains = [cell.scenario.gain for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)]
     if gains and not any(map(is_drawn, itertools.chain(*gains))):
-        rows["without attack"] = "; or ".join(map(decay_text, gains))
+        words = [*dict.fromkeys(map(decay_text, gains))]
+        words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
+        rows["without attack"] = "; or ".join(words)
     return wrap_lines(network_text("guarantees", rows))
 
 
