@@ -170,7 +170,7 @@ def guarantees(cells: Sequence[Cell]) -> str:
 def decay_text(gain: Sequence[float]) -> str:
     """Return the paper's Lemma 1 with its constants, for one gain."""
     factor, rate = exact.decay_constants(np.array(gain))
-    return f"‖η(t)‖ ≤ {factor:.3g} exp(-{rate:.3g} t) ‖η(0)‖ while nobody changes sources (Lemma 1)"
+    return f"‖η(t)‖ ≤ {factor:.3g} exp(-{rate:.3g} t) ‖η(0)‖ (Lemma 1)"
 
 
 class NetworkKeys:
