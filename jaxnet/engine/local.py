@@ -7,7 +7,7 @@ the motion then follows from the one before it:
     y^(r+n) = D(y^(n), …, y^(n+r-1), n-th derivatives of the functions),
 
 where D is the right-hand side of the law. No matrix is formed, so that the cost grows with the number of
-links. The series converges for every tick; it stops at rounding.
+links. The series stops at rounding. A long tick is cut into pieces, because terms of a long series cancel.
 """
 
 import math
@@ -29,7 +29,8 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 
 COEFFICIENTS = 10  # of a polynomial
-MOST_TERMS = 120  # of a series: enough while the tick times the fastest rate is under 30
+LONGEST = 4.0  # a piece times the greatest rate: terms then cancel to e⁴ times rounding
+MOST_TERMS = 60  # of a series; it needs about 40 for the longest piece
 LEAST_TERM = 2.0**-56  # relative size at which a series stops
 
 CHEBYSHEV_ANGLES = (np.arange(COEFFICIENTS) + 0.5) * np.pi / COEFFICIENTS
@@ -80,7 +81,7 @@ class Local(Held):
         """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
         lane, network, time = self.lane, self.network, self.instant(ticks + 1)
         drive, span = self.drive(state, decided), time - state.time
-        jets, _ = by_series(lane, network, drive, state.jets, state.time, span)
+        jets, _ = after_span(lane, network, drive, state.jets, state.time, span)
         now = state._replace(jets=jets, time=time, basis=lane.basis(time))
         arrived = jnp.ones_like(state.straight)
         if not lane.vehicle.singular:
@@ -94,13 +95,34 @@ class Local(Held):
         return now._replace(straight=straight), status, arrived
 
 
-def by_series(
+def after_span(
     lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
 ) -> tuple[Jets, Float[Array, "m lanes"]]:
     """Return the jets a span later, and a bound on the norm of y^(r) on the way.
 
-    `span` may be negative, or 0. `jets` are those of the outputs at `time`.
+    `span` may be negative, or 0. `jets` are those of the outputs at `time`. A row of the law's matrix sums to
+    `2 s Σ k` at most in absolute value, which bounds the rates.
     """
+    strength = 1.0 if drive.strength is None else drive.strength.max(axis=(0, 1))
+    rate = jnp.maximum(1.0, 2 * strength * jnp.abs(lane.gain).sum(axis=0))
+    needed = jnp.ceil(jnp.abs(span) * rate / LONGEST)
+    pieces = jnp.maximum(1, jnp.where(jnp.isfinite(needed), needed, 1.0).max().astype(int))
+    piece = span / pieces.astype(float)
+
+    def one(
+        number: Int[Array, ""], carry: tuple[Jets, Float[Array, "m lanes"]]
+    ) -> tuple[Jets, Float[Array, "m lanes"]]:
+        jets, bound = carry
+        there, highest = by_series(lane, network, drive, jets, time + number.astype(float) * piece, piece)
+        return there, jnp.maximum(bound, highest)
+
+    return jax.lax.fori_loop(0, pieces, one, (jets, jnp.zeros_like(jets[0][0])))
+
+
+def by_series(
+    lane: Lane, network: Network, drive: Drive, jets: Jets, time: Instants, span: Instants
+) -> tuple[Jets, Float[Array, "m lanes"]]:
+    """Return what `after_span` does, for one piece of a tick."""
     stays = span == 0
     span = jnp.where(stays, 1.0, span)
     order, forcing = len(jets), forcing_of(lane, time, span)
@@ -127,7 +149,7 @@ def by_series(
         new, number = term(n, window), n + order
         sums = tuple(total + new * factorials[number - k] for k, total in enumerate(sums))
         bound = bound + plane.length(new) * factorials[n]
-        last = jnp.abs(new) * factorials[number - order + 1]
+        last = jnp.abs(new) * factorials[n + 1]
         size = jnp.maximum(jnp.abs(sums[-1]).max(axis=(0, 1)), jnp.abs(sums[0]).max(axis=(0, 1)))
         more = (jnp.where(jnp.isfinite(last), last, 0.0).max(axis=(0, 1)) > LEAST_TERM * size).any()
         return n + 1, (*window[1:], new), sums, bound, more
@@ -165,14 +187,14 @@ def stood_in_tick(
     network: Network, lane: Lane, drive: Drive, jets: Jets, now: Instants, span: Instants
 ) -> LaneFlags:
     """Return the lanes in which a vehicle stood still in the span before now. The search goes back."""
-    _, highest = by_series(lane, network, drive, jets, now, -span)
+    _, highest = after_span(lane, network, drive, jets, now, -span)
 
     def pace(state: tuple[Jets, Instants]) -> tuple[PerAxis, PerAxis]:
         return standstill.backwards(lane.vehicle, state[0], highest)
 
     def go_back(state: tuple[Jets, Instants], step: Instants) -> tuple[Jets, Instants]:
         jets, time = state
-        return by_series(lane, network, drive, jets, time, -step)[0], time - step
+        return after_span(lane, network, drive, jets, time, -step)[0], time - step
 
     second = standstill.second(lane.vehicle, highest)
     return standstill.stands(pace, go_back, (jets, now), second, span, span)

@@ -32,8 +32,8 @@ def paths(**keys):
     return results, data["time"].values, data["states"].values
 
 
-@pytest.mark.parametrize("tick", [0.01, 0.5])
-def test_a_laplacian_flow_is_its_exponential(tick):
+@pytest.mark.parametrize(("tick", "gain"), [(0.01, 4.0), (0.5, 4.0), (0.5, 60.0)])
+def test_a_laplacian_flow_is_its_exponential(tick, gain):
     """`ẏ = -k0 L y` with weights as they are: `expm(-k0 L t)`, to rounding, also for long ticks."""
     edges = [[i, j % 6 + 1, 0.5 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
     L = np.zeros((6, 6))
@@ -42,14 +42,14 @@ def test_a_laplacian_flow_is_its_exponential(tick):
     keys = {"topology": {"kind": "edges", "edges": edges, "normalised": False}, "navigator": "none"}
     keys |= {
         "vehicle": "single_integrator",
-        "gain": [4.0],
+        "gain": [gain],
         "attack": "none",
         "tick": tick,
         "output_step": 0.5,
     }
     _, times, states = paths(**keys)
     for time, now in zip(times, states, strict=True):
-        np.testing.assert_allclose(now, expm(-4.0 * L * time) @ states[0], rtol=0, atol=2e-10)
+        np.testing.assert_allclose(now, expm(-gain * L * time) @ states[0], rtol=0, atol=2e-10)
 
 
 @pytest.mark.parametrize("order", VEHICLES)
