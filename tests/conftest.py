@@ -5,6 +5,7 @@ import gc
 import os
 import shutil
 import tempfile
+from pathlib import Path
 
 os.environ.setdefault("JAX_ENABLE_X64", "true")
 os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
@@ -33,6 +34,7 @@ import functools
 import inspect
 import typing
 
+import jax
 import jaxtyping
 import pytest
 from hypothesis import settings
@@ -72,6 +74,7 @@ settings.load_profile("jaxnet")
 
 gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay
 
+MOST_MAPPINGS = 20_000  # of memory; a file of tests adds some thousands
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
@@ -85,6 +88,16 @@ def few_side_by_side():
         for engine, lanes in {"exact": 16, "nonlinear": 8}.items():
             patch.setattr(registry.find("engine", engine), "chunk", lanes)
         yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_programs_at_once():
+    """Forget compiled programs before a process has as many mappings of memory as Linux allows, 65,530."""
+    yield
+    mappings = Path("/proc/self/maps")
+    if mappings.exists() and mappings.read_text().count("\n") > MOST_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="module")
