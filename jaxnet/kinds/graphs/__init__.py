@@ -52,6 +52,7 @@ class Graph(Kind):
         default=0.0,
         ge=0.0,
         le=GREATEST_EDGE_WEIGHT,
+        title="weight on oneself",
         description="weight of a vehicle on itself, relative to the mean weight of those it hears; 1 gives"
         " each 1/(d + 1) where it hears d alike; acts under law: local alone",
     )
