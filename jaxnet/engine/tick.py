@@ -260,7 +260,7 @@ def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> M
     """Return the messages on their way at a tick."""
     sources, own = network.hearing.sources, errors[0]
     apart = plane.length(network.hearing.sent(tell(errors)[0]) - own[:, None])
-    return Messages(time, sources, lane.weights > 0, apart)
+    return Messages(time, sources, lane.weights > 0, apart, lane.interval)
 
 
 def keep_drive(

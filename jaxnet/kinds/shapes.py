@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 LaneTimes = Float[Any, "*lanes"]  # [s]
 LaneNumbers = Float[Any, "*lanes"]
+LaneMask = Bool[Any, "*lanes"]
 AnyTimes = Float[Any, "..."]  # [s], of any shape
 
 SignalBasis = Float[Any, "4 functions ..."]  # β_b and three derivatives

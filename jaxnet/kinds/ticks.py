@@ -1,18 +1,25 @@
 """Kinds that draw random numbers at ticks."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+from pydantic import Field
 
 from jaxnet.kinds.fields import Uniform
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.kinds.shapes import AnyNumbers, LaneTimes
+from jaxnet.kinds.shapes import AnyNumbers, LaneTimes, SlotSources
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
+    import jax.numpy as jnp
+
     from jaxnet.model import chance
 else:
+    jnp = LazyModule("jax.numpy")
     chance = LazyModule("jaxnet.model.chance")
+
+Together = Literal["link", "transmitter", "all"]
 
 AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")
 
@@ -60,3 +67,33 @@ class DrawsAtTicks(Kind):
         if "key" not in vars(self):
             raise KindError(f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True")
         return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
+
+
+class DrawsTogether(DrawsAtTicks):
+    """A kind that draws one number for each link, for each transmitter, or for all links."""
+
+    of: Together = Field(
+        default="link",
+        description="for whom a draw counts: one link, all links of a transmitter, or all links",
+    )
+
+    def random_by_slot(
+        self,
+        time: LaneTimes,
+        purpose: str,
+        sampler: Callable[..., AnyNumbers],
+        sources: SlotSources,
+        axes: tuple[int, ...] = (),
+    ) -> AnyNumbers:
+        """Return random numbers at a tick, by slot: (*axes, slots, m, lanes).
+
+        Slots for which a draw counts together have the same numbers. The other parameters are those of
+        `random`; `sources` (slots, m) are the numbers of the sources.
+        """
+        slots, m = sources.shape
+        shape = {"link": (slots, m), "transmitter": (m + 1,), "all": (1,)}[self.of]
+        drawn = self.random(time, purpose, sampler, (*axes, *shape))
+        if self.of == "link":
+            return drawn
+        number = sources if self.of == "transmitter" else jnp.zeros_like(sources)
+        return jnp.take(drawn, number, axis=len(axes))

@@ -57,6 +57,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         attack_scale=amplitude,
         announces=tree(announcement_of(scenario, draw)),
         sizes=lanes_first(sizes),
+        interval=draw.same(interval_of(scenario)),
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
         strength=strength_of(scenario, weights),

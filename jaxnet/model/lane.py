@@ -30,6 +30,7 @@ class Lane(NamedTuple):
     attack_scale: Float[Array, "*lanes"]  # [m], factor of the unit vectors of the attack
     announces: Any  # announcements of attacked links, a kind with its numbers drawn
     sizes: Float[Array, "2 derivatives *lanes"]  # greatest norms by order: navigator's path, signal functions
+    interval: Float[Array, "*lanes"]  # [s] from tick to tick
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
     strength: RowStrength | None = None  # of rows; None where it is 1

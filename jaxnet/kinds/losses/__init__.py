@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import LaneTimes, Memory, SlotMask, SlotNumbers, SlotSources
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, Memory, SlotMask, SlotNumbers, SlotSources
 from jaxnet.kinds.ticks import DrawsAtTicks
 
 
@@ -16,12 +16,14 @@ class Messages(NamedTuple):
     - `sources` (slots, m): number of the source, 0 is the navigator
     - `present` (slots, m, lanes): whether the slot has a message
     - `distance` (slots, m, lanes): distance from the source to the listener [m]
+    - `interval` (lanes,): time from tick to tick [s]
     """
 
     time: LaneTimes
     sources: SlotSources
     present: SlotMask
     distance: SlotNumbers
+    interval: LaneNumbers
 
 
 class Loss(DrawsAtTicks):

@@ -7,6 +7,7 @@ from pydantic import Field
 from jaxnet.kinds.fields import Number, Within
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.shapes import Memory, SlotMask
+from jaxnet.kinds.ticks import DrawsTogether
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
@@ -15,14 +16,14 @@ else:
     jax = LazyModule("jax")
 
 
-class Bernoulli(Loss):
-    """Each message is lost with one probability, independently on each link and at each tick."""
+class Bernoulli(DrawsTogether, Loss):
+    """Messages are lost with one probability, independently at each tick."""
 
     kind = "bernoulli"
     words = "Bernoulli"
 
     probability: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
-        description="that a message is lost, on each link and at each tick"
+        description="that a message is lost, at each tick"
     )
 
     def perfect(self) -> bool:
@@ -35,5 +36,5 @@ class Bernoulli(Loss):
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
         """Return the slots whose random number is below the probability."""
-        drawn = self.random(messages.time, "loss", jax.random.uniform, messages.present.shape[:-1])
+        drawn = self.random_by_slot(messages.time, "loss", jax.random.uniform, messages.sources)
         return drawn < self.probability[None, None], memory

@@ -1,0 +1,59 @@
+"""Loss in bursts: each channel is a Markov chain of two states."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.losses import Loss, Messages
+from jaxnet.kinds.shapes import SlotMask
+from jaxnet.kinds.ticks import DrawsTogether
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
+
+
+class GilbertElliott(DrawsTogether, Loss):
+    """A channel is good or bad, and loses every message while it is bad.
+
+    The share of lost messages is `fail / (fail + recover)`, and the mean burst takes `1 / recover` ticks. A
+    channel starts in the stationary distribution.
+    """
+
+    kind = "gilbert_elliott"
+    words = "Gilbert–Elliott"
+
+    fail: Annotated[Number, Within(ge=0.0, le=1.0)] = Field(
+        description="probability that a good channel turns bad, at each tick"
+    )
+    recover: Annotated[Number, Within(gt=0.0, le=1.0)] = Field(
+        description="probability that a bad channel turns good, at each tick"
+    )
+
+    def perfect(self) -> bool:
+        """Return whether no channel ever turns bad."""
+        return self.fail == 0
+
+    def draws(self) -> bool:
+        """Return whether a channel may turn bad."""
+        return not self.perfect()
+
+    def start(self, messages: Messages) -> Any:
+        """Return which channels are bad, drawn from the stationary distribution."""
+        share = self.fail / (self.fail + self.recover)
+        return self.uniform(messages, "start") < share[None, None]
+
+    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
+        """Return the messages on bad channels, after the channels have changed."""
+        then_bad = jnp.where(memory, 1.0 - self.recover[None, None], self.fail[None, None])
+        bad = self.uniform(messages, "loss") < then_bad
+        return bad, bad
+
+    def uniform(self, messages: Messages, purpose: str) -> Any:
+        """Return a uniform number of each channel, by slot."""
+        return self.random_by_slot(messages.time, purpose, jax.random.uniform, messages.sources)

@@ -1,0 +1,117 @@
+"""Loss in intervals of time, in which a jammer disturbs the channel."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from annotated_types import Len
+from pydantic import AfterValidator, Field
+
+from jaxnet.kinds.fields import NotNegative, Number, Positive, Within, ordered
+from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.losses import Loss, Messages
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.shapes import LaneMask, LaneTimes, SlotMask, SlotNumbers
+from jaxnet.kinds.ticks import DrawsTogether, Together
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
+
+ROUNDING = 1e-9  # [s] by which a tick may miss the begin or end of an interval
+
+Interval = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
+
+
+class Budget(NamedTuple):
+    """What a jammer may still do, and whether it jams, by slot."""
+
+    starts: SlotNumbers
+    seconds: SlotNumbers
+    jams: SlotMask
+
+
+class Jamming(DrawsTogether, Loss):
+    """All messages are lost in listed, periodic or drawn intervals.
+
+    Between any times τ < t, at most `starts + (t - τ) / spacing` drawn intervals begin. Their length is at
+    most `seconds + (t - τ) / ratio`. At each tick a fair coin says whether the jammer turns on or off; it
+    does so if both limits allow it.
+    """
+
+    kind = "jamming"
+
+    of: Together = Field(
+        default="all",
+        description="what a drawn interval jams: one link, all links of a transmitter, or all links",
+    )
+    intervals: list[Interval] = Field(default=[], description="[s], begin and end of each listed interval")
+    period: NotNegative = Field(
+        default=0.0, description="[s], from one periodic interval to the next, 0: none"
+    )
+    length: NotNegative = Field(default=0.0, description="[s], of each periodic interval")
+    first: Number = Field(default=0.0, description="[s], begin of the first periodic interval")
+    starts: NotNegative = Field(default=0.0, description="η, drawn intervals that may begin at once, 0: none")
+    spacing: Positive = Field(default=1.0, description="τ_D [s], least mean time from begin to begin")
+    seconds: NotNegative = Field(default=0.0, description="κ [s], length of drawn intervals at once")
+    ratio: Annotated[Number, Within(gt=1.0)] = Field(
+        default=2.0, description="T, least mean ratio of the time to the length of drawn intervals"
+    )
+
+    def periodic(self) -> bool:
+        """Return whether there are periodic intervals."""
+        return not (self.period == 0 or self.length == 0)
+
+    def draws(self) -> bool:
+        """Return whether there are drawn intervals."""
+        return not (self.starts == 0 or self.seconds == 0)
+
+    def perfect(self) -> bool:
+        """Return whether there is no interval at all."""
+        return not (self.intervals or self.periodic() or self.draws())
+
+    def start(self, messages: Messages) -> Budget | None:
+        """Return the full budget of drawn intervals, None without them."""
+        if "key" not in vars(self):
+            return None
+        nobody = jnp.zeros_like(messages.present)
+        full = (jnp.broadcast_to(each[None, None], nobody.shape) for each in (self.starts, self.seconds))
+        return Budget(*full, nobody)
+
+    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
+        """Return all messages in the intervals."""
+        jams = jnp.broadcast_to(self.planned(messages.time)[None, None], messages.present.shape)
+        if memory is None:
+            return jams, memory
+        memory = self.spent(messages, memory)
+        return jams | memory.jams, memory
+
+    def planned(self, time: LaneTimes) -> LaneMask:
+        """Return whether times lie in a listed or periodic interval."""
+        time = time + ROUNDING
+        jams = (self.period > 0) & (time >= self.first)
+        jams = jams & ((time - self.first) % jnp.where(self.period > 0, self.period, 1.0) < self.length)
+        for begin, end in self.intervals:
+            jams = jams | ((time >= begin) & (time < end))
+        return jams
+
+    def spent(self, messages: Messages, left: Budget) -> Budget:
+        """Return the budget after a tick: the jammer starts or goes on if it wants to and may."""
+        numbers = messages.interval, self.starts, self.spacing, self.seconds, self.ratio
+        interval, most_starts, spacing, most_seconds, ratio = (each[None, None] for each in numbers)
+        coin = self.random_by_slot(messages.time, "jamming", jax.random.uniform, messages.sources) < 0.5
+        allowed = (left.jams | (left.starts >= 1.0)) & (left.seconds + interval / ratio >= interval)
+        jams = (left.jams ^ coin) & allowed
+        starts = left.starts + interval / spacing - (jams & ~left.jams).astype(float)
+        seconds = left.seconds + interval / ratio - jnp.where(jams, interval, 0.0)
+        return Budget(jnp.minimum(starts, most_starts), jnp.minimum(seconds, most_seconds), jams)
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield a fault of a part of the keys of periodic or drawn intervals, and those of every loss."""
+        yield from super().faults(scenario)
+        for whole, part in (("period", "length"), ("starts", "seconds")):
+            if (getattr(self, whole) == 0) != (getattr(self, part) == 0):
+                yield Fault((f"channel.loss.{whole}",), f"give {whole} and {part}, or none of them")

@@ -1,0 +1,42 @@
+"""Loss by distance: a vehicle hears only those that are near."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.losses import Loss, Messages
+from jaxnet.kinds.shapes import SlotMask
+from jaxnet.lazy import LazyModule
+
+if TYPE_CHECKING:
+    import jax.numpy as jnp
+else:
+    jnp = LazyModule("jax.numpy")
+
+
+class Range(Loss):
+    """A message arrives if its source is within a radius of the listener at the tick."""
+
+    kind = "range"
+
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=True)] = Field(
+        description="[m], greatest distance at which a source is heard; .inf: every message arrives"
+    )
+    hysteresis: NotNegative = Field(
+        default=0.0, description="[m], by how much farther a source goes until it is lost again"
+    )
+
+    def perfect(self) -> bool:
+        """Return whether the radius is infinite."""
+        return self.radius == float("inf")
+
+    def start(self, messages: Messages) -> Any:
+        """Return that nobody is heard yet."""
+        return jnp.zeros_like(messages.present)
+
+    def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
+        """Return the messages from too far away; `memory` holds those that were heard at the last tick."""
+        reach = self.radius[None, None] + jnp.where(memory, self.hysteresis[None, None], 0.0)
+        heard = messages.distance <= reach
+        return ~heard, heard

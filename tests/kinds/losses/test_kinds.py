@@ -1,0 +1,197 @@
+"""Losses tick by tick, without a fleet: shares, bursts and intervals; and a range in a fleet that closes up."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxnet.config.document import ConfigError
+from jaxnet.kinds.losses import Messages
+from jaxnet.kinds.navigators import Navigator
+from tests import systems
+
+TICK = 0.1
+
+
+def lost_words(loss, ticks, lanes=4, **keys):
+    """Which words are lost, (ticks, listeners, sources, lanes); everybody hears everybody, far apart."""
+    keys = {"topology": "complete", "vehicles": 5, "engine": "exact", "tick": TICK, "attack": "none"} | keys
+    one = systems.lanes(systems.study(channel={"loss": loss}, **keys), lanes)
+    lane = jax.tree.map(lambda leaf: jnp.moveaxis(jnp.asarray(leaf), 0, -1), one.inputs.lane)
+    sources = jnp.asarray(one.network.hearing.sources)
+    present, far = lane.weights > 0, jnp.ones_like(lane.weights)
+
+    def messages(number):
+        time = jnp.full(lanes, number.astype(float) * TICK)
+        return Messages(time, sources, present, far, lane.interval)
+
+    def at_tick(memory, number):
+        lost, memory = lane.loss.lost(messages(number), memory)
+        return memory, lost
+
+    memory = lane.loss.start(messages(jnp.asarray(0)))
+    lost = np.asarray(jax.lax.scan(at_tick, memory, jnp.arange(ticks))[1])
+    found = np.zeros((ticks, sources.shape[1], sources.shape[1] + 1, lanes), bool)
+    for slot, listener in np.ndindex(*sources.shape):
+        found[:, listener, int(sources[slot, listener])] = lost[:, slot, listener]
+    return found
+
+
+def links(lost):
+    """Sequences of each link, (ticks, links · lanes)."""
+    apart = ~np.eye(lost.shape[1], lost.shape[2], k=1, dtype=bool)
+    return lost[:, apart].reshape(len(lost), -1)
+
+
+def runs(lost):
+    """Lengths of the runs of losses that begin and end within the sequences."""
+    found = []
+    for one in lost.T:
+        steps = np.diff(one.astype(int))
+        begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+        ends = ends[ends > begins[0]] if len(begins) else ends[:0]
+        found += (ends - begins[: len(ends)]).tolist()
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("fail", "recover"), [(0.05, 0.25), (0.6, 0.9), (0.02, 1.0)])
+def test_bursts_are_as_long_and_as_frequent_as_the_chain_says(fail, recover):
+    """Share g/(g + b) at each tick from the first on, and mean burst 1/b, inside 99 % intervals."""
+    loss = {"kind": "gilbert_elliott", "fail": fail, "recover": recover}
+    lost = links(lost_words(loss, 600, lanes=20))
+    share, memory = fail / (fail + recover), 1 - fail - recover
+    width = 2.576 * np.sqrt(share * (1 - share) / lost.shape[1])
+    assert abs(lost[0].mean() - share) <= width
+    assert abs(lost.mean() - share) <= width * np.sqrt((1 + memory) / (1 - memory) / len(lost))
+    bursts = runs(lost)
+    assert abs(bursts.mean() - 1 / recover) <= 2.576 * np.sqrt(1 - recover) / recover / np.sqrt(len(bursts))
+
+
+@pytest.mark.parametrize("kind", ["bernoulli", "gilbert_elliott", "jamming"])
+def test_words_are_lost_together(kind):
+    """Those of a transmitter, or all; other transmitters, and links, are independent."""
+    keys = {
+        "bernoulli": {"probability": 0.4},
+        "gilbert_elliott": {"fail": 0.3, "recover": 0.5},
+        "jamming": {"starts": 3.0, "spacing": 0.2, "seconds": 2.0, "ratio": 1.5},
+    }[kind]
+    lost = {of: lost_words({"kind": kind, "of": of, **keys}, 300) for of in ("link", "transmitter", "all")}
+    one, other = lost["all"][:, :1, :1], lost["all"][:, 2:3, 4:5]
+    assert (one == other).all()
+    assert one.any()
+    assert (lost["transmitter"][:, 0, 2] == lost["transmitter"][:, 3, 2]).all()
+    for first, second in [
+        (lost["transmitter"][:, 0, 2], lost["transmitter"][:, 0, 3]),
+        (lost["link"][:, 0, 2], lost["link"][:, 3, 2]),
+        (lost["all"][:, 0, 2, 0], lost["all"][:, 0, 2, 1]),
+    ]:
+        assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.25
+
+
+def test_drawn_intervals_keep_their_limits_in_every_window():
+    """Number and length, for each pair of ticks; the jammer uses what it has."""
+    starts, spacing, seconds, ratio = 2.0, 1.3, 0.7, 3.0
+    loss = {"kind": "jamming", "starts": starts, "spacing": spacing, "seconds": seconds, "ratio": ratio}
+    lost = lost_words(loss, 400, lanes=8)[:, 0, 2].astype(float)
+    begun = np.diff(lost, axis=0, prepend=0.0) > 0
+    after = np.arange(401) * TICK
+    for values, least, rate in [(begun, starts, 1 / spacing), (TICK * lost, seconds, 1 / ratio)]:
+        total = np.concatenate([np.zeros((1, 8)), values.cumsum(axis=0)])
+        slack = (total[None] - total[:, None]) - (least + (after[None] - after[:, None]) * rate)[..., None]
+        later = np.triu(np.ones((401, 401), bool))
+        assert slack[later].max() <= 1e-9
+    assert lost.mean() > 0.1
+
+
+def test_listed_and_periodic_intervals_begin_and_end_at_their_times():
+    """An interval holds its begin, not its end."""
+    loss = {
+        "kind": "jamming",
+        "intervals": [[0.3, 0.6], [2.05, 2.15]],
+        "period": 1.0,
+        "length": 0.2,
+        "first": 4.0,
+    }
+    lost = lost_words(loss, 70)
+    ticks = [3, 4, 5, 21, 40, 41, 50, 51, 60, 61]
+    np.testing.assert_array_equal(np.flatnonzero(lost[:, 1, 3, 2]), ticks)
+    every = links(lost)
+    assert (every == every[:, :1]).all()
+
+
+class Ramp(Navigator):
+    """A straight line at constant speed."""
+
+    speed: float = 1.0
+
+    def jets(self, time):
+        xp, zero = time.__array_namespace__(), 0.0 * time
+        speed = zero + self.speed
+        along = [self.speed * time, speed, zero, zero]
+        return xp.stack([xp.stack([each, zero]) for each in along])
+
+
+def test_a_vehicle_joins_at_the_tick_at_which_it_is_near():
+    """A chain of 25 closes up from 200 m as 200 e^(-t)(1 + t + t²/2); its end hears the navigator from 10 m on."""
+    m = 25
+    edges = [[i, i - 1, 1] for i in range(1, m + 1)] + [[m, 0, 1]]
+    places = [[8.0 * i, 0.0] for i in range(1, m + 1)]
+    keys = {"initial": {"position": places, "heading": 0.0, "speed": 99.0}, "navigator": Ramp(speed=99.0)}
+    keys |= {
+        "vehicles": m,
+        "topology": {"kind": "edges", "edges": edges},
+        "attack": "none",
+        "defence": "none",
+    }
+    keys |= {"engine": "exact", "tick": 0.05, "output_step": 0.05, "horizon": 8.0, "tail": 1.0}
+    loss = {"kind": "range", "radius": 10.0}
+    outcome = systems.simulate(systems.lanes(systems.study(channel={"loss": loss}, **keys), 1))
+    heard = outcome.series["kept"][0, :, m - 1, 0] > 0
+    np.testing.assert_array_equal(np.flatnonzero(heard), np.arange(126, 161))
+    assert outcome.unheard.tolist() == [0]
+
+
+def test_a_vehicle_leaves_beyond_the_hysteresis():
+    """Joins within 10 m, stays up to 10 + 5 m, and must come within 10 m again."""
+    one = systems.lanes(
+        systems.study(
+            channel={"loss": {"kind": "range", "radius": 10.0, "hysteresis": 5.0}},
+            engine="exact",
+            attack="none",
+        ),
+        1,
+    )
+    loss = jax.tree.map(lambda leaf: jnp.moveaxis(jnp.asarray(leaf), 0, -1), one.inputs.lane.loss)
+    heard, memory = [], None
+    for distance in [12.0, 10.0, 14.0, 15.0, 15.1, 14.0, 10.1, 9.0, 15.0]:
+        apart = jnp.full((1, 1, 1), distance)
+        words = Messages(jnp.zeros(1), jnp.zeros((1, 1), int), apart > 0, apart, jnp.ones(1))
+        lost, memory = loss.lost(words, loss.start(words) if memory is None else memory)
+        heard.append(not bool(lost[0, 0, 0]))
+    assert heard == [False, True, True, True, False, False, False, True, True]
+
+
+def test_an_infinite_radius_loses_nothing():
+    """To the last bit, with the same program."""
+    plain, endless = (
+        systems.lanes(systems.study(engine="exact", **more), 1)
+        for more in ({}, {"channel": {"loss": {"kind": "range", "radius": float("inf")}}})
+    )
+    assert endless.inputs.lane.loss is None
+    assert jax.tree.structure(plain) == jax.tree.structure(endless)
+
+
+@pytest.mark.parametrize(
+    ("loss", "message"),
+    [
+        ({"kind": "jamming", "period": 2.0}, "give period and length, or none"),
+        ({"kind": "jamming", "seconds": 2.0}, "give starts and seconds, or none"),
+        ({"kind": "jamming", "intervals": [[2.0, 1.0]]}, "the lower bound stands first"),
+        ({"kind": "gilbert_elliott", "fail": 0.1, "recover": 0.0}, "greater than 0"),
+        ({"kind": "bernoulli", "probability": 0.1, "of": "vehicle"}, "link"),
+    ],
+)
+def test_keys_that_mean_nothing_are_refused(loss, message):
+    """With the key and what is allowed."""
+    with pytest.raises(ConfigError, match=message):
+        systems.study(channel={"loss": loss})
