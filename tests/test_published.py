@@ -51,8 +51,9 @@ def swept(name, key):
 
 
 def links(topology):
-    """The links of an edge list between two vehicles."""
-    return [[i, j] for i, j, _ in topology["edges"] if i != j]
+    """The links between two vehicles of an edge list, or of all networks that take turns."""
+    networks = topology.get("networks", [topology])
+    return [[i, j] for network in networks for i, j, _ in network["edges"] if i != j]
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
@@ -114,10 +115,10 @@ def test_a_robust_union_agrees_whichever_two_lie(simulated):
     """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others apart."""
     robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
     assert robust[2] >= 3 > other[2]
-    keys = {"attack.vehicles": {"random": 2}, "horizon": 100.0, "output_step": 100.0}
-    results = simulated("jia_union", 64, sweep={"topology": swept("jia_union", "topology")}, **keys)
+    keys = {"attack.vehicles": {"random": 2}, "horizon": 300.0, "output_step": 300.0}
+    results = simulated("jia_union", 32, sweep={"topology": swept("jia_union", "topology")}, **keys)
     spread = results.lanes.groupby("topology")["spread"].max()
-    assert spread["robust"] < 1e-3
+    assert spread["robust"] < 0.05
     assert spread["not robust"] > 0.1
     assert (results.lanes["outside"] < 1e-9).all()
 

@@ -58,8 +58,9 @@ def without_navigator(graph: Digraph) -> Digraph:
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Return whether vehicles sense without errors and every message arrives, as the theory presupposes."""
-    return scenario.sensing.exact() and scenario.channel.loss.perfect()
+    """Return whether the theory's premises hold: exact sensors, one network, and every message arrives."""
+    one_network = len(scenario.topology.turns()) == 1
+    return scenario.sensing.exact() and scenario.channel.loss.perfect() and one_network
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:

@@ -62,7 +62,7 @@ class Batch(NamedTuple):
     def acts(self) -> bool:
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
-        noisy = lane.sensor is not None or lane.loss is not None
+        noisy = lane.sensor is not None or lane.lossy
         return self.plan.choosing or noisy or not lane.law.solved
 
 

@@ -136,7 +136,7 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        if lane.sensor is not None or lane.loss is not None or tick.coasts(lane):
+        if lane.sensor is not None or lane.lossy or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
 
     def begin(self) -> PropagationState:

@@ -67,6 +67,7 @@ class DecisionState(NamedTuple):
     noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
     reception: Reception | None = None  # None where every message arrives
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
+    network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
 
 
 class Drive(NamedTuple):
@@ -160,9 +161,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
     channel = first_reception(lane, network, errors, time), first_coasting(lane)
+    network = None if lane.turns is None else jnp.zeros(time.shape, int)
     if not plan.strategic:
-        return DecisionState(decision, memory, None, None, noise, *channel)
-    state = DecisionState(decision, memory, lane.vectors, None, noise, *channel)
+        return DecisionState(decision, memory, None, None, noise, *channel, network)
+    state = DecisionState(decision, memory, lane.vectors, None, noise, *channel, network)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -185,15 +187,15 @@ def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
 
 def first_reception(lane: Lane, network: Network, errors: Jets, time: Instants) -> Reception | None:
     """Return the reception before the first tick, None where every message arrives."""
-    if lane.loss is None:
+    if not lane.lossy:
         return None
     messages = messages_of(lane, network, errors, time)
-    return Reception(messages.present, lane.loss.start(messages))
+    return Reception(messages.present, None if lane.loss is None else lane.loss.start(messages))
 
 
 def first_coasting(lane: Lane) -> Coasting | None:
     """Return that no vehicle coasts before the first tick, None where no vehicle ever does."""
-    if lane.loss is None and not coasts(lane):
+    if not (lane.lossy or coasts(lane)):
         return None
     nobody = jnp.zeros(lane.weights.shape[1:], bool)
     return Coasting(nobody, jnp.zeros_like(lane.initial[:2]), nobody)
@@ -219,6 +221,9 @@ def decide(
     `drive` is the drive z of each vehicle until now, needed where vehicles may keep it.
     """
     state = before._replace(noise=sense(lane, time))
+    if lane.turns is not None:
+        number = lane.turns.schedule.number(time, len(lane.turns.weights))
+        state, lane = state._replace(network=number), with_network(lane, number)
     if plan.strategic:
         seen = sight(lane, network, plan, state, errors, basis, time)
         vectors, memory = lane.signal.aim(seen, state.attacker_memory)
@@ -226,6 +231,17 @@ def decide(
     state = state._replace(reception=channel(lane, network, state.reception, errors, time))
     state = judge(lane, network, plan, state, errors, basis, time)
     return state._replace(coasting=keep_drive(lane, network, plan, state, drive))
+
+
+def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:
+    """Return the lane with the weights of the network in force; unchanged where there is one network."""
+    if lane.turns is None or number is None:
+        return lane
+    _, *each = lane.turns
+    weights, strength = jax.tree.map(
+        lambda leaf: jax.vmap(lambda networks, one: networks[one], -1, -1)(leaf, number), tuple(each)
+    )
+    return lane._replace(weights=weights, strength=strength)
 
 
 def sense(lane: Lane, time: Instants) -> Jets | None:
@@ -251,6 +267,8 @@ def channel(
     if before is None:
         return None
     messages = messages_of(lane, network, errors, time)
+    if lane.loss is None:
+        return before._replace(arrived=messages.present)
     lost, memory = lane.loss.lost(messages, before.memory)
     arrived = xla.materialised(lambda: messages.present & ~lost)
     return before._replace(arrived=arrived, memory=memory)
@@ -281,7 +299,7 @@ def keep_drive(
         heard = (weights_without_loss(lane, state, plan) > 0) & state.reception.arrived[None]
         nobody = ~heard.any(axis=1)
         if lane.law.local:
-            return before._replace(vehicles=nobody.any(axis=0))
+            return before._replace(vehicles=nobody.all(axis=0))
         alone = nobody | off[None]
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
     kept = jnp.where(keeps[None], jnp.where(before.vehicles[None], before.drive, drive), 0.0)
@@ -351,6 +369,7 @@ def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
 
 def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
     """Return how strongly each vehicle follows those that it retains and hears, None where it is 1."""
+    lane = with_network(lane, state.network)
     if lane.strength is None:
         return None
     weights = lane.weights[None]
@@ -434,7 +453,8 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
     weights, coasting = weights_without_loss(lane, state, plan), state.coasting
     if state.reception is not None:
         arrived = jnp.where(state.reception.arrived[None], weights, 0.0)
-        weights = arrived / arrived.sum(axis=1, keepdims=True)
+        total = arrived.sum(axis=1, keepdims=True)
+        weights = arrived / jnp.where(total > 0, total, 1.0)
     return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
 
 
@@ -443,6 +463,7 @@ def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWe
 
     Under a local law, a vehicle that retains nobody has weights 0; under others, not-a-number.
     """
+    lane = with_network(lane, state.network)
     if not plan.decides:
         return lane.weights[None]
     weights = retained.in_force(lane.weights, state.decision)
@@ -461,9 +482,10 @@ def cut_off(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> V
 def disconnected(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> LaneFlags:
     """Return the lanes that fail because decisions alone cut a vehicle off from the navigator.
 
-    No lane fails where such vehicles coast, or under a local law, which has a solution all the same.
+    No lane fails where such vehicles coast, or under a local law, which has a solution all the same, or where
+    networks take turns.
     """
-    if lane.law.local or coasts(lane):
+    if lane.law.local or coasts(lane) or lane.turns is not None:
         return jnp.zeros(lane.attack_scale.shape, bool)
     return cut_off(lane, network, state, plan).any(axis=0)
 
@@ -480,6 +502,8 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     if now.reception is not None and before.reception is not None:
         arrived = now.reception.arrived, before.reception.arrived
         lanes = lanes | retained.changed(*arrived).any(axis=0)
+    if now.network is not None and before.network is not None:
+        lanes = lanes | (now.network != before.network)
     if now.vectors is not None and before.vectors is not None:
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
     return lanes, others

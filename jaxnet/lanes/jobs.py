@@ -13,6 +13,7 @@ from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, signal_scale
+from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.navigators import SPEED_SAMPLES
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
@@ -20,9 +21,9 @@ from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
-from jaxnet.model.lane import Lane, Network
+from jaxnet.model.lane import Lane, Network, Turns
 from jaxnet.model.signal import ORDERS, Apart, Falsified, up_to
-from jaxnet.model.strength import RowStrength
+from jaxnet.model.strength import RowStrength, WithOwnWeight
 from jaxnet.solvers.choice import choose_solver
 
 
@@ -42,7 +43,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
-    weights = weights_of(scenario, draw, sources)
+    weights = weights_of(scenario, draw, sources, scenario.topology)
     gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
     lanes = Lane(
         initial=lanes_first(start),
@@ -60,7 +61,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         interval=draw.same(interval_of(scenario)),
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
-        strength=strength_of(scenario, weights),
+        strength=strength_of(scenario, weights, scenario.topology),
+        turns=turns_of(scenario, draw, sources),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -101,14 +103,14 @@ def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
-def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
-    """Return the weights of each lane by slot: (samples, slots, m).
+def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray, graph: Graph) -> Any:
+    """Return the weights of each lane by slot in a graph: (samples, slots, m).
 
     Each identity of a source has the weight of the source before normalisation. A split link has two slots. A
     lane hears the slot of the attack if the source is attacked in that lane, and the slot of the source
     otherwise.
     """
-    weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
+    weights, attack = graph.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if not scenario.navigator.present:
         weights = np.where(sources == 0, 0.0, weights)
     if attack.splits():
@@ -122,11 +124,24 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     return weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(float).tiny)
 
 
-def strength_of(scenario: Scenario, weights: Any) -> RowStrength | None:
+def strength_of(scenario: Scenario, weights: Any, graph: Graph) -> RowStrength | None:
     """Return the strength of the rows of each lane with these weights, None where it does not act."""
-    if not scenario.law.local:
+    return graph.strength(weights, scenario.navigator.present) if scenario.law.local else None
+
+
+def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | None:
+    """Return the networks that take turns, None where there is one."""
+    networks = scenario.topology.turns()
+    if len(networks) == 1:
         return None
-    return scenario.topology.strength(weights, scenario.navigator.present)
+    each = [weights_of(scenario, draw, sources, graph) for graph in networks]
+    strengths = [strength_of(scenario, *both) for both in zip(each, networks, strict=True)]
+    strength = None
+    if any(one is not None for one in strengths):
+        plain = WithOwnWeight(np.zeros_like(each[0][:, 0]))
+        strengths = [plain if one is None else one for one in strengths]
+        strength = jax.tree.map(lambda *leaves: np.stack(leaves, axis=1), *strengths)
+    return Turns(tree(scenario.topology.drawn(draw, "topology")), np.stack(each, axis=1), strength)
 
 
 def network_of(scenario: Scenario, sources: Any) -> Network:

@@ -10,6 +10,14 @@ from jaxnet.model.signal import Basis, up_to
 from jaxnet.model.strength import RowStrength
 
 
+class Turns(NamedTuple):
+    """Networks that take turns, each with its weights and strengths."""
+
+    schedule: Any  # the graph, a kind that gives the number of the network in force
+    weights: Float[Array, "networks slots m *lanes"]
+    strength: RowStrength | None  # leaves (networks, m, *lanes)
+
+
 class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
@@ -34,6 +42,12 @@ class Lane(NamedTuple):
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
     strength: RowStrength | None = None  # of rows; None where it is 1
+    turns: Turns | None = None  # None where one network is always in force
+
+    @property
+    def lossy(self) -> bool:
+        """Return whether a source may be unheard at a tick: a message is lost, or networks take turns."""
+        return self.loss is not None or self.turns is not None
 
     def basis(self, time: Numbers) -> Basis:
         """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""

@@ -140,7 +140,7 @@ class ByDiffrax(Motion[StackedState]):
 
     def hold(self, state: StackedState, decided: DecisionState, at: Tick) -> tuple[StackedState, LaneFlags]:
         """Return the state unchanged, and the lanes in which a vehicle is cut off and does not coast."""
-        if self.lane.law.local or tick.coasts(self.lane):
+        if self.lane.law.local or tick.coasts(self.lane) or self.lane.turns is not None:
             return state, jnp.zeros_like(at.here)
         weights = tick.weights_without_loss(self.lane, decided, self.plan)
         reached = jax.vmap(lambda each: reaches_everybody(self.network.hearing, each), -1, -1)(weights)

@@ -86,6 +86,10 @@ class Graph(Kind):
         """Return the names of the vehicles 1 … m, empty if only numbers name them."""
         return ()
 
+    def turns(self) -> Sequence["Graph"]:
+        """Return the networks of which one is in force at a time; by default this graph alone."""
+        return [self]
+
     def linked(self, vehicles: int) -> Digraph:
         """Return the graph of the possible links, each with weight 1; raise KindError."""
         given = self.digraph(self.links(vehicles), vehicles)

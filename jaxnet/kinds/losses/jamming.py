@@ -46,11 +46,11 @@ class Jamming(DrawsTogether, Loss):
 
     of: Together = Field(
         default="all",
-        description="what a drawn interval jams: one link, all links of a transmitter, or all links",
+        description="for whom a drawn interval counts, as above",
     )
     intervals: list[Interval] = Field(default=[], description="[s], begin and end of each listed interval")
     period: NotNegative = Field(
-        default=0.0, description="[s], from one periodic interval to the next, 0: none"
+        default=0.0, description="[s], from begin to begin of periodic intervals; 0: none"
     )
     length: NotNegative = Field(default=0.0, description="[s], of each periodic interval")
     first: Number = Field(default=0.0, description="[s], begin of the first periodic interval")

@@ -50,7 +50,9 @@ NOT_TRIED = f"more than {MOST_DRAWN_SETS:,} sets of vehicles may be drawn, which
 NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every instant"
 RETAINED = "; that is while everybody is retained"
 NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
-NOT_IDEAL = "nothing is proved; the theorems presuppose exact sensors and a channel that loses nothing"
+NOT_IDEAL = (
+    "nothing is proved; the theorems presuppose exact sensors, one network, and a channel that loses nothing"
+)
 NOT_ROBUST = "not 1-robust, so not enough for W-MSR"
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
 ANNOUNCEMENT_PREMISE = "as long as no vehicle stands still and nobody is cut off, outside the set either"
@@ -264,7 +266,7 @@ def leaderless_rows(scenario: Scenario, known: Situation, seconds: float) -> dic
         " of the hull of their starts",
         "attack": attack_line(scenario, facts),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
-        "law": stability_line(scenario, known),
+        **({"law": stability_line(scenario, known)} if len(scenario.topology.turns()) == 1 else {}),
         **world_lines(scenario),
         "safe": NO_LEADER,
     }
@@ -278,8 +280,12 @@ def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[s
 
 
 def world_lines(scenario: Scenario) -> dict[str, str]:
-    """Return lines on the errors of sensors and on lost messages, which no bound covers."""
+    """Return lines on what no bound covers: networks in turn, errors of sensors and lost messages."""
     lines = {}
+    networks = scenario.topology.turns()
+    if len(networks) > 1:
+        union = "the lines above hold for the union, not for a network alone"
+        lines["networks"] = f"{count(len(networks), 'network')} take turns; {union}; no bound holds"
     if not scenario.sensing.exact():
         lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds"
     if not scenario.channel.loss.perfect():

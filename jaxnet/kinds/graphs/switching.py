@@ -1,0 +1,130 @@
+"""Networks that take turns."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from annotated_types import Len
+from pydantic import Field
+from scipy import sparse
+from upath import UPath
+
+from jaxnet.kinds import registry
+from jaxnet.kinds.family import KindOf
+from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.kind import Fault
+from jaxnet.kinds.navigators.none import NoNavigator
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.shapes import AnyCounts, LaneTimes
+from jaxnet.kinds.ticks import DrawsAtTicks
+from jaxnet.lazy import LazyModule
+from jaxnet.model import graph
+from jaxnet.model.graph import Digraph
+
+if TYPE_CHECKING:
+    import jax
+    import jax.numpy as jnp
+else:
+    jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
+
+ROUNDING = 1e-9  # [s] by which a tick may miss the time of a change
+
+
+class Switching(DrawsAtTicks, Graph):
+    """Several networks, one of which is in force at a tick, with its own weights.
+
+    A vehicle that the navigator does not reach in the network in force keeps its last drive, as where
+    messages are lost. What `check` says of the graph holds for the union of the networks.
+    """
+
+    kind = "switching"
+    untraced = frozenset({"label", "own_weight", "networks"})
+
+    networks: Annotated[list[Annotated[Graph, KindOf("topology")]], Len(2)] = Field(
+        description="the networks, each with its kind and keys"
+    )
+    every: NotNegative = Field(default=0.0, description="[s], from one change to the next; or give `at`")
+    at: list[float] = Field(default=[], description="[s], times of the changes, ascending")
+    order: Literal["cyclic", "random"] = Field(
+        default="cyclic", description="cyclic: as listed, again and again; random: drawn at each change"
+    )
+
+    @classmethod
+    def completed(cls, given: dict[object, object], folder: UPath) -> dict[object, object]:
+        """Return the mapping with each network completed by its file."""
+        networks = given.get("networks")
+        if not isinstance(networks, list):
+            return given
+
+        def complete(network: object) -> object:
+            if isinstance(network, dict) and isinstance(name := network.get("kind"), str):
+                return registry.find("topology", name).completed(network, folder)
+            return network
+
+        return {**given, "networks": [complete(each) for each in networks]}
+
+    def draws(self) -> bool:
+        """Return whether the order is drawn."""
+        return self.order == "random"
+
+    def size(self) -> int | None:
+        """Return the number of vehicles of the first network that has a number."""
+        return next(filter(None, (each.size() for each in self.networks)), None)
+
+    def normalises(self) -> bool:
+        """Return whether only relative weights count, in each network."""
+        return self.networks[0].normalises()
+
+    def weights(self, vehicles: int) -> Digraph:
+        """Return the union of the networks, with the mean of their normalised weights."""
+        each = [network.normalised_rows(vehicles) for network in self.networks]
+        ends = [(*found.edges(), found) for found in each]
+        links = [
+            (found.weights[rows, slots], (rows, found.sources[rows, slots])) for rows, slots, found in ends
+        ]
+        total = sum(sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links)
+        return graph.of_matrix(total / len(each))
+
+    def turns(self) -> list[Graph]:
+        """Return the networks."""
+        return self.networks
+
+    def number(self, time: LaneTimes, networks: int) -> AnyCounts:
+        """Return the number, from 0, of the network in force at times, one of so many networks."""
+        if len(self.at):
+            passed = sum((time >= each - ROUNDING).astype(int) for each in self.at)
+        else:
+            passed = jnp.floor((time + ROUNDING) / self.every).astype(int)
+        if self.order == "cyclic":
+            return passed % networks
+        drawn = self.random(passed.astype(float), "network", jax.random.uniform, ())
+        return (drawn * networks).astype(int)
+
+    def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of the times, or else of each network, or else of the union."""
+        alone = scenario.model_copy(update={"navigator": NoNavigator()})
+        found = list(self.time_faults(scenario))
+        for number, network in enumerate(self.networks):
+            key = f"topology.networks.{number}"
+            if len(network.turns()) > 1 or network.differs():
+                found.append(Fault((key,), "must be one network, without draws"))
+            elif network.normalises() != self.normalises():
+                found.append(Fault((key,), "must be normalised as the first network is"))
+            elif network.size() not in (None, scenario.vehicles):
+                message = f"has {network.size()} vehicles (got {scenario.vehicles})"
+                found.append(Fault((key, "vehicles"), message))
+            else:
+                found += [Fault((key, *fault.keys), fault.message) for fault in network.faults(alone)]
+        yield from found or super().faults(scenario)
+
+    def time_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield faults of the times of changes."""
+        if (self.every == 0) == (not self.at):
+            yield Fault(("topology.every", "topology"), "give either every or at")
+        if self.at != sorted(set(self.at)) or min(self.at, default=1.0) <= 0:
+            yield Fault(("topology.at",), "must be positive times in ascending order")
+        if scenario.tick == 0:
+            yield Fault(("topology", "tick"), "networks change at ticks: give a tick")
+        if self.own_weight:
+            yield Fault(("topology.own_weight",), "give own_weight to each of the networks")

@@ -1,0 +1,114 @@
+"""Networks that take turns, against programs of a few lines, and what is refused or told of them."""
+
+import numpy as np
+import pytest
+
+from jaxnet.config.document import ConfigError
+from tests import systems
+
+RING = [[i, 1 + (i + k) % 6, 1.0 + k] for i in range(1, 7) for k in (0, 4)]
+PAIRS = [[i, 7 - i, 2] for i in range(1, 7)] + [[2, 3, 1], [5, 1, 3], [4, 4, 1]]
+SPARSE = [[1, 2, 1], [3, 5, 1], [6, 2, 0.5]]
+NETWORKS = [{"kind": "edges", "edges": edges} for edges in (RING, PAIRS, SPARSE)]
+LINE = {"vehicles": 6, "vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1]}
+LINE |= {"tick": 1.0, "output_step": 1.0, "tail": 0.0, "engine": "exact"}
+LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
+
+
+def matrix(edges):
+    """Weights (6, 6) of a network on the line, rows with sum 1, loops included; row 0 where nobody is heard."""
+    found = np.zeros((6, 6))
+    for i, j, weight in edges:
+        found[i - 1, j - 1] += weight
+    empty = found.sum(axis=1) == 0
+    found[empty, empty] = 1.0
+    return found / found.sum(axis=1, keepdims=True)
+
+
+def stepped(x, weights, told, F):
+    """`x ← W(t) x`, where agents drop the F greatest above and the F least below their own value."""
+    new = x.copy()
+    for i in range(6):
+        heard = [j for j in np.flatnonzero(weights[i]) if j != i]
+        above = sorted((j for j in heard if told[j] > x[i]), key=lambda j: -told[j])[:F]
+        below = sorted((j for j in heard if told[j] < x[i]), key=lambda j: told[j])[:F]
+        kept = [j for j in heard if j not in above + below]
+        share = weights[i, [*kept, i]]
+        if kept:
+            new[i] = share @ [*told[kept], x[i]] / share.sum()
+    return new
+
+
+@pytest.mark.parametrize(
+    ("times", "number"),
+    [
+        ({"every": 7.0}, lambda t: t // 7 % 3),
+        (
+            {"at": [3.0, 4.0, 250.0, 251.5]},
+            lambda t: [0, 1, 2, 0, 1][sum(t >= s for s in (3, 4, 250, 251.5))],
+        ),
+    ],
+)
+def test_agents_step_by_the_network_in_force(times, number):
+    """W-MSR with F = 1, a liar at -5 and weights of agents on themselves; 500 steps to 1e-12."""
+    keys = LINE | {"horizon": 500.0, "defence": {"kind": "w_msr", "F": 1}, "attack": LIAR}
+    keys["topology"] = {"kind": "switching", "networks": NETWORKS, **times}
+    one = systems.lanes(systems.study(**keys), 2)
+    outcome = systems.simulate(one)
+    for lane in range(2):
+        places = outcome.series["state"][lane, :, :, 0]
+        x = places[0]
+        for t in range(500):
+            told = np.where(np.arange(6) == 2, -5.0, x)
+            x = stepped(x, matrix([RING, PAIRS, SPARSE][number(t)]), told, F=1)
+            assert np.abs(x - places[t + 1]).max() <= 1e-12
+        assert np.ptp(places[0]) > 10
+
+
+def test_weights_are_those_of_each_network_under_the_exact_law():
+    """Star and path in turn: under a bias of the navigator's word the error is that of the network in force."""
+    networks = [{"kind": "star"}, {"kind": "path"}]
+    attack = {"kind": "bias", "vehicles": [2], "magnitude": 4.0, "direction": 0.0, "links": "neighbour"}
+    keys = {"engine": "exact", "attack": attack, "defence": "none", "horizon": 60.0, "output_step": 1.0}
+    keys["topology"] = {"kind": "switching", "networks": networks, "every": 30.0}
+    mixed = systems.simulate(systems.lanes(systems.study(**keys), 1))
+    path = systems.simulate(systems.lanes(systems.study(**keys | {"topology": networks[1]}), 1))
+    star = systems.simulate(systems.lanes(systems.study(**keys | {"topology": networks[0]}), 1))
+    kept = mixed.series["kept"][0]
+    np.testing.assert_array_equal(kept[:30], star.series["kept"][0, :30])
+    np.testing.assert_array_equal(kept[30:60], path.series["kept"][0, 30:60])
+    ends = [each.series["state"][0, 29, :, :2] for each in (mixed, star)]
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
+    ends = [each.series["state"][0, 59, :, :2] for each in (mixed, path)]
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-4)
+
+
+def test_a_random_order_is_drawn_at_each_change():
+    """Each network stays for its time, and all appear about equally often."""
+    networks = [{"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)]
+    keys = LINE | {"horizon": 300.0, "defence": "none", "attack": "none"}
+    keys["topology"] = {"kind": "switching", "networks": networks, "every": 3.0, "order": "random"}
+    kept = systems.simulate(systems.lanes(systems.study(**keys), 4)).series["kept"][:, :-1]
+    number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
+    turns = number.reshape(4, 100, 3)
+    assert (turns == turns[:, :, :1]).all()
+    assert np.abs(np.bincount(turns[:, :, 0].ravel(), minlength=3) / 400 - 1 / 3).max() < 0.08
+    assert (turns[0] != turns[1]).any()
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({}, "either every or at"),
+        ({"every": 1.0, "at": [2.0]}, "either every or at"),
+        ({"at": [2.0, 1.0]}, "ascending"),
+        ({"every": 1.0, "own_weight": 1.0}, "own_weight to each"),
+        ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]}, "networks.1"),
+        ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]}, "without draws"),
+    ],
+)
+def test_networks_that_cannot_take_turns_are_refused(more, message):
+    """With the key that the user may change."""
+    topology = {"kind": "switching", "networks": NETWORKS, **more}
+    with pytest.raises(ConfigError, match=message):
+        systems.study(topology=topology, **LINE)
