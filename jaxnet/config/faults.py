@@ -140,6 +140,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     for key in KINDS:
         yield from kind_faults(key, getattr(scenario, key), scenario)
     yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
+    yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
+    if scenario.channel.missing != "drop" and not scenario.law.solved:
+        message = "drop is all that a law can do whose vehicles hold a derivative or know only jets"
+        yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

@@ -30,6 +30,8 @@ from jaxnet.kinds.losses.none import NoLoss
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT, Metric
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.navigators.lissajous import Lissajous
+from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.kinds.noises.gaussian import GaussianNoise
 from jaxnet.kinds.sensors import Sensor
 from jaxnet.kinds.sensors.gaussian import Gaussian
 from jaxnet.kinds.vehicles import Vehicle
@@ -51,6 +53,14 @@ class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
     loss: Annotated[Loss, KindOf("loss"), Field(description="which messages are lost")] = NoLoss()
+    missing: Literal["drop", "hold", "extrapolate"] = Field(
+        default="drop",
+        description="what stands in for a lost word: drop, nothing, the other weights grow; hold, the drive"
+        " heard last; extrapolate, the motion heard last, continued",
+    )
+    noise: Annotated[
+        ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
+    ] = GaussianNoise()
 
 
 def known_metric(name: str) -> Metric:
@@ -138,7 +148,11 @@ class Scenario(Record):
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "engine")  # take a kind
-INNER_KINDS = {"attack.announces": "announcement", "channel.loss": "loss"}  # families of deeper keys
+INNER_KINDS = {
+    "attack.announces": "announcement",
+    "channel.loss": "loss",
+    "channel.noise": "noise",
+}  # families of deeper keys
 
 
 class Linspace(Record):

@@ -60,7 +60,8 @@ def without_navigator(graph: Digraph) -> Digraph:
 def is_ideal(scenario: Scenario) -> bool:
     """Return whether the theory's premises hold: exact sensors, one network, and every message arrives."""
     one_network = len(scenario.topology.turns()) == 1
-    return scenario.sensing.exact() and scenario.channel.loss.perfect() and one_network
+    channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
+    return scenario.sensing.exact() and channel and one_network
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:

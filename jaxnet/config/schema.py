@@ -43,7 +43,7 @@ def config_schema() -> JsonSchema:
 # Families by the kind that stands where none is named: those of a study's keys, an attack's and a channel's.
 DEFAULT_KINDS = {family: Scenario.model_fields[family].default.reference() for family in KINDS}
 DEFAULT_KINDS["announcement"] = Attack.model_fields["announces"].default.reference()
-DEFAULT_KINDS["loss"] = Channel.model_fields["loss"].default.reference()
+DEFAULT_KINDS |= {key: Channel.model_fields[key].default.reference() for key in ("loss", "noise")}
 
 OUTSIDE = r"^[\w.]+:[\w.]+$"  # module:Class
 

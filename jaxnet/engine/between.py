@@ -5,6 +5,7 @@ the start. Lanes in which no vehicle moves on a line any more are not searched. 
 searches the interval since the previous tick.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -68,8 +69,10 @@ def stood(
     attack = lane.vectors.shape[2]
     pull = norm(forced[:, :, :attack]) * greatest_drive(lane.gain, functions)
     if forced.shape[2] > attack:  # the functions of `signal.WithNavigator`
-        constant, tracked = forced[:, :, attack], forced[:, :, attack + 1 :]
+        constant, tracked = forced[:, :, attack], forced[:, :, attack + 1 : attack + 3]
         pull = pull + length(constant) + norm(tracked) * greatest_drive(lane.gain, path)
+        for k in range(1, forced.shape[2] - attack - 2):  # the functions of `signal.WithPowers`
+            pull = pull + length(forced[:, :, attack + 2 + k]) * (interval**k / math.factorial(k))
     pull = pull * (1.0 + interval * reach[-1])[None]
     highest = path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
     forcing = signal.jets(forced, effect)

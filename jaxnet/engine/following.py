@@ -14,7 +14,7 @@ from jaxnet.engine.loop import Motion
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals
 from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Drive, Instants
+from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive
 from jaxnet.model import control, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
@@ -34,6 +34,7 @@ class FollowedLaw(NamedTuple):
     jerk: Jerk | None  # held until the next tick
     response: Vectors | None  # L⁻¹ d, or d under a local law, for a first guess of the jerk
     strength: RowShares | None = None  # of the rows of weights, under a local law
+    known: KnownDrive | None = None  # what words add that are not live
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
         """Return the held derivative, or that of an exact cancellation: `R(y_0) - P(y)` plus the attacks'
@@ -92,12 +93,12 @@ def follow_weights(
     if lane.law.local:
         everybody = jnp.ones(lane.attack_scale.shape, bool)
         vectors = response(drive.vectors, FollowedLaw(drive.weights, None, None, None), network)
-        return FollowedLaw(drive.weights, None, None, vectors, drive.strength), everybody
+        return FollowedLaw(drive.weights, None, None, vectors, drive.strength, drive.known), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
-    followed = FollowedLaw(drive.weights, factors, None, None)
+    followed = FollowedLaw(drive.weights, factors, None, None, known=drive.known)
     if guesses:
         followed = followed._replace(response=response(drive.vectors, followed, network))
-    if drive.coasting is None:
+    if drive.known is None:
         return followed, residual < CONNECTED
     return followed, ~tick.disconnected(lane, network, decided, plan)
 
@@ -146,10 +147,11 @@ def law_jerk(
     """
     vectors = tick.attack_vectors(lane, decided)
     if lane.law.local:
-        drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, followed.strength)
+        rest = followed.strength, followed.known
+        drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, *rest)
         return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis)
     attack = signal.combined(vectors, now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
-    if decided.coasting is not None:
-        demand = demand + decided.coasting.drive
+    if followed.known is not None:
+        demand = demand + followed.known.at(now.time)
     return network.solver.apply(network.hearing, followed.factors, demand, start)

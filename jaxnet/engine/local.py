@@ -130,6 +130,7 @@ def by_series(
     gain = jnp.stack([lane.gain[k] * powers[order - k] for k in range(order)])
     lane = lane._replace(gain=gain)
     noise = None if drive.noise is None else scaled(drive.noise, powers)
+    added = None if drive.known is None else drive.known.drive * powers[order][None, None, None]
     factorials = jnp.asarray(INVERSE_FACTORIALS)
     first = scaled(jets, powers)
 
@@ -142,7 +143,10 @@ def by_series(
         own = window
         if noise is not None:
             own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=False))
-        return tick.followed_demand(lane, network, drive, own, functions.navigator, functions.basis)
+        now = drive
+        if drive.known is not None and added is not None:
+            now = drive._replace(known=drive.known._replace(drive=jnp.where(n == 0, added, 0.0)))
+        return tick.followed_demand(lane, network, now, own, functions.navigator, functions.basis)
 
     def add(carry: tuple) -> tuple:
         n, window, sums, bound, _ = carry

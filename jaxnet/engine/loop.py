@@ -62,7 +62,7 @@ class Batch(NamedTuple):
     def acts(self) -> bool:
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
-        noisy = lane.sensor is not None or lane.lossy
+        noisy = lane.sensor is not None or lane.lossy or lane.noise is not None
         return self.plan.choosing or noisy or not lane.law.solved
 
 
@@ -186,7 +186,8 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     here = fleet.at_tick & (fleet.status == Status.ok)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
-    last = None if before.coasting is None else last_drive(fleet, motion, lane, first)
+    needed = before.coasting is not None or plan.missing == "hold"
+    last = last_drive(fleet, motion, lane, first) if needed else None
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
     if not lockstep:
         decided = select(here, decided, fleet.decided)

@@ -42,8 +42,9 @@ from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
+from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane
-from jaxnet.model.signal import Basis, Vectors, WithNavigator
+from jaxnet.model.signal import Basis, Vectors, WithNavigator, WithPowers, up_to
 
 
 class PropagationState(NamedTuple):
@@ -136,13 +137,15 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        if lane.sensor is not None or lane.lossy or tick.coasts(lane):
+        known = lane.sensor is not None or lane.noise is not None
+        if known or lane.lossy or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
+        self.extrapolates = lane.lossy and batch.plan.missing == "extrapolate"
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
-        basis, attack = self.driven.basis(time), lane.vectors.shape[2]
+        basis, attack = self.driven_since(time).basis(time), lane.vectors.shape[2]
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
             jets=plane.relative(jets, lane.path(time)),
@@ -151,8 +154,23 @@ class Solved(Propagation):
             basis=basis,
             effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
-            noise=tick.sense(lane, time),
+            noise=tick.sense(lane, (jnp.zeros_like(lane.initial[:2]),) * 3, time),
         )
+
+    def driven_since(self, time: Instants) -> Lane:
+        """Return the lanes with all functions that drive them, powers of the time since then among them."""
+        if not self.extrapolates:
+            return self.driven
+        return self.driven._replace(signal=WithPowers(self.driven.signal, self.lane.gain, time))
+
+    def begun_anew(self, state: PropagationState) -> PropagationState:
+        """Return the state in which the time of the powers begins now."""
+        signal, last = self.driven_since(state.time).signal, self.lane.vectors.shape[2] + 3
+        powers = up_to(len(self.lane.gain), signal.powers, state.time)
+        effect = state.effect
+        if effect is not None:
+            effect = effect.at[:, last:].set(powers[: len(effect)])
+        return state._replace(basis=state.basis.at[:, last:].set(powers), effect=effect)
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its derivatives below the order now."""
@@ -177,7 +195,8 @@ class Solved(Propagation):
             return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
 
         vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
-        return state._replace(vectors=vectors, noise=decided.noise), cut_off
+        state = state._replace(vectors=vectors, noise=decided.noise)
+        return self.begun_anew(state) if self.extrapolates else state, cut_off
 
     def forced(self, state: PropagationState) -> Vectors:
         """Return the vectors v until the next tick, with those of the sensor's errors: `-P(n)`."""
@@ -197,11 +216,12 @@ class Solved(Propagation):
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        flow, basis = self.numbers.flow, barrier(self.driven.basis(time))
+        driven = self.driven_since(state.time)
+        flow, basis = self.numbers.flow, barrier(driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and self.responses is not None:
             interval, before = self.clock.interval, state.effect
-            effect = barrier(passed_on(before, flow, self.responses, self.driven, state.time, interval))
+            effect = barrier(passed_on(before, flow, self.responses, driven, state.time, interval))
         now = basis if effect is None else effect
         forcing = barrier(now[: len(flow)] - jnp.stack(propagate(flow, before)))
         return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
@@ -209,7 +229,8 @@ class Solved(Propagation):
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
-        given = state.jets, self.forced(state), effect, self.driven, self.numbers.reach, state.time
+        driven = self.driven_since(state.time - self.clock.interval)
+        given = state.jets, self.forced(state), effect, driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood(*some, interval=self.clock.interval, plan=self.plan)
 

@@ -33,6 +33,7 @@ def solve_response(
     vectors, sensors with errors and lost messages change more rows at every tick.
     """
     decision, rows_change = decided.decision, decided.noise is not None or decided.coasting is not None
+    rows_change = rows_change or decided.link_noise is not None
     if decision is not None and decision.dtype == bool and not (plan.strategic or rows_change):
         decision = decision.reshape(-1, *lane.weights.shape)
         system = System(network.hearing, lane.weights, decision, lane.vectors)
@@ -43,7 +44,7 @@ def solve_response(
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
         new, residual = response_vectors(drive, network)
-        if drive.coasting is None:
+        if drive.known is None:
             cut = ~(residual < CONNECTED)
         else:
             cut = tick.disconnected(part, network, chosen, plan)
@@ -55,8 +56,8 @@ def solve_response(
 def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where vehicles sense with errors or may keep their drive, the vectors of three more functions follow
-    (`signal.WithNavigator`).
+    Where vehicles sense with errors or words are known before, the vectors of further functions follow
+    (`signal.WithNavigator`, `signal.WithPowers`).
     """
     weights, vectors = drive.weights, drive.vectors
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
@@ -69,10 +70,10 @@ def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
 
 
 def kept_columns(drive: Drive) -> list[Float[Array, "2 m few"]]:
-    """Return the right-hand sides of kept drives: `x_i = z_i - R(y_0)` for a vehicle that keeps z_i."""
-    if drive.coasting is None:
+    """Return the right-hand sides of known words: `L_r x = z - share R(y_0)`, as x is relative to R(y_0)."""
+    if drive.known is None:
         nothing = jnp.zeros((2, *drive.weights.shape[2:]))
         return [] if drive.noise is None else [nothing] * 3
-    navigator = -drive.coasting.vehicles.astype(float)
-    nothing = jnp.zeros_like(navigator)
-    return [drive.coasting.drive, jnp.stack([navigator, nothing]), jnp.stack([nothing, navigator])]
+    share, nothing = -drive.known.share, jnp.zeros_like(drive.known.share[0])
+    constant, *powers = jnp.moveaxis(drive.known.drive, 1, 0)
+    return [constant, jnp.stack([share[0], nothing]), jnp.stack([nothing, share[-1]]), *powers]

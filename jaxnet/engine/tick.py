@@ -3,13 +3,19 @@
     sense    a vehicle senses its own jets, with errors that stay the same until the next tick
     tell     a vehicle sends the jets that it senses, and an announcement where its defence announces
     attack   strategic attackers choose their vectors; attacked links carry false jets
-    channel  messages are lost
+    channel  messages are lost, or get errors; a lost word may be replaced
     judge    a vehicle decides which sources to retain, by jets with the noise of its defence
     drive    the weights, the attacks' vectors, the errors and the kept drives, until the next tick
 
 A vehicle that hears nobody keeps its last drive `z = y‴ + P(ŷ)`, where ŷ is what it senses. So does a group
 of vehicles that hear only each other: the law has no solution for such a group. If decisions alone cut a
 vehicle off from the navigator, its lane fails, or the vehicle coasts: it keeps its last drive too.
+
+A word is X_j = R(y_j) plus R of the attack. All that a vehicle puts in place of live words is known until the
+next tick: a kept drive, a word heard before, the error of a word. `KnownDrive` holds their sum, a polynomial
+of the time since the tick:
+
+    L_r X = a0_live R(y_0) + W_live R(a) + Σ_k z_k s^k / k!,      L_r = I - A_live.
 
 Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m, lanes). Lanes are last.
 """
@@ -37,9 +43,18 @@ Sent = tuple[Float[Array, "2 sources lanes"], ...]
 Received = tuple[Float[Array, "2 slots m lanes"], ...]
 LaneFlags = Bool[Array, " lanes"]
 PerAxis = Float[Array, "2 m lanes"]
+Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of s^k / k!, with s the time since the tick
 EachSignal = Float[Array, "2 signals lanes"]
 SignalJets = tuple[EachSignal, ...]
 VehicleFlags = Bool[Array, "m lanes"]
+
+
+# Coefficients of the polynomial that stands in for a lost word, for vehicles of an order.
+MISSING: dict[str, Callable[[int], int]] = {
+    "drop": lambda order: 0,
+    "hold": lambda order: 1,
+    "extrapolate": lambda order: order + 1,
+}
 
 
 class Reception(NamedTuple):
@@ -47,6 +62,8 @@ class Reception(NamedTuple):
 
     arrived: Bool[Array, "slots m lanes"]
     memory: Memory  # of the loss
+    time: Instants  # of the tick [s]
+    words: Words | None = None  # that stand in for lost words; None where listeners drop a lost source
 
 
 class Coasting(NamedTuple):
@@ -68,6 +85,23 @@ class DecisionState(NamedTuple):
     reception: Reception | None = None  # None where every message arrives
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
+    link_noise: Received | None = None  # errors of the jets on each link; None without
+
+
+class KnownDrive(NamedTuple):
+    """What known words add to the drives until the next tick (see the module's docstring)."""
+
+    share: Float[Array, "axes m lanes"]  # of the weights of a row whose words are not live
+    drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³, …]
+    time: Instants | None  # of the tick [s]; None where the drive is constant
+
+    def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
+        """Return the drive at a time."""
+        total, factor = self.drive[:, 0], 1.0
+        for k in range(1, self.drive.shape[1]):
+            factor = factor * (time - self.time) / k
+            total = total + self.drive[:, k] * factor[None, None]
+        return total
 
 
 class Drive(NamedTuple):
@@ -78,6 +112,7 @@ class Drive(NamedTuple):
     noise: Jets | None  # errors of the sensed jets
     coasting: Coasting | None
     strength: Float[Array, "axes m lanes"] | None = None  # of the rows of weights; None where it is 1
+    known: KnownDrive | None = None  # None where all words are live, without errors
 
 
 class Told(NamedTuple):
@@ -160,11 +195,13 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
-    channel = first_reception(lane, network, errors, time), first_coasting(lane)
-    network = None if lane.turns is None else jnp.zeros(time.shape, int)
+    channel = first_reception(lane, network, plan, errors, time), first_coasting(lane)
+    number = None if lane.turns is None else jnp.zeros(time.shape, int)
+    silent = jnp.zeros((2, *lane.weights.shape))
+    rest = noise, *channel, number, None if lane.noise is None else (silent,) * max(3, len(lane.gain))
     if not plan.strategic:
-        return DecisionState(decision, memory, None, None, noise, *channel, network)
-    state = DecisionState(decision, memory, lane.vectors, None, noise, *channel, network)
+        return DecisionState(decision, memory, None, None, *rest)
+    state = DecisionState(decision, memory, lane.vectors, None, *rest)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -185,12 +222,17 @@ def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
     return jnp.broadcast_to(lane.weights, decided.shape)
 
 
-def first_reception(lane: Lane, network: Network, errors: Jets, time: Instants) -> Reception | None:
+def first_reception(
+    lane: Lane, network: Network, plan: Plan, errors: Jets, time: Instants
+) -> Reception | None:
     """Return the reception before the first tick, None where every message arrives."""
     if not lane.lossy:
         return None
     messages = messages_of(lane, network, errors, time)
-    return Reception(messages.present, None if lane.loss is None else lane.loss.start(messages))
+    memory = None if lane.loss is None else lane.loss.start(messages)
+    degrees = MISSING[plan.missing](len(lane.gain))
+    words = jnp.zeros((2, degrees, *lane.weights.shape)) if degrees else None
+    return Reception(messages.present, memory, time, words)
 
 
 def first_coasting(lane: Lane) -> Coasting | None:
@@ -220,7 +262,7 @@ def decide(
 
     `drive` is the drive z of each vehicle until now, needed where vehicles may keep it.
     """
-    state = before._replace(noise=sense(lane, time))
+    state = before._replace(noise=sense(lane, before.noise, time))
     if lane.turns is not None:
         number = lane.turns.schedule.number(time, len(lane.turns.weights))
         state, lane = state._replace(network=number), with_network(lane, number)
@@ -228,7 +270,11 @@ def decide(
         seen = sight(lane, network, plan, state, errors, basis, time)
         vectors, memory = lane.signal.aim(seen, state.attacker_memory)
         state = state._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
-    state = state._replace(reception=channel(lane, network, state.reception, errors, time))
+    words = listen(lane, network, before, errors, basis, time, drive)
+    state = state._replace(
+        reception=channel(lane, network, state.reception, errors, time, words),
+        link_noise=disturb(lane, network, before.link_noise, time),
+    )
     state = judge(lane, network, plan, state, errors, basis, time)
     return state._replace(coasting=keep_drive(lane, network, plan, state, drive))
 
@@ -244,14 +290,24 @@ def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:
     return lane._replace(weights=weights, strength=strength)
 
 
-def sense(lane: Lane, time: Instants) -> Jets | None:
+def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
     """Return the errors of the jets that vehicles sense of themselves, None where vehicles sense exactly.
 
-    A sensor gives three errors; further derivatives are sensed exactly.
+    `last` are the errors of the last tick. A sensor gives three errors; further derivatives are sensed
+    exactly.
     """
     if lane.sensor is None:
         return None
-    errors = xla.materialised(lambda: lane.sensor.errors(time, lane.weights.shape[1]))
+    errors = xla.materialised(lambda: lane.sensor.next_errors(last[:3], time, lane.interval))
+    return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
+
+
+def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:
+    """Return the errors of the jets on each link, None where words arrive exactly."""
+    if lane.noise is None:
+        return None
+    sources = network.hearing.sources
+    errors = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
     return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
 
 
@@ -261,17 +317,79 @@ def sensed(jets: Jets, noise: Jets | None) -> Jets:
 
 
 def channel(
-    lane: Lane, network: Network, before: Reception | None, errors: Jets, time: Instants
+    lane: Lane, network: Network, before: Reception | None, errors: Jets, time: Instants, words: Words | None
 ) -> Reception | None:
-    """Return the messages that arrive at a tick, None where every message arrives."""
+    """Return the messages that arrive at a tick, None where every message arrives.
+
+    `words` stand in for lost words.
+    """
     if before is None:
         return None
     messages = messages_of(lane, network, errors, time)
     if lane.loss is None:
-        return before._replace(arrived=messages.present)
+        return Reception(messages.present, None, time, words)
     lost, memory = lane.loss.lost(messages, before.memory)
     arrived = xla.materialised(lambda: messages.present & ~lost)
-    return before._replace(arrived=arrived, memory=memory)
+    return Reception(arrived, memory, time, words)
+
+
+def listen(
+    lane: Lane,
+    network: Network,
+    before: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
+    drive: PerAxis | None,
+) -> Words | None:
+    """Return the words that stand in for lost words from this tick on, None where listeners drop them.
+
+    A word that was live until now is heard for the last time now. Other words are continued.
+    """
+    if before.reception is None or before.reception.words is None:
+        return None
+    words, gain = before.reception.words, lane.gain
+    signals = signal.jets(attack_vectors(lane, before), basis)
+    if words.shape[1] == 1:
+        sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
+        fresh = network.hearing.received(sources, control.driven(gain, signals))
+        if before.link_noise is not None:
+            fresh = fresh + control.feedback(gain, before.link_noise)
+        fresh = fresh[:, None]
+    else:
+        fresh = expanded(gain, heard_jets(lane, network, before, errors, signals, time))
+    live = before.reception.arrived[None, None]
+    return jnp.where(live, fresh, continued(words, time - before.reception.time))
+
+
+def heard_jets(
+    lane: Lane, network: Network, before: DecisionState, errors: Jets, signals: SignalJets, time: Instants
+) -> Received:
+    """Return the jets on each link until now, r of vehicles and r + 1 of the navigator; others are 0."""
+    navigator, order = lane.path(time)[: len(lane.gain) + 1, :, None], len(lane.gain)
+    own = sensed(plane.plus(errors, navigator), before.noise)
+    sent = [jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False)]
+    sent.append(jnp.concatenate([navigator[order], jnp.zeros_like(own[0])], axis=1))
+    received = attack(network, tuple(sent), signals)
+    if before.link_noise is not None:
+        received = *plane.plus(received[:order], before.link_noise), received[order]
+    leads = (network.hearing.sources == 0)[None, ..., None]
+    return *received[:order], jnp.where(leads, received[order], 0.0)
+
+
+def expanded(gain: control.Gain, jets: Received) -> Words:
+    """Return R of the Taylor polynomial of jets, as coefficients of s^k / k!."""
+    nothing = [jnp.zeros_like(jets[0])] * len(jets)
+    return jnp.stack([control.driven(gain, [*jets[k:], *nothing]) for k in range(len(jets))], axis=1)
+
+
+def continued(words: Words, interval: Instants) -> Words:
+    """Return the coefficients of polynomials about a time that is later by an interval."""
+    degrees, powers = words.shape[1], [jnp.ones_like(interval)[None, None, None]]
+    for k in range(1, degrees):
+        powers.append(powers[-1] * interval[None, None, None] / k)
+    later = [sum(words[:, n] * powers[n - k] for n in range(k, degrees)) for k in range(degrees)]
+    return jnp.stack(later, axis=1)
 
 
 def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> Messages:
@@ -296,7 +414,9 @@ def keep_drive(
     off = cut_off(lane, network, state, plan) if coasts(lane) else jnp.zeros_like(before.cut_off)
     keeps = off
     if state.reception is not None:
-        heard = (weights_without_loss(lane, state, plan) > 0) & state.reception.arrived[None]
+        heard = weights_without_loss(lane, state, plan) > 0
+        if state.reception.words is None:
+            heard = heard & state.reception.arrived[None]
         nobody = ~heard.any(axis=1)
         if lane.law.local:
             return before._replace(vehicles=nobody.all(axis=0))
@@ -334,6 +454,8 @@ def judge(
     signals, own = signal.jets(attack_vectors(lane, before), basis), sensed(errors, before.noise)
     heard = lane._replace(weights=arrived_weights(lane, before.reception))
     received, arrived = attack(network, tell(own), signals), None
+    if before.link_noise is not None:
+        received = plane.plus(received, before.link_noise)
     if before.reception is not None:  # a slot without a message holds the vehicle itself
         arrived = before.reception.arrived
         received = tuple(
@@ -364,7 +486,28 @@ def arrived_weights(lane: Lane, reception: Reception | None) -> Float[Array, "sl
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
-    return Drive(weights, vectors, state.noise, state.coasting, row_strength(lane, state, plan))
+    strength, known = row_strength(lane, state, plan), known_drive(lane, state, plan, weights)
+    return Drive(weights, vectors, state.noise, state.coasting, strength, known)
+
+
+def known_drive(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -> KnownDrive | None:
+    """Return what known words add until the next tick, None where there are none; `live` are the weights."""
+    coasting, reception = None if lane.law.local else state.coasting, state.reception
+    words = None if reception is None else reception.words
+    if coasting is None and words is None and state.link_noise is None:
+        return None
+    share, drive, time = jnp.zeros_like(live[:, 0]), jnp.zeros((2, 1, *live.shape[2:])), None
+    if coasting is not None:
+        share, drive = coasting.vehicles[None].astype(float), coasting.drive[:, None]
+    if words is not None and reception is not None:
+        lost = jnp.where(reception.arrived[None], 0.0, weights_without_loss(lane, state, plan))
+        lost = lost if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, lost)
+        added = (lost[:, None] * words).sum(axis=2)
+        share, drive, time = share + lost.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
+    if state.link_noise is not None:
+        error = (live * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
+        drive = drive.at[:, 0].add(error)
+    return KnownDrive(share, drive, time)
 
 
 def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
@@ -384,10 +527,10 @@ def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "
 def sight(
     lane: Lane, network: Network, plan: Plan, state: DecisionState, errors: Jets, basis: Basis, time: Instants
 ) -> Seen:
-    """Return the view of a strategic attacker at a tick: everything but the losses of the tick."""
+    """Return the view of a strategic attacker at a tick: everything but the channel of the tick."""
 
     def in_force(vectors: Vectors) -> AxisWeights:
-        chosen = state._replace(vectors=bounded(vectors, lane), reception=None)
+        chosen = state._replace(vectors=bounded(vectors, lane), reception=None, link_noise=None)
         judged = judge(lane, network, plan, chosen, errors, basis, time)
         kept = keep_drive(lane, network, plan, judged, jnp.zeros_like(errors[0])) if coasts(lane) else None
         return weights_in_force(lane, judged._replace(coasting=kept), plan)
@@ -448,13 +591,14 @@ def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
 def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
     """Return the weights until the next tick, of messages that arrived and that vehicles retain.
 
-    They are 0 for a vehicle that keeps its drive.
+    They are 0 for a vehicle that keeps its drive. They sum to less than 1 where words stand in for lost ones.
     """
     weights, coasting = weights_without_loss(lane, state, plan), state.coasting
     if state.reception is not None:
-        arrived = jnp.where(state.reception.arrived[None], weights, 0.0)
-        total = arrived.sum(axis=1, keepdims=True)
-        weights = arrived / jnp.where(total > 0, total, 1.0)
+        weights = jnp.where(state.reception.arrived[None], weights, 0.0)
+        if state.reception.words is None:
+            total = weights.sum(axis=1, keepdims=True)
+            weights = weights / jnp.where(total > 0, total, 1.0)
     return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
 
 
@@ -502,6 +646,11 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     if now.reception is not None and before.reception is not None:
         arrived = now.reception.arrived, before.reception.arrived
         lanes = lanes | retained.changed(*arrived).any(axis=0)
+        if now.reception.words is not None:
+            moved = (now.reception.words != before.reception.words) & ~now.reception.arrived[None, None]
+            lanes = lanes | moved.any(axis=(0, 1, 2, 3))
+    if now.link_noise is not None:
+        lanes = jnp.ones_like(lanes)
     if now.network is not None and before.network is not None:
         lanes = lanes | (now.network != before.network)
     if now.vectors is not None and before.vectors is not None:
@@ -536,6 +685,7 @@ def exchange(
     else:
         attack = signal.combined(drive.vectors, told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
+        demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
     if drive.coasting is not None and not lane.law.local:
         demand = jnp.where(drive.coasting.vehicles[None], last, demand)
 
@@ -557,4 +707,5 @@ def followed_demand(
     """Return the r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
     attack = signal.jets(drive.vectors, basis)
     demand = control.local_demand(own, navigator, attack, network.hearing, drive.weights, lane.gain)
+    demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
     return demand if drive.strength is None else drive.strength * demand

@@ -10,10 +10,13 @@ from jaxnet.outside.families import base_of
 
 
 class KindOf:
-    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name alone."""
+    """A kind of a family: an object, or a mapping with `kind` and the kind's keys, or the name alone.
 
-    def __init__(self, family: str):
-        self.family = family
+    A mapping without `kind` means the kind `default`, if there is one.
+    """
+
+    def __init__(self, family: str, default: str | None = None):
+        self.family, self.default = family, default
 
     def validate(self, value: object) -> Kind:
         """Return the kind that a value means."""
@@ -25,6 +28,8 @@ class KindOf:
         if not isinstance(value, dict):
             known = ", ".join(registry.kind_names(self.family))
             raise PydanticCustomError("kind", "must be a mapping, or one of {known}", {"known": known})
+        if self.default is not None:
+            value = {"kind": self.default, **value}
         try:
             if not isinstance(value.get("kind"), str):
                 raise registry.unknown_kind(self.family, value.get("kind"))

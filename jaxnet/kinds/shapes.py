@@ -34,6 +34,7 @@ SlotNumbers = Float[Any, "slots m *lanes"]
 SlotMask = Bool[Any, "slots m *lanes"]
 SlotSources = Int[Any, "slots m"]  # numbers of the sources, 0 is the navigator
 SlotLinks = Bool[Any, "slots m"]  # the same in all lanes
+ErrorJets = tuple[Float[Any, "2 ..."], ...]
 SlotJets = tuple[SlotVectors, ...]  # position, velocity, acceleration
 AxisSlotNumbers = Float[Any, "axes slots m *lanes"]
 AxisSlotMask = Bool[Any, "2 slots m *lanes"]

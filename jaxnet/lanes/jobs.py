@@ -44,7 +44,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     weights = weights_of(scenario, draw, sources, scenario.topology)
-    gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
+    gain, loss, noise = draw.several(scenario.gain, "gain"), scenario.channel.loss, scenario.channel.noise
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,
@@ -61,6 +61,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         interval=draw.same(interval_of(scenario)),
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
+        noise=None if noise.exact() else tree(noise.drawn(draw, "channel.noise")),
         strength=strength_of(scenario, weights, scenario.topology),
         turns=turns_of(scenario, draw, sources),
     )
@@ -177,6 +178,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         decides=scenario.defence.decides,
         strategic=scenario.attack.strategic,
         consistent=scenario.attack.consistent(),
+        missing=scenario.channel.missing,
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,

@@ -22,7 +22,7 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor and loss are kinds with their numbers drawn. The signal of the attack has a
+    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The signal of the attack has a
     method `basis`.
     """
 
@@ -41,6 +41,7 @@ class Lane(NamedTuple):
     interval: Float[Array, "*lanes"]  # [s] from tick to tick
     sensor: Any = None  # None where vehicles sense without errors
     loss: Any = None  # None where every message arrives
+    noise: Any = None  # None where words arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
 

@@ -64,6 +64,38 @@ class WithNavigator(NamedTuple):
         return xp.concatenate([functions, constant[:, None], path], axis=1)
 
 
+class WithPowers(NamedTuple):
+    """The functions of a signal, and as many more as the order r: p_k with `R(p_k) = s^k / k!`, k = 1 … r.
+
+    s is the time since `since`. The functions serve words that vehicles extrapolate.
+    """
+
+    signal: Any  # has a method `basis`
+    gain: Float[Any, "r *lanes"]
+    since: Numbers  # [s], (lanes,)
+
+    def basis(self, time: Numbers) -> Basis:
+        """Return all functions with three derivatives: (4, B + r, lanes)."""
+        xp, functions = time.__array_namespace__(), self.signal.basis(time)
+        return xp.concatenate([functions, self.powers(time)], axis=1)
+
+    def powers(self, time: Numbers) -> Basis:
+        """Return the functions p_k with three derivatives: (4, r, lanes)."""
+        xp, order, passed = time.__array_namespace__(), len(self.gain), time - self.since
+        terms = [xp.ones_like(time)]  # s^n / n!
+        inverse = [1.0 / self.gain[0]]  # of R, as a series of the derivative
+        rest = [*self.gain[1:], xp.ones_like(time)]
+        for n in range(1, order + 1):
+            terms.append(terms[-1] * passed / n)
+            inverse.append(-sum(rest[j] * inverse[n - 1 - j] for j in range(n)) / self.gain[0])
+        zero = xp.zeros_like(time)
+
+        def derivative(k: int, d: int) -> Numbers:
+            return sum((inverse[j] * terms[k - j - d] for j in range(k - d + 1)), zero)
+
+        return xp.stack([xp.stack([derivative(k, d) for k in range(1, order + 1)]) for d in ORDERS])
+
+
 class Apart(NamedTuple):
     """A signal with separate functions for each of n vehicles.
 

@@ -25,6 +25,7 @@ FAMILIES = {
     "law": Family("jaxnet.kinds.laws", "Law", "jaxnet.laws"),
     "sensing": Family("jaxnet.kinds.sensors", "Sensor", "jaxnet.sensors"),
     "loss": Family("jaxnet.kinds.losses", "Loss", "jaxnet.losses"),
+    "noise": Family("jaxnet.kinds.noises", "ChannelNoise", "jaxnet.noises"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
 }
 

@@ -27,7 +27,7 @@ from jaxnet.engine.methods import Engine, LaneCount, LaneGainRows
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan, Tolerances
 from jaxnet.engine.status import LEAST_MARGIN, Code, Status, fail
 from jaxnet.engine.stepper import States
-from jaxnet.engine.tick import DecisionState, Drive, Instants
+from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive
 from jaxnet.kinds.fields import Number, Positive, Within
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.model import definition, plane, signal
@@ -109,7 +109,7 @@ class FieldInputs(NamedTuple):
     weights: Float[Array, "axes slots m"]  # in force until the next tick, unless decided in the field
     vectors: Float[Array, "2 m functions"]  # of the attacks
     noise: tuple[Float[Array, "2 m"], ...] | None  # errors of the sensed jets
-    kept: Float[Array, "2 m"] | None  # drives that vehicles keep, 0 for others
+    known: KnownDrive | None  # what words add that are not live
     strength: Float[Array, "axes m"] | None  # of the rows of weights, None where it is 1
 
 
@@ -155,8 +155,7 @@ class ByDiffrax(Motion[StackedState]):
     def followed(self, state: StackedState, decided: DecisionState) -> FieldInputs:
         """Return the arguments of the lanes' vector fields until the next tick; lanes last."""
         drive = self.drive(state, decided)
-        kept = None if drive.coasting is None else drive.coasting.drive
-        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, kept, drive.strength)
+        return FieldInputs(self.lane, drive.weights, drive.vectors, drive.noise, drive.known, drive.strength)
 
     def advance(
         self, state: StackedState, decided: DecisionState, ticks: Ticks, status: Code
@@ -271,7 +270,7 @@ def lane_field(
     time: Instant, state: StateOfOne, followed: FieldInputs, network: Network, plan: Plan
 ) -> StateOfOne:
     """Return `ẋ = f(x, u(t, x))` of one lane, with weights held or, with `tick: 0`, decided here."""
-    lane, weights, vectors, noise, kept, strength = followed
+    lane, weights, vectors, noise, known, strength = followed
     alone, there, now = jax.tree.map(lambda leaf: leaf[..., None], (lane, state, time))  # kinds need lanes
     if plan.in_field:
         drive = decided_in_field(alone, there, now, network, plan)
@@ -287,13 +286,14 @@ def lane_field(
         if alone.law.local:
             highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
             error = jnp.where((each == 0).all(axis=0)[None, None], 0.0, error)
+        if known is not None:
+            highest = highest + known.at(time)
+        if alone.law.local:
             graph, highest, error = (
                 jnp.zeros_like(graph),
                 strength[None] * highest,
                 strength[None, None] * error,
             )
-        elif kept is not None:
-            highest = highest + kept
         return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
 
     strength = jnp.ones_like(weights[:, 0]) if strength is None else strength

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import LaneTimes, VehicleJets
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets
 from jaxnet.kinds.ticks import DrawsAtTicks
 
 
@@ -34,6 +34,13 @@ class Sensor(DrawsAtTicks):
             Errors of position, velocity and acceleration [m, m/s, m/s²], each (2, m, lanes).
         """
         raise KindError(f"{self.kind}: a sensor gives errors(self, time, vehicles)")
+
+    def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
+        """Return the errors of one tick after those of the last tick, by default independent of them.
+
+        `interval` (lanes,) is the time from tick to tick [s]. Before the first tick, `last` is 0.
+        """
+        return self.errors(time, last[0].shape[1])
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if vehicles sense with errors and the scenario has no ticks."""

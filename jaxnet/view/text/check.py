@@ -290,6 +290,8 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
         lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds"
     if not scenario.channel.loss.perfect():
         lines["channel"] = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
+    if not scenario.channel.noise.exact():
+        lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds"
     return lines
 
 
