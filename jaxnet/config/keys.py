@@ -148,11 +148,11 @@ class Scenario(Record):
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
 KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "engine")  # take a kind
-INNER_KINDS = {
+INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
     "channel.noise": "noise",
-}  # families of deeper keys
+}
 
 
 class Linspace(Record):

@@ -29,7 +29,7 @@ class NormalErrors(DrawsAtTicks):
     acceleration: NotNegative = Field(default=0.0, description="[m/s²], standard deviation on each axis")
     correlation: NotNegative = Field(
         default=0.0,
-        description="[s], time in which the correlation falls to 1/e; 0: independent at each tick",
+        description="[s], in which the correlation falls to 1/e; 0: independent ticks",
     )
 
     def sizes(self) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class NormalErrors(DrawsAtTicks):
         return position, velocity, acceleration
 
     def after(self, last: ErrorJets, white: ErrorJets, time: LaneTimes, interval: LaneNumbers) -> ErrorJets:
-        """Return the errors after those of the last tick, from independent ones; the first are independent."""
+        """Return errors correlated with those of the last tick, from independent ones."""
         if self.correlation is None:
             return white
         kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)

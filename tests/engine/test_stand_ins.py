@@ -81,7 +81,7 @@ def test_a_cubic_is_extrapolated_without_error():
         {"topology": "star", "attack": "none", "defence": "none", "tick": 0.1, "engine": "exact"},
     )
     keys |= {"initial": {"position": [[3.0, 1.0]] * 3, "heading": 0.0, "speed": speed}, "vehicles": 3}
-    keys |= {"navigator": path, "tail": 0.0, "horizon": 6.0, "output_step": 0.1, "vehicle": "two_wheeled"}
+    keys |= {"navigator": path, "tail": 0.0, "horizon": 6.0, "output_step": 0.1, "tick": 0.1}
     loss = {"kind": "jamming", "intervals": [[2.0, 9.0]]}
     ends = []
     for probability in ({"loss": "none"}, {"loss": loss, "missing": "extrapolate"}):

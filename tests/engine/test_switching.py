@@ -16,7 +16,7 @@ LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
 
 
 def matrix(edges):
-    """Weights (6, 6) of a network on the line, rows with sum 1, loops included; row 0 where nobody is heard."""
+    """Weights (6, 6) of a network, rows with sum 1, loops included; 1 on oneself where nobody is heard."""
     found = np.zeros((6, 6))
     for i, j, weight in edges:
         found[i - 1, j - 1] += weight
@@ -66,7 +66,7 @@ def test_agents_step_by_the_network_in_force(times, number):
 
 
 def test_weights_are_those_of_each_network_under_the_exact_law():
-    """Star and path in turn: under a bias of the navigator's word the error is that of the network in force."""
+    """Star and path in turn: weights and errors are those of the network in force."""
     networks = [{"kind": "star"}, {"kind": "path"}]
     attack = {"kind": "bias", "vehicles": [2], "magnitude": 4.0, "direction": 0.0, "links": "neighbour"}
     keys = {"engine": "exact", "attack": attack, "defence": "none", "horizon": 60.0, "output_step": 1.0}

@@ -6,35 +6,40 @@ from pydantic import Field
 
 from jaxnet.kinds.noise import NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources, SlotVectors
 from jaxnet.kinds.ticks import DrawsTogether
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
     import jax
+    import jax.numpy as jnp
 else:
     jax = LazyModule("jax")
+    jnp = LazyModule("jax.numpy")
 
 
 class GaussianNoise(NormalErrors, DrawsTogether, ChannelNoise):
     """Normal errors of words, independent by axis and order.
 
-    The errors drive the listener by `Σ_j w_ij P(n_ij)` until the next tick (theorems.md O13).
+    The errors drive the listener by `Σ_j w_ij P(n_ij)` until the next tick (theorems.md O15). With errors of
+    transmitters, the navigator's word is exact.
     """
 
     kind = "gaussian"
     words = "Gaussian"
 
     of: Literal["link", "transmitter"] = Field(
-        default="link",
-        description="whether each link has its own errors, or all links of a transmitter the same",
+        default="link", description="what has errors of its own: each link, or each vehicle that transmits"
     )
 
     def next_errors(
         self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources
     ) -> SlotJets:
-        """Return normal errors of all three orders, correlated with the last ones if `correlation` is given."""
-        white = self.white(
-            last, lambda order: self.random_by_slot(time, order, jax.random.normal, sources, axes=(2,))
-        )
-        return self.after(last, white, time, interval)
+        """Return normal errors of all three orders."""
+        told = (sources == 0)[None, ..., None] & (self.of == "transmitter")
+
+        def draw(order: str) -> SlotVectors:
+            drawn = self.random_by_slot(time, order, jax.random.normal, sources, axes=(2,))
+            return jnp.where(told, 0.0, drawn)
+
+        return self.after(last, self.white(last, draw), time, interval)

@@ -23,7 +23,7 @@ class Gaussian(NormalErrors, Sensor):
     words = "Gaussian"
 
     def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
-        """Return normal errors of all three orders, correlated with the last ones if `correlation` is given."""
+        """Return normal errors of all three orders."""
         shape = last[0].shape[:2]
         white = self.white(last, lambda order: self.random(time, order, jax.random.normal, shape))
         return self.after(last, white, time, interval)

@@ -1,0 +1,85 @@
+"""Errors of words and correlated errors of sensors: covariances, and engines path by path."""
+
+import numpy as np
+import pytest
+
+from jaxnet.config.document import ConfigError
+from tests import systems
+
+# Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and with a correlation time of 1 s.
+WHITE, CORRELATED = 0.00937435, 0.312565
+SIZES = {"position": 0.1, "velocity": 0.05, "acceleration": 0.02}
+DRIVE = 0.1**2 + (3 * 0.05) ** 2 + (3 * 0.02) ** 2  # s² = Σ k_k² σ_k²
+QUIET = {"attack": "none", "defence": "none", "horizon": 30.0, "output_step": 30.0, "tail": 0.0}
+
+
+def covariance(topology, of):
+    """Of the vehicles' errors over s²: of links L⁻¹ diag(Σ w²) L⁻ᵀ, of transmitters (L⁻¹A)(L⁻¹A)ᵀ."""
+    ahead, behind = np.eye(12, k=1), np.eye(12, k=-1)
+    if topology == "path":
+        weights, navigator = behind, np.eye(12)[0]
+    else:
+        weights = 0.45 * (ahead + behind + np.eye(12, k=11) + np.eye(12, k=-11))
+        navigator = np.full(12, 0.1)
+    inverse = np.linalg.inv(np.eye(12) - weights)
+    if of == "transmitter":
+        return inverse @ weights @ (inverse @ weights).T
+    return inverse @ np.diag((weights**2).sum(axis=1) + navigator**2) @ inverse.T
+
+
+def test_the_gains_of_errors_are_those_of_the_theory():
+    """Ring 5.242067 and path i for links; ring 9.009307 and path i - 1 for transmitters."""
+    for of, ring, first in (("link", 5.242067, 1), ("transmitter", 9.009307, 0)):
+        np.testing.assert_allclose(np.diag(covariance("cyclic", of)), ring, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(np.diag(covariance("path", of)), first + np.arange(12), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("topology", "of", "correlation"), [("cyclic", "link", 0.0), ("path", "transmitter", 1.0)]
+)
+def test_words_with_errors_drive_the_fleet_as_the_theory_says(topology, of, correlation):
+    """Sum of squares over vehicles, and of each vehicle, inside 99 % intervals."""
+    noise = {**SIZES, "of": of, "correlation": correlation}
+    keys = QUIET | {"engine": "exact", "topology": topology, "channel": {"noise": noise}}
+    positions = systems.simulate(systems.lanes(systems.study(**keys), 250)).series["state"][:, -1, :, :2]
+    path = systems.simulate(systems.lanes(systems.study(**keys | {"channel": {}}), 1)).series["state"]
+    error = (positions - path[0, -1, :, :2]).transpose(0, 2, 1).reshape(-1, 12)
+    known = DRIVE * (CORRELATED if correlation else WHITE) * covariance(topology, of)
+    width = 2.576 * np.sqrt(2 * (known**2).sum() / len(error))
+    assert abs((error**2).sum(axis=1).mean() - np.trace(known)) <= width
+    each = np.diag(known)
+    assert (np.abs((error**2).mean(axis=0) - each) <= 3.6 * np.sqrt(2 / len(error)) * each + 1e-7).all()
+
+
+def test_correlated_errors_of_sensors_do_not_pass_from_vehicle_to_vehicle():
+    """Variance 0.312565 s² on the ring, the errors of different vehicles independent."""
+    keys = QUIET | {"engine": "exact", "sensing": {**SIZES, "correlation": 1.0}}
+    positions = systems.simulate(systems.lanes(systems.study(**keys), 150)).series["state"][:, -1, :, :2]
+    errors = positions - positions.mean(axis=(0, 1))
+    expected = CORRELATED * DRIVE
+    assert abs((errors**2).mean() - expected) <= 2.576 * np.sqrt(2 / errors.size) * expected
+    assert np.abs(np.corrcoef(errors.reshape(150, -1).T)[np.triu_indices(24, 1)]).max() < 0.4
+
+
+def test_engines_draw_the_same_errors():
+    """Path by path to 1e-5 m, with lost words held."""
+    loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
+    channel = {"noise": {**SIZES, "correlation": 0.3}, "loss": loss, "missing": "hold"}
+    keys = {"attack": "none", "defence": "none", "vehicles": 4, "channel": channel, "tick": 0.1}
+    keys |= {"sensing": {"position": 0.1, "correlation": 0.2}, "horizon": 3.0, "tail": 1.0}
+    exact, nonlinear = (
+        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][..., :2]
+        for engine in ("exact", "nonlinear")
+    )
+    assert np.abs(exact - nonlinear).max() <= 1e-5
+
+
+def test_one_network_without_errors_is_the_default():
+    """Sizes of 0 give the very program that runs without the key; errors need ticks."""
+    plain, zero = (
+        systems.lanes(systems.study(engine="exact", **keys), 1)
+        for keys in ({}, {"channel": {"noise": {"position": 0.0, "correlation": 2.0}}})
+    )
+    assert plain.inputs.lane.noise is zero.inputs.lane.noise is None
+    with pytest.raises(ConfigError, match="give a tick"):
+        systems.study(channel={"noise": SIZES}, tick=0)
