@@ -13,6 +13,7 @@ from jaxnet.outside import blame
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8
+MOST_LATE = 200  # ticks by which words may be late
 LEAST_CHOICES = 100  # choices that a search tries at least
 
 
@@ -144,6 +145,28 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     if scenario.channel.missing != "drop" and not scenario.law.solved:
         message = "drop is all that a law can do whose vehicles hold a derivative or know only jets"
         yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
+    if scenario.channel.delay > 0:
+        yield from delay_faults(scenario)
+
+
+def delay_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield faults of a delay of words."""
+    delay, tick = scenario.channel.delay, scenario.tick
+    if tick == 0:
+        yield Fault(("channel.delay", "tick"), "words are late by whole ticks: give a tick")
+    elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
+        told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
+        yield Fault(("channel.delay", "tick"), told)
+    if not scenario.law.solved:
+        yield Fault(
+            ("channel.delay", "law"), f"words are late under law: exact only (got {scenario.law.kind})"
+        )
+    if scenario.channel.missing != "drop":
+        told = f"a lost word is dropped where words are late (got {scenario.channel.missing})"
+        yield Fault(("channel.missing", "channel.delay"), told)
+    if scenario.defence.announcing():
+        told = "a defence by announcements needs every message at once: give another defence"
+        yield Fault(("channel.delay", "defence"), told)
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

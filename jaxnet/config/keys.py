@@ -61,6 +61,7 @@ class Channel(Record):
     noise: Annotated[
         ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
     ] = GaussianNoise()
+    delay: float = Field(default=0.0, ge=0, description="[s] by which every word is late, a multiple of tick")
 
 
 def known_metric(name: str) -> Metric:

@@ -58,10 +58,12 @@ def without_navigator(graph: Digraph) -> Digraph:
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Return whether the theory's premises hold: exact sensors, one network, and every message arrives."""
+    """Return whether the theory's premises hold: exact sensors, one network, and every message arrives at
+    once.
+    """
     one_network = len(scenario.topology.turns()) == 1
     channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
-    return scenario.sensing.exact() and channel and one_network
+    return scenario.sensing.exact() and channel and scenario.channel.delay == 0 and one_network
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:

@@ -142,7 +142,9 @@ class Collocation(Following[CollocationState]):
     @property
     def at_every_tick(self) -> bool:
         """Return whether the jerk of vehicles changes at every tick."""
-        return self.lane.law.holds or self.lane.sensor is not None or self.lane.noise is not None
+        lane = self.lane
+        changing = lane.sensor is not None or lane.noise is not None or lane.delay is not None
+        return lane.law.holds or changing
 
     def hold(
         self, state: CollocationState, decided: DecisionState, at: Tick

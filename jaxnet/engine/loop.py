@@ -242,13 +242,15 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
+    late = lane.delay is not None  # no word is live then
+    weights = tick.weights_in_force(lane, fleet.decided, batch.plan) if late else drive.weights
     return Observation(
         error,
         speed,
         turn_rate,
         motion.states(fleet.state),
         signal.combined(shown, basis[0]),
-        drive.weights,
+        weights,
         batch.network.hearing,
         attacked,
         lane.vehicle.output_jets(lane.initial)[0],

@@ -140,7 +140,7 @@ class Solved(Propagation):
         known = lane.sensor is not None or lane.noise is not None
         if known or lane.lossy or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
-        self.extrapolates = lane.lossy and batch.plan.missing == "extrapolate"
+        self.terms = tick.degrees(lane, batch.plan)
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
@@ -159,14 +159,15 @@ class Solved(Propagation):
 
     def driven_since(self, time: Instants) -> Lane:
         """Return the lanes with all functions that drive them, powers of the time since then among them."""
-        if not self.extrapolates:
+        if self.terms < 2:
             return self.driven
-        return self.driven._replace(signal=WithPowers(self.driven.signal, self.lane.gain, time))
+        inverse = signal.inverse_series(self.lane.gain, self.terms)
+        return self.driven._replace(signal=WithPowers(self.driven.signal, inverse, time))
 
     def begun_anew(self, state: PropagationState) -> PropagationState:
         """Return the state in which the time of the powers begins now."""
-        signal, last = self.driven_since(state.time).signal, self.lane.vectors.shape[2] + 3
-        powers = up_to(len(self.lane.gain), signal.powers, state.time)
+        driving, last = self.driven_since(state.time).signal, self.lane.vectors.shape[2] + 3
+        powers = up_to(len(self.lane.gain), driving.powers, state.time)
         effect = state.effect
         if effect is not None:
             effect = effect.at[:, last:].set(powers[: len(effect)])
@@ -196,7 +197,7 @@ class Solved(Propagation):
 
         vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
         state = state._replace(vectors=vectors, noise=decided.noise)
-        return self.begun_anew(state) if self.extrapolates else state, cut_off
+        return self.begun_anew(state) if self.terms > 1 else state, cut_off
 
     def forced(self, state: PropagationState) -> Vectors:
         """Return the vectors v until the next tick, with those of the sensor's errors: `-P(n)`."""

@@ -3,7 +3,7 @@
     sense    a vehicle senses its own jets, with errors that stay the same until the next tick
     tell     a vehicle sends the jets that it senses, and an announcement where its defence announces
     attack   strategic attackers choose their vectors; attacked links carry false jets
-    channel  messages are lost, or get errors; a lost word may be replaced
+    channel  messages are late or lost, or get errors; a lost word may be replaced
     judge    a vehicle decides which sources to retain, by jets with the noise of its defence
     drive    the weights, the attacks' vectors, the errors and the kept drives, until the next tick
 
@@ -12,8 +12,8 @@ of vehicles that hear only each other: the law has no solution for such a group.
 vehicle off from the navigator, its lane fails, or the vehicle coasts: it keeps its last drive too.
 
 A word is X_j = R(y_j) plus R of the attack. All that a vehicle puts in place of live words is known until the
-next tick: a kept drive, a word heard before, the error of a word. `KnownDrive` holds their sum, a polynomial
-of the time since the tick:
+next tick: a kept drive, a late word (`late`), a word heard before, the error of a word. `KnownDrive` holds
+their sum, a polynomial of the time since the tick:
 
     L_r X = a0_live R(y_0) + W_live R(a) + Σ_k z_k s^k / k!,      L_r = I - A_live.
 
@@ -27,6 +27,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.engine import late
+from jaxnet.engine.late import History
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
@@ -86,6 +88,7 @@ class DecisionState(NamedTuple):
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
     link_noise: Received | None = None  # errors of the jets on each link; None without
+    late: History | None = None  # what links carried in the last ticks; None where words are not late
 
 
 class KnownDrive(NamedTuple):
@@ -198,7 +201,9 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     channel = first_reception(lane, network, plan, errors, time), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     silent = jnp.zeros((2, *lane.weights.shape))
-    rest = noise, *channel, number, None if lane.noise is None else (silent,) * max(3, len(lane.gain))
+    errors_of_links = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
+    history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
+    rest = noise, *channel, number, errors_of_links, history
     if not plan.strategic:
         return DecisionState(decision, memory, None, None, *rest)
     state = DecisionState(decision, memory, lane.vectors, None, *rest)
@@ -230,9 +235,16 @@ def first_reception(
         return None
     messages = messages_of(lane, network, errors, time)
     memory = None if lane.loss is None else lane.loss.start(messages)
-    degrees = MISSING[plan.missing](len(lane.gain))
-    words = jnp.zeros((2, degrees, *lane.weights.shape)) if degrees else None
+    terms = degrees(lane, plan)
+    words = jnp.zeros((2, terms, *lane.weights.shape)) if terms else None
     return Reception(messages.present, memory, time, words)
+
+
+def degrees(lane: Lane, plan: Plan) -> int:
+    """Return the number of coefficients of the words that are known before a tick, 0 without such words."""
+    if lane.delay is not None:
+        return late.DEGREES
+    return MISSING[plan.missing](len(lane.gain)) if lane.lossy else 0
 
 
 def first_coasting(lane: Lane) -> Coasting | None:
@@ -276,7 +288,33 @@ def decide(
         link_noise=disturb(lane, network, before.link_noise, time),
     )
     state = judge(lane, network, plan, state, errors, basis, time)
-    return state._replace(coasting=keep_drive(lane, network, plan, state, drive))
+    state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
+    return state if state.late is None else send(lane, network, plan, state, errors, basis, time)
+
+
+def send(
+    lane: Lane,
+    network: Network,
+    plan: Plan,
+    state: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
+) -> DecisionState:
+    """Return the state with what links carry from this tick to the next, which is heard later.
+
+    The words that arrive now stay in `Reception.words` until the next tick.
+    """
+    known, vectors = drive(lane, state, plan).known, attack_vectors(lane, state)
+    assert state.late is not None
+    assert known is not None
+    jets = None
+    if plan.decides:
+        navigator = lane.path(time)[: len(lane.gain), :, None, None]
+        relative = attack(network, tell(sensed(errors, state.noise)), signal.jets(vectors, basis))
+        jets = plane.plus(relative, navigator)
+    history = late.remember(state.late, lane, network, vectors, known.drive, jets, time)
+    return state._replace(late=history)
 
 
 def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:
@@ -342,10 +380,13 @@ def listen(
     time: Instants,
     drive: PerAxis | None,
 ) -> Words | None:
-    """Return the words that stand in for lost words from this tick on, None where listeners drop them.
+    """Return the late words that arrive, or those that stand in for lost words from this tick on.
 
-    A word that was live until now is heard for the last time now. Other words are continued.
+    None where no word is late and listeners drop lost words. A word that was live until now is heard for the
+    last time now. Other words are continued.
     """
+    if before.late is not None:
+        return before.late.words[0]
     if before.reception is None or before.reception.words is None:
         return None
     words, gain = before.reception.words, lane.gain
@@ -396,7 +437,10 @@ def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> M
     """Return the messages on their way at a tick."""
     sources, own = network.hearing.sources, errors[0]
     apart = plane.length(network.hearing.sent(tell(errors)[0]) - own[:, None])
-    return Messages(time, sources, lane.weights > 0, apart, lane.interval)
+    present = lane.weights > 0
+    if lane.delay is not None:
+        present = present & late.has_come(lane, time)[None, None]
+    return Messages(time, sources, present, apart, lane.interval)
 
 
 def keep_drive(
@@ -415,7 +459,7 @@ def keep_drive(
     keeps = off
     if state.reception is not None:
         heard = weights_without_loss(lane, state, plan) > 0
-        if state.reception.words is None:
+        if plan.missing == "drop":
             heard = heard & state.reception.arrived[None]
         nobody = ~heard.any(axis=1)
         if lane.law.local:
@@ -454,6 +498,8 @@ def judge(
     signals, own = signal.jets(attack_vectors(lane, before), basis), sensed(errors, before.noise)
     heard = lane._replace(weights=arrived_weights(lane, before.reception))
     received, arrived = attack(network, tell(own), signals), None
+    if before.late is not None:
+        received = late.heard(before.late, lane.path(time))
     if before.link_noise is not None:
         received = plane.plus(received, before.link_noise)
     if before.reception is not None:  # a slot without a message holds the vehicle itself
@@ -487,25 +533,31 @@ def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
     strength, known = row_strength(lane, state, plan), known_drive(lane, state, plan, weights)
-    return Drive(weights, vectors, state.noise, state.coasting, strength, known)
+    live = weights if lane.delay is None else jnp.zeros_like(weights)
+    return Drive(live, vectors, state.noise, state.coasting, strength, known)
 
 
-def known_drive(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -> KnownDrive | None:
-    """Return what known words add until the next tick, None where there are none; `live` are the weights."""
+def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights) -> KnownDrive | None:
+    """Return what known words add until the next tick, None where there are none.
+
+    `heard` are the weights of the words that arrive, which are live, or all late.
+    """
     coasting, reception = None if lane.law.local else state.coasting, state.reception
     words = None if reception is None else reception.words
     if coasting is None and words is None and state.link_noise is None:
         return None
-    share, drive, time = jnp.zeros_like(live[:, 0]), jnp.zeros((2, 1, *live.shape[2:])), None
+    share, drive, time = jnp.zeros_like(heard[:, 0]), jnp.zeros((2, 1, *heard.shape[2:])), None
     if coasting is not None:
         share, drive = coasting.vehicles[None].astype(float), coasting.drive[:, None]
     if words is not None and reception is not None:
-        lost = jnp.where(reception.arrived[None], 0.0, weights_without_loss(lane, state, plan))
-        lost = lost if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, lost)
-        added = (lost[:, None] * words).sum(axis=2)
-        share, drive, time = share + lost.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
+        given = heard
+        if lane.delay is None:
+            given = jnp.where(reception.arrived[None], 0.0, weights_without_loss(lane, state, plan))
+            given = given if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, given)
+        added = (given[:, None] * words).sum(axis=2)
+        share, drive, time = share + given.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
     if state.link_noise is not None:
-        error = (live * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
+        error = (heard * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
         drive = drive.at[:, 0].add(error)
     return KnownDrive(share, drive, time)
 
@@ -596,7 +648,7 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
     weights, coasting = weights_without_loss(lane, state, plan), state.coasting
     if state.reception is not None:
         weights = jnp.where(state.reception.arrived[None], weights, 0.0)
-        if state.reception.words is None:
+        if plan.missing == "drop":
             total = weights.sum(axis=1, keepdims=True)
             weights = weights / jnp.where(total > 0, total, 1.0)
     return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
@@ -646,10 +698,10 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     if now.reception is not None and before.reception is not None:
         arrived = now.reception.arrived, before.reception.arrived
         lanes = lanes | retained.changed(*arrived).any(axis=0)
-        if now.reception.words is not None:
+        if now.reception.words is not None and now.late is None:
             moved = (now.reception.words != before.reception.words) & ~now.reception.arrived[None, None]
             lanes = lanes | moved.any(axis=(0, 1, 2, 3))
-    if now.link_noise is not None:
+    if now.link_noise is not None or now.late is not None:
         lanes = jnp.ones_like(lanes)
     if now.network is not None and before.network is not None:
         lanes = lanes | (now.network != before.network)

@@ -64,6 +64,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         noise=None if noise.exact() else tree(noise.drawn(draw, "channel.noise")),
         strength=strength_of(scenario, weights, scenario.topology),
         turns=turns_of(scenario, draw, sources),
+        delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -179,10 +180,16 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         strategic=scenario.attack.strategic,
         consistent=scenario.attack.consistent(),
         missing=scenario.channel.missing,
+        late=late_ticks(scenario),
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,
     )
+
+
+def late_ticks(scenario: Scenario) -> int:
+    """Return the number of ticks by which words are late."""
+    return round(scenario.channel.delay / scenario.tick) if has_ticks(scenario) else 0
 
 
 def clock_of(scenario: Scenario) -> Clock:

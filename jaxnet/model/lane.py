@@ -22,8 +22,8 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The signal of the attack
-    has a method `basis`.
+    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The signal has a method
+    `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -44,11 +44,14 @@ class Lane(NamedTuple):
     noise: Any = None  # None where words arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
+    delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
 
     @property
     def lossy(self) -> bool:
-        """Return whether a source may be unheard at a tick: a message is lost, or networks take turns."""
-        return self.loss is not None or self.turns is not None
+        """Return whether a source may be unheard at a tick: a message is lost or late, or networks take
+        turns.
+        """
+        return self.loss is not None or self.turns is not None or self.delay is not None
 
     def basis(self, time: Numbers) -> Basis:
         """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""

@@ -65,35 +65,42 @@ class WithNavigator(NamedTuple):
 
 
 class WithPowers(NamedTuple):
-    """The functions of a signal, and as many more as the order r: p_k with `R(p_k) = s^k / k!`, k = 1 … r.
+    """The functions of a signal, and n more: p_k with `R(p_k) = s^k / k!`, k = 1 … n.
 
-    s is the time since `since`. The functions serve words that vehicles extrapolate.
+    s is the time since `since`. The functions serve words that are polynomials of time.
     """
 
     signal: Any  # has a method `basis`
-    gain: Float[Any, "r *lanes"]
+    inverse: Float[Any, "terms *lanes"]  # n + 1 terms of 1/R (`inverse_series`)
     since: Numbers  # [s], (lanes,)
 
     def basis(self, time: Numbers) -> Basis:
-        """Return all functions with three derivatives: (4, B + r, lanes)."""
+        """Return all functions with three derivatives: (4, B + n, lanes)."""
         xp, functions = time.__array_namespace__(), self.signal.basis(time)
         return xp.concatenate([functions, self.powers(time)], axis=1)
 
     def powers(self, time: Numbers) -> Basis:
-        """Return the functions p_k with three derivatives: (4, r, lanes)."""
-        xp, order, passed = time.__array_namespace__(), len(self.gain), time - self.since
+        """Return the functions p_k with three derivatives: (4, n, lanes)."""
+        xp, passed = time.__array_namespace__(), time - self.since
         terms = [xp.ones_like(time)]  # s^n / n!
-        inverse = [1.0 / self.gain[0]]  # of R, as a series of the derivative
-        rest = [*self.gain[1:], xp.ones_like(time)]
-        for n in range(1, order + 1):
+        for n in range(1, len(self.inverse)):
             terms.append(terms[-1] * passed / n)
-            inverse.append(-sum(rest[j] * inverse[n - 1 - j] for j in range(n)) / self.gain[0])
         zero = xp.zeros_like(time)
 
         def derivative(k: int, d: int) -> Numbers:
-            return sum((inverse[j] * terms[k - j - d] for j in range(k - d + 1)), zero)
+            return sum((self.inverse[j] * terms[k - j - d] for j in range(k - d + 1)), zero)
 
-        return xp.stack([xp.stack([derivative(k, d) for k in range(1, order + 1)]) for d in ORDERS])
+        return xp.stack([xp.stack([derivative(k, d) for k in range(1, len(terms))]) for d in ORDERS])
+
+
+def inverse_series(gain: Float[Any, "r *lanes"], terms: int) -> Float[Any, "terms *lanes"]:
+    """Return the first terms of 1/R, a power series of the derivative."""
+    xp = gain.__array_namespace__()
+    rest, inverse = [*gain[1:], xp.ones_like(gain[0])], [1.0 / gain[0]]
+    for n in range(1, terms):
+        products = [rest[j] * inverse[n - 1 - j] for j in range(min(n, len(rest)))]
+        inverse.append(-sum(products) / gain[0])
+    return xp.stack(inverse)
 
 
 class Apart(NamedTuple):
