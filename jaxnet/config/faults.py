@@ -14,6 +14,7 @@ from jaxnet.outside import blame
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8
 MOST_LATE = 200  # ticks by which words may be late
+MOST_TURN = 0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
 LEAST_CHOICES = 100  # choices that a search tries at least
 
 
@@ -157,6 +158,9 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)
+    elif scenario.channel.extrapolate != "none" and tick * fastest_rate(scenario) > MOST_TURN:
+        told = f"extrapolated words need ticks of at most {MOST_TURN:g} of the law's fastest time constant"
+        yield Fault(("channel.extrapolate", "tick"), told)
     if not scenario.law.solved:
         yield Fault(
             ("channel.delay", "law"), f"words are late under law: exact only (got {scenario.law.kind})"
@@ -230,6 +234,12 @@ def position_faults(scenario: Scenario) -> Iterator[Fault]:
     if isinstance(position, EachPosition) and len(position.root) != scenario.vehicles:
         message = f"must be {scenario.vehicles} places, one for each vehicle (got {len(position.root)})"
         yield Fault(("initial.position", "vehicles"), message)
+
+
+def fastest_rate(scenario: Scenario) -> float:
+    """Return the greatest absolute value of an eigenvalue of the law [1/s], at the greatest gains drawn."""
+    greatest = [value_range(each)[1] for each in scenario.gain]
+    return float(np.abs(np.roots([1.0, *greatest[::-1]])).max())
 
 
 def is_hurwitz(gain: list[float]) -> bool:

@@ -62,6 +62,11 @@ class Channel(Record):
         ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
     ] = GaussianNoise()
     delay: float = Field(default=0.0, ge=0, description="[s] by which every word is late, a multiple of tick")
+    extrapolate: Literal["none", "jets", "jerk"] = Field(
+        default="none",
+        description="what a listener makes of a late word: none, it takes the word as it is; jets, it"
+        " continues the derivatives below the order; jerk, also the highest one",
+    )
 
 
 def known_metric(name: str) -> Metric:

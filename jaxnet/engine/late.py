@@ -5,7 +5,8 @@ it, and so is the drive `z_i = Σ_j w_ij X_j` of the vehicle, which is the vehic
 system of equations is left to solve.
 
 Over a tick, a word is the polynomial through its values at `POINTS` of the tick. Words that are polynomials
-stay the same to rounding; navigator and attack are interpolated.
+stay the same to rounding; navigator and attack are interpolated. A listener may extrapolate a word: vehicles
+then tell their motion, a power series over a tick.
 """
 
 import math
@@ -16,8 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxnet.engine.plan import Plan
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
+from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Vectors
 
 DEGREES = (
@@ -28,6 +31,8 @@ TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
 )
 
+Instants = Float[Array, " lanes"]
+Polynomials = Float[Array, "2 degrees m lanes"]  # coefficients of s^k / k!
 CarriedJets = tuple[Float[Array, "2 slots m lanes"], ...]
 
 
@@ -45,7 +50,7 @@ def first_history(lane: Lane, late: int, judged: bool) -> History:
     return History(words, (nothing,) * len(lane.gain) if judged else None)
 
 
-def has_come(lane: Lane, time: Float[Array, " lanes"]) -> Bool[Array, " lanes"]:
+def has_come(lane: Lane, time: Instants) -> Bool[Array, " lanes"]:
     """Return whether the first words have arrived at a tick."""
     return time > lane.delay - lane.interval / 2
 
@@ -61,27 +66,70 @@ def remember(
     history: History,
     lane: Lane,
     network: Network,
+    plan: Plan,
     vectors: Vectors,
-    drive: Float[Array, "2 degrees m lanes"],
+    drive: Polynomials,
+    own: Jets,
+    noise: Jets | None,
     jets: CarriedJets | None,
-    time: Float[Array, " lanes"],
+    time: Instants,
 ) -> History:
-    """Return the history after a tick: `drive` is what vehicles follow from now on, `jets` what they tell."""
-    degrees = drive.shape[1]
-    drive = jnp.concatenate([drive, jnp.zeros((2, DEGREES - degrees, *drive.shape[2:]))], axis=1)
+    """Return the history after a tick.
+
+    Vehicles follow `drive` from now on, and `own` are their jets now, sensed with the errors `noise`. Links
+    carry the jets `jets` now.
+    """
+    gains = word_gains(lane.gain, lane.delay, plan.extrapolate)
     instants = time[None] + jnp.asarray(POINTS)[:, None] * lane.interval[None]
     told = jax.vmap(
-        lambda now: (control.driven(lane.gain, lane.path(now)), control.driven(lane.gain, lane.basis(now)))
-    )(instants)
-    path, functions = (coefficients(each, lane.interval) for each in told)
+        lambda now: tuple(control.feedback(gains, each) for each in (lane.path(now), lane.basis(now)))
+    )
+    path, functions = (coefficients(each, lane.interval) for each in told(instants))
+    if plan.extrapolate != "none":
+        drive = control.feedback(gains, motion_of(lane.gain, drive, own, noise))
 
-    def carried(path: Float[Array, "2 lanes"], functions: Float[Array, "B lanes"], drive: plane.Plane):
+    def carried(
+        path: Float[Array, "2 lanes"], functions: Float[Array, "B lanes"], drive: plane.Plane
+    ) -> Float[Array, "2 slots m lanes"]:
         sources = jnp.concatenate([path[:, None], drive], axis=1)
         return network.hearing.received(sources, signal.combined(vectors, functions))
 
     words = jax.vmap(carried, (0, 0, 1), 1)(path, functions, drive)
     last = None if history.jets is None or jets is None else tuple(map(push, history.jets, jets))
     return History(push(history.words, words), last)
+
+
+def word_gains(
+    gain: Float[Array, "r lanes"], delay: Instants, extrapolate: str
+) -> Float[Array, "derivatives lanes"]:
+    """Return the factors of y, ẏ, …, y^(r) in a word: those of R, or of R after the delay by Taylor.
+
+    `jets` continues the derivatives below r, `jerk` also the r-th.
+    """
+    order, powers = len(gain), [jnp.ones_like(delay)]
+    if extrapolate == "none":
+        return jnp.concatenate([gain, powers[0][None]])
+    for n in range(1, order + 1):
+        powers.append(powers[-1] * delay / n)
+    factors = [sum(gain[n - j] * powers[j] for j in range(n + 1)) for n in range(order)]
+    jerk = sum(gain[k] * powers[order - k] for k in range(order))
+    return jnp.stack([*factors, powers[0] + jerk if extrapolate == "jerk" else powers[0]])
+
+
+def motion_of(
+    gain: Float[Array, "r lanes"], drive: Polynomials, own: Jets, noise: Jets | None
+) -> tuple[Polynomials, ...]:
+    """Return y, ẏ, …, y^(r) that vehicles tell from now on, by the power series of `y^(r) = z - P(y + n)`."""
+    series, order = [*own], len(gain)
+    for n in range(DEGREES):
+        sensed = series[n : n + order]
+        if n == 0 and noise is not None:
+            sensed = plane.plus(sensed, noise)
+        series.append(drive[:, n] - control.feedback(gain, sensed))
+    told = [jnp.stack(series[k : k + DEGREES], axis=1) for k in range(order + 1)]
+    if noise is not None:
+        told[:order] = [each.at[:, 0].add(error) for each, error in zip(told, noise, strict=False)][:order]
+    return tuple(told)
 
 
 def coefficients(

@@ -313,8 +313,9 @@ def send(
         navigator = lane.path(time)[: len(lane.gain), :, None, None]
         relative = attack(network, tell(sensed(errors, state.noise)), signal.jets(vectors, basis))
         jets = plane.plus(relative, navigator)
-    history = late.remember(state.late, lane, network, vectors, known.drive, jets, time)
-    return state._replace(late=history)
+    own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
+    drives = known.drive, own, state.noise
+    return state._replace(late=late.remember(state.late, lane, network, plan, vectors, *drives, jets, time))
 
 
 def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:

@@ -181,6 +181,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         consistent=scenario.attack.consistent(),
         missing=scenario.channel.missing,
         late=late_ticks(scenario),
+        extrapolate=scenario.channel.extrapolate if scenario.channel.delay > 0 else "none",
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,
