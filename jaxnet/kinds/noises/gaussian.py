@@ -27,7 +27,7 @@ class GaussianNoise(NormalErrors, ChannelNoise):
     kind = "gaussian"
     words = "Gaussian"
 
-    of: Literal["link", "transmitter"] = Field(
+    of: Literal["link", "transmitter"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
         default="link", description="what has errors of its own: each link, or each vehicle that transmits"
     )
 
