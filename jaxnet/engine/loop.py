@@ -186,7 +186,7 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     here = fleet.at_tick & (fleet.status == Status.ok)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
-    needed = before.coasting is not None or plan.missing == "hold"
+    needed = before.coasting is not None or (before.reception is not None and plan.missing == "hold")
     last = last_drive(fleet, motion, lane, first) if needed else None
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
     if not lockstep:

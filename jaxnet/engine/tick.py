@@ -100,7 +100,9 @@ class KnownDrive(NamedTuple):
 
     def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
         """Return the drive at a time."""
-        total, factor = self.drive[:, 0], 1.0
+        total, factor = self.drive[:, 0], jnp.ones_like(time)
+        if self.time is None:
+            return total
         for k in range(1, self.drive.shape[1]):
             factor = factor * (time - self.time) / k
             total = total + self.drive[:, k] * factor[None, None]
@@ -335,7 +337,7 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
     `last` are the errors of the last tick. A sensor gives three errors; further derivatives are sensed
     exactly.
     """
-    if lane.sensor is None:
+    if lane.sensor is None or last is None:
         return None
     errors = xla.materialised(lambda: lane.sensor.next_errors(last[:3], time, lane.interval))
     return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
@@ -343,7 +345,7 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
 
 def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:
     """Return the errors of the jets on each link, None where words arrive exactly."""
-    if lane.noise is None:
+    if lane.noise is None or last is None:
         return None
     sources = network.hearing.sources
     errors = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
@@ -392,7 +394,7 @@ def listen(
         return None
     words, gain = before.reception.words, lane.gain
     signals = signal.jets(attack_vectors(lane, before), basis)
-    if words.shape[1] == 1:
+    if words.shape[1] == 1 and drive is not None:
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
         if before.link_noise is not None:

@@ -1,6 +1,6 @@
 """Normal errors of jets, white or correlated in time, drawn at ticks and held until the next."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
@@ -17,7 +17,19 @@ else:
     jnp = LazyModule("jax.numpy")
 
 
-class NormalErrors(DrawsAtTicks):
+class ErrorsAtTicks(DrawsAtTicks):
+    """A kind of errors that are drawn at ticks and held until the next."""
+
+    def exact(self) -> bool:
+        """Return whether all errors are 0."""
+        return False
+
+    def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
+        """Return the variance s² of P of the errors, and their correlation time [s], or None if unknown."""
+        return None
+
+
+class NormalErrors(ErrorsAtTicks):
     """Normal errors of position, velocity and acceleration, independent by axis and order.
 
     With a correlation time τ, the errors of successive ticks are correlated by φ = e^(-h/τ). Their standard
@@ -40,6 +52,13 @@ class NormalErrors(DrawsAtTicks):
         """Return whether all standard deviations are 0."""
         return all(size == 0 for size in self.sizes().values())
 
+    def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
+        """Return `Σ_k k_k² σ_k²` and the correlation time; None where they are drawn."""
+        if self.drawn_keys():
+            return None
+        pairs = zip(gain, self.sizes().values(), strict=False)
+        return sum((each * size) ** 2 for each, size in pairs), self.correlation
+
     def draws(self) -> bool:
         """Return whether a standard deviation is not 0."""
         return not self.exact()
@@ -53,15 +72,11 @@ class NormalErrors(DrawsAtTicks):
     def white(self, last: ErrorJets, draw: Callable[[str], AnyNumbers]) -> ErrorJets:
         """Return independent errors of all three orders; `draw(order)` gives normal numbers."""
 
-        def of_order(order: str, size: Any, zero: AnyNumbers) -> AnyNumbers:
-            if size is None:
-                return jnp.zeros_like(zero)
-            return size.reshape(*[1] * (zero.ndim - 1), -1) * draw(order)
+        def scaled(order: str, size: Any, zero: AnyNumbers) -> AnyNumbers:
+            return zero if size is None else size.reshape(*[1] * (zero.ndim - 1), -1) * draw(order)
 
-        position, velocity, acceleration = (
-            of_order(*each, zero) for each, zero in zip(self.sizes().items(), last, strict=True)
-        )
-        return position, velocity, acceleration
+        zeros = map(jnp.zeros_like, last)
+        return tuple(scaled(*each, zero) for each, zero in zip(self.sizes().items(), zeros, strict=True))
 
     def after(self, last: ErrorJets, white: ErrorJets, time: LaneTimes, interval: LaneNumbers) -> ErrorJets:
         """Return errors correlated with those of the last tick, from independent ones."""
@@ -69,7 +84,5 @@ class NormalErrors(DrawsAtTicks):
             return white
         kept = jnp.where(time > 0, jnp.exp(-interval / self.correlation), 0.0)
         kept = kept.reshape(*[1] * (white[0].ndim - 1), -1)
-        first, second, third = (
-            kept * old + jnp.sqrt(1.0 - kept**2) * new for old, new in zip(last, white, strict=True)
-        )
-        return first, second, third
+        fresh = jnp.sqrt(1.0 - kept**2)
+        return tuple(kept * old + fresh * new for old, new in zip(last, white, strict=True))

@@ -85,10 +85,9 @@ class DrawsTogether(DrawsAtTicks):
         sources: SlotSources,
         axes: tuple[int, ...] = (),
     ) -> AnyNumbers:
-        """Return random numbers at a tick, by slot: (*axes, slots, m, lanes).
+        """Return random numbers at a tick as `random` does, by slot: (*axes, slots, m, lanes).
 
-        Slots for which a draw counts together have the same numbers. The other parameters are those of
-        `random`; `sources` (slots, m) are the numbers of the sources.
+        `sources` (slots, m) are the numbers of the sources.
         """
         slots, m = sources.shape
         shape = {"link": (slots, m), "transmitter": (m + 1,), "all": (1,)}[self.of]

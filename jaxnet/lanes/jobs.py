@@ -143,7 +143,8 @@ def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | Non
         plain = WithOwnWeight(np.zeros_like(each[0][:, 0]))
         strengths = [plain if one is None else one for one in strengths]
         strength = jax.tree.map(lambda *leaves: np.stack(leaves, axis=1), *strengths)
-    return Turns(tree(scenario.topology.drawn(draw, "topology")), np.stack(each, axis=1), strength)
+    weights = as_array(np.stack(each, axis=1))
+    return Turns(tree(scenario.topology.drawn(draw, "topology")), weights, strength)
 
 
 def network_of(scenario: Scenario, sources: Any) -> Network:

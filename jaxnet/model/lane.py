@@ -22,8 +22,8 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The signal has a method
-    `basis`.
+    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The attack's signal has
+    a method `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jaxnet.config.document import ConfigError
 from jaxnet.engine.status import Status
+from jaxnet.kinds.losses import Loss
 from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.noises import ChannelNoise
 from tests import reference, systems
@@ -213,3 +214,29 @@ def test_laws_that_cannot_use_old_words_refuse_them(law):
     """With the keys that the user may change."""
     with pytest.raises(ConfigError, match="drop is all that a law can do"):
         systems.study(channel={"loss": Striped(), "missing": "hold"}, law=law)
+
+
+def test_agents_step_towards_what_they_hear_with_errors():
+    """`x ← W (x + n)` under the local law, with lost words dropped."""
+    keys = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1], "tick": 1.0}
+    keys |= {"output_step": 1.0, "tail": 0.0, "horizon": 20.0, "engine": "exact", "vehicles": 5}
+    keys |= {"defence": "none", "attack": "none", "channel": {"loss": Fifths(), "noise": Ripple()}}
+    one = systems.lanes(systems.study(**keys), 1)
+    places, weights = systems.simulate(one).series["state"][0], systems.lane(one, 0).weights
+    for t in range(20):
+        expected = places[t].copy()
+        for i in range(5):
+            heard = [j for j in np.flatnonzero(weights[i]) if (t + i + j) % 5]
+            error = [[ripple(float(t), i, j, axis, 0) for axis in range(2)] for j in heard]
+            share = weights[i, heard] / weights[i, heard].sum()
+            expected[i] = share @ (places[t, np.array(heard) - 1] + np.array(error))
+        np.testing.assert_allclose(places[t + 1], expected, rtol=0, atol=1e-12)
+
+
+class Fifths(Loss):
+    """Of five ticks, a link loses one."""
+
+    def lost(self, messages, memory):
+        number = jnp.round(messages.time).astype(int)[None, None]
+        listeners = jnp.arange(messages.sources.shape[1])[None, :, None]
+        return (number + listeners + messages.sources[:, :, None]) % 5 == 0, memory

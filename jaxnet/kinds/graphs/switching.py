@@ -1,7 +1,7 @@
 """Networks that take turns."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from annotated_types import Len
 from pydantic import Field
@@ -93,7 +93,7 @@ class Switching(DrawsAtTicks, Graph):
     def number(self, time: LaneTimes, networks: int) -> AnyCounts:
         """Return the number, from 0, of the network in force at times, one of so many networks."""
         if len(self.at):
-            passed = sum((time >= each - ROUNDING).astype(int) for each in self.at)
+            passed = (time[None] >= jnp.asarray(self.at) - ROUNDING).sum(axis=0)
         else:
             passed = jnp.floor((time + ROUNDING) / self.every).astype(int)
         if self.order == "cyclic":
@@ -103,7 +103,8 @@ class Switching(DrawsAtTicks, Graph):
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield faults of the times, or else of each network, or else of the union."""
-        alone = scenario.model_copy(update={"navigator": NoNavigator()})
+        whole: Any = scenario
+        alone = whole.model_copy(update={"navigator": NoNavigator()})
         found = list(self.time_faults(scenario))
         for number, network in enumerate(self.networks):
             key = f"topology.networks.{number}"

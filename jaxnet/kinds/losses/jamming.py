@@ -78,8 +78,10 @@ class Jamming(DrawsTogether, Loss):
         if "key" not in vars(self):
             return None
         nobody = jnp.zeros_like(messages.present)
-        full = (jnp.broadcast_to(each[None, None], nobody.shape) for each in (self.starts, self.seconds))
-        return Budget(*full, nobody)
+        starts, seconds = (
+            jnp.broadcast_to(each[None, None], nobody.shape) for each in (self.starts, self.seconds)
+        )
+        return Budget(starts, seconds, nobody)
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Any]:
         """Return all messages in the intervals."""

@@ -7,7 +7,6 @@ from pydantic import Field
 from jaxnet.kinds.noise import NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources, SlotVectors
-from jaxnet.kinds.ticks import DrawsTogether
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
@@ -18,7 +17,7 @@ else:
     jnp = LazyModule("jax.numpy")
 
 
-class GaussianNoise(NormalErrors, DrawsTogether, ChannelNoise):
+class GaussianNoise(NormalErrors, ChannelNoise):
     """Normal errors of words, independent by axis and order.
 
     The errors drive the listener by `Σ_j w_ij P(n_ij)` until the next tick (theorems.md O15). With errors of
@@ -28,7 +27,7 @@ class GaussianNoise(NormalErrors, DrawsTogether, ChannelNoise):
     kind = "gaussian"
     words = "Gaussian"
 
-    of: Literal["link", "transmitter"] = Field(
+    of: Literal["link", "transmitter"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
         default="link", description="what has errors of its own: each link, or each vehicle that transmits"
     )
 

@@ -3,21 +3,17 @@
 from collections.abc import Iterator
 
 from jaxnet.kinds.kind import Fault, KindError
+from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets
-from jaxnet.kinds.ticks import DrawsAtTicks
 
 
-class Sensor(DrawsAtTicks):
+class Sensor(ErrorsAtTicks):
     """A way in which vehicles sense their own jets. A subclass gives `errors`.
 
     A vehicle senses at a tick, and its errors stay the same until the next tick. A vehicle controls itself by
     what it senses, and tells its listeners what it senses. Nobody senses the navigator's path with errors.
     """
-
-    def exact(self) -> bool:
-        """Return whether all errors are 0."""
-        return False
 
     def errors(self, time: LaneTimes, vehicles: int) -> VehicleJets:
         """Return the errors of one tick.

@@ -56,6 +56,11 @@ def setting_rows(study: Study) -> dict[str, str]:
             lambda cell: cell.scenario.channel.loss,
             lambda cell: cell.scenario.channel.loss.perfect(),
         ),
+        "errors of words": kinds(
+            "channel.noise",
+            lambda cell: cell.scenario.channel.noise,
+            lambda cell: cell.scenario.channel.noise.exact(),
+        ),
     }
     rows = {name: words for name, words in rows.items() if words != "none" or name in ("attack", "defence")}
     own = {key_name(key): values_words(cells, key) for key in cells[0].labels if not has_row(key)}

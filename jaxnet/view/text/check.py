@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import lru_cache
 from textwrap import fill
 from time import monotonic
@@ -16,6 +16,7 @@ from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
     Situation,
     attacked_draws,
+    differs_by_lane,
     is_ideal,
     safe_in,
     safe_in_all,
@@ -26,6 +27,7 @@ from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.fields import is_drawn, median
 from jaxnet.kinds.kind import vehicle_numbers
+from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.model import safety
 from jaxnet.model.graph import Digraph, Links, Row, dense, unreachable
 from jaxnet.model.retained import DropPolicy
@@ -34,7 +36,7 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, exact, integer, robustness, rounds
+from jaxnet.theory import announced, certificate, exact, integer, noise, robustness, rounds
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
@@ -287,12 +289,35 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
         union = "the lines above hold for the union, not for a network alone"
         lines["networks"] = f"{count(len(networks), 'network')} take turns; {union}; no bound holds"
     if not scenario.sensing.exact():
-        lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds"
+        known = steady_text(scenario, scenario.sensing, lambda: np.ones(1))
+        lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds{known}"
     if not scenario.channel.loss.perfect():
         lines["channel"] = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
     if not scenario.channel.noise.exact():
-        lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds"
+        known = ""
+        if not scenario.defence.decides and scenario.vehicles <= certificate.MOST_INVERTED:
+            weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
+            known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
+        lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
     return lines
+
+
+def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], np.ndarray]) -> str:
+    """Return the root mean square of E that errors leave at last, "" where it is not known.
+
+    `gains()` returns the variance of each vehicle over that of one drive.
+    """
+    one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
+    if not (scenario.law.solved and one_network and scenario.channel.loss.perfect() and scenario.tick > 0):
+        return ""
+    strength = errors.strength(scenario.gain)
+    if strength is None:
+        return ""
+    variance, correlation = strength
+    variance = variance * noise.held_variance(scenario.gain, scenario.tick, correlation)
+    each = np.sqrt(variance * gains())
+    who = f", the most of {int(each.argmax()) + 1}" if np.ptp(each) > 1e-9 * each.max() else ""
+    return f"; without attack they leave {each.max():.4g} m rms on each axis at last{who}"
 
 
 def safe_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[str, str]:

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from jaxnet.config.document import ConfigError
+from jaxnet.model.graph import dense
+from jaxnet.theory import noise
+from jaxnet.view.text.check import check_text
 from tests import systems
 
 # Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and with a correlation time of 1 s.
@@ -83,3 +86,41 @@ def test_one_network_without_errors_is_the_default():
     assert plain.inputs.lane.noise is zero.inputs.lane.noise is None
     with pytest.raises(ConfigError, match="give a tick"):
         systems.study(channel={"noise": SIZES}, tick=0)
+
+
+def test_variances_are_those_of_the_discrete_lyapunov_equation():
+    """At ticks of 0.05 and 0.1 s, of a lower order too: order 1 has `h² / (1 - e^(-2h))` of held noise."""
+    assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.1) - 0.0187448) < 1e-7
+    assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05) - WHITE) < 1e-8
+    assert abs(noise.held_variance([1.0, 3.0, 3.0], 0.05, 1.0) - CORRELATED) < 1e-6
+    h = 0.3
+    assert abs(noise.held_variance([1.0], h) - (1 - np.exp(-h)) ** 2 / (1 - np.exp(-2 * h))) < 1e-12
+    for topology in ("cyclic", "path"):
+        weights = dense(systems.study(topology=topology).cells[0].scenario.topology.normalised_rows(12))
+        for of in ("link", "transmitter"):
+            known = np.diag(covariance(topology, of))
+            np.testing.assert_allclose(noise.link_gains(weights, of), known, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"channel": {"noise": {"position": 0.1}}}, "leave 0.02217 m rms on each axis at last"),
+        (
+            {"channel": {"noise": {"position": 0.1}}, "topology": "path"},
+            "leave 0.03354 m rms on each axis at last, the most of 12",
+        ),
+        ({"sensing": {"position": 0.1}}, "leave 0.009682 m rms on each axis at last"),
+    ],
+)
+def test_check_tells_the_steady_error(keys, words):
+    """Where weights are fixed and nothing is lost; else nothing."""
+    plain = {"attack": "none", "defence": "none"} | keys
+    assert words in told(systems.study(**plain))
+    loss = {"loss": {"kind": "bernoulli", "probability": 0.1}}
+    assert "rms" not in told(systems.study(**plain | {"channel": plain.get("channel", {}) | loss}))
+
+
+def told(study):
+    """What check prints, on one line."""
+    return " ".join(check_text(study).split())

@@ -1,0 +1,60 @@
+"""Steady covariance of the errors E under noise that is drawn at ticks and held (theorems.md O13, O15)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import expm, solve_discrete_lyapunov
+
+from jaxnet.model import graph
+from jaxnet.model.graph import Weights
+from jaxnet.theory import exact
+
+
+def held_variance(gain: Sequence[float], interval: float, correlation: float = 0.0) -> float:
+    """Return Var E of a drive with variance 1 that is drawn at ticks and held.
+
+    The state is E with its derivatives and the drive: `Σ = F Σ F' + Q`.
+
+    Parameters
+    ----------
+    gain
+        k0, k1, …
+    interval
+        Time from tick to tick [s].
+    correlation
+        Time in which the correlation of drives falls to 1/e [s]; 0 for independent drives.
+
+    Examples
+    --------
+    >>> round(held_variance([1.0, 3.0, 3.0], 0.05), 8)
+    0.00937435
+    >>> round(held_variance([1.0, 3.0, 3.0], 0.05, correlation=1.0), 6)
+    0.312565
+    """
+    order = len(gain)
+    kept = np.exp(-interval / correlation) if correlation else 0.0
+    motion = np.zeros((order + 1, order + 1))
+    motion[:order, :order] = exact.companion(np.asarray(gain, float)[None])[0]
+    motion[order - 1, order] = 1.0
+    flow = expm(motion * interval)
+    flow[order, order] = kept
+    drawn = np.zeros_like(flow)
+    drawn[order, order] = 1.0 - kept**2
+    return float(solve_discrete_lyapunov(flow, drawn)[0, 0])
+
+
+def link_gains(weights: Weights, of: str) -> Float[np.ndarray, " m"]:
+    """Return Var E of each vehicle over that of one drive, for independent errors of words.
+
+    Parameters
+    ----------
+    weights
+        `[a0 | A]` in force, (m, m + 1).
+    of
+        "link": `Σ_l (L⁻¹)²_il Σ_j w²_lj`; or "transmitter": `Σ_j (L⁻¹ A)²_ij`, the navigator's word exact.
+    """
+    inverse = np.linalg.inv(graph.laplacian(weights))
+    if of == "transmitter":
+        return ((inverse @ weights[:, 1:]) ** 2).sum(axis=1)
+    return inverse**2 @ (weights**2).sum(axis=1)
