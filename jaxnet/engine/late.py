@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.engine.plan import Plan
+from jaxnet.kinds.shapes import LaneTimes
 from jaxnet.model import control, plane, signal
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -31,7 +32,6 @@ TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
 )
 
-Instants = Float[Array, " lanes"]
 Polynomials = Float[Array, "2 degrees m lanes"]  # coefficients of s^k / k!
 CarriedJets = tuple[Float[Array, "2 slots m lanes"], ...]
 
@@ -50,12 +50,12 @@ def first_history(lane: Lane, late: int, judged: bool) -> History:
     return History(words, (nothing,) * len(lane.gain) if judged else None)
 
 
-def has_come(lane: Lane, time: Instants) -> Bool[Array, " lanes"]:
+def has_come(lane: Lane, time: LaneTimes) -> Bool[Array, " lanes"]:
     """Return whether the first words have arrived at a tick."""
     return time > lane.delay - lane.interval / 2
 
 
-def heard(history: History, navigator: Float[Array, "derivatives 2 lanes"]) -> CarriedJets | None:
+def arriving(history: History, navigator: Float[Array, "derivatives 2 lanes"]) -> CarriedJets | None:
     """Return the late jets that arrive at a tick, relative to the navigator's jets now."""
     if history.jets is None:
         return None
@@ -72,7 +72,7 @@ def remember(
     own: Jets,
     noise: Jets | None,
     jets: CarriedJets | None,
-    time: Instants,
+    time: LaneTimes,
 ) -> History:
     """Return the history after a tick.
 
@@ -100,7 +100,7 @@ def remember(
 
 
 def word_gains(
-    gain: Float[Array, "r lanes"], delay: Instants, extrapolate: str
+    gain: Float[Array, "r lanes"], delay: LaneTimes, extrapolate: str
 ) -> Float[Array, "derivatives lanes"]:
     """Return the factors of y, ẏ, …, y^(r) in a word: those of R, or of R after the delay by Taylor.
 

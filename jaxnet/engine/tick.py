@@ -502,7 +502,7 @@ def judge(
     heard = lane._replace(weights=arrived_weights(lane, before.reception))
     received, arrived = attack(network, tell(own), signals), None
     if before.late is not None:
-        received = late.heard(before.late, lane.path(time))
+        received = late.arriving(before.late, lane.path(time))
     if before.link_noise is not None:
         received = plane.plus(received, before.link_noise)
     if before.reception is not None:  # a slot without a message holds the vehicle itself

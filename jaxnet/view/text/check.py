@@ -36,7 +36,7 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, exact, integer, noise, robustness, rounds
+from jaxnet.theory import announced, certificate, delay, exact, integer, noise, robustness, rounds
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
@@ -53,7 +53,7 @@ NO_GUARANTEE = "nothing is proved; the theorems are of the law solved at every i
 RETAINED = "; that is while everybody is retained"
 NO_LEADER = "nothing is proved; the theorems presuppose a navigator"
 NOT_IDEAL = (
-    "nothing is proved; the theorems presuppose exact sensors, one network, and a channel that loses nothing"
+    "nothing is proved; the theorems presuppose exact sensors, one network, and words that arrive at once"
 )
 NOT_ROBUST = "not 1-robust, so not enough for W-MSR"
 PROGRAM_SECONDS = 2.0  # for the integer programs of all networks together
@@ -299,7 +299,27 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
             weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
             known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
         lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
+    if scenario.channel.delay > 0:
+        lines["delay"] = f"words are {scenario.channel.delay:g} s late; no bound holds{late_text(scenario)}"
     return lines
+
+
+def late_text(scenario: Scenario) -> str:
+    """Return how far behind a fleet ends whose words are late, or its margin; "" where weights change."""
+    if scenario.defence.decides or scenario.vehicles > certificate.MOST_INVERTED:
+        return ""
+    if len(scenario.topology.turns()) > 1 or not scenario.channel.loss.perfect():
+        return ""
+    weights, told = dense(scenario_graph(scenario)), scenario.channel.extrapolate
+    if told == "none":
+        ends = delay.lags(weights, scenario.channel.delay)
+        between = f"{ends.min():.4g} to " if np.ptp(ends) > 1e-9 * ends.max() else ""
+        return f"; behind a navigator on a line vehicles end late by {between}{ends.max():.4g} s"
+    if told == "jets":
+        return "; a navigator on a line is followed without error"
+    margin = delay.jerk_margin(weights, np.array([median(each) for each in scenario.gain]))
+    state = "unstable" if margin < scenario.channel.delay else "a necessary condition of stability holds"
+    return f"; {state}: the delay must be below {margin:.6g} s" if np.isfinite(margin) else ""
 
 
 def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], np.ndarray]) -> str:
@@ -308,7 +328,8 @@ def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], n
     `gains()` returns the variance of each vehicle over that of one drive.
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
-    if not (scenario.law.solved and one_network and scenario.channel.loss.perfect() and scenario.tick > 0):
+    at_once = scenario.channel.loss.perfect() and scenario.channel.delay == 0
+    if not (scenario.law.solved and one_network and at_once and scenario.tick > 0):
         return ""
     strength = errors.strength(scenario.gain)
     if strength is None:
