@@ -115,7 +115,7 @@ def test_a_robust_union_agrees_whichever_two_lie(simulated):
     """Ten agents: with the union that is not (3, 3)-robust some pairs of liars keep the others apart."""
     robust, other = (pairs(links(each), 10) for each in swept("jia_union", "topology"))
     assert robust[2] >= 3 > other[2]
-    keys = {"attack.vehicles": {"random": 2}, "horizon": 300.0, "output_step": 300.0}
+    keys = {"attack.vehicles": {"random": 2}, "horizon": 400.0, "output_step": 400.0}
     results = simulated("jia_union", 32, sweep={"topology": swept("jia_union", "topology")}, **keys)
     spread = results.lanes.groupby("topology")["spread"].max()
     assert spread["robust"] < 0.05

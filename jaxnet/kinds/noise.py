@@ -7,7 +7,7 @@ from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
 from jaxnet.kinds.protocols import LaneDraw
-from jaxnet.kinds.shapes import AnyNumbers, ErrorJets, LaneNumbers, LaneTimes
+from jaxnet.kinds.shapes import AnyNumbers, HeldErrors, LaneNumbers, LaneTimes
 from jaxnet.kinds.ticks import DrawsAtTicks
 from jaxnet.lazy import LazyModule
 
@@ -69,7 +69,7 @@ class NormalErrors(ErrorsAtTicks):
         unused = {key: None for key, number in numbers.items() if number == 0}
         return self.filled({**vars(super().drawn(draw, name)), **unused})
 
-    def white(self, last: ErrorJets, draw: Callable[[str], AnyNumbers]) -> ErrorJets:
+    def white(self, last: HeldErrors, draw: Callable[[str], AnyNumbers]) -> HeldErrors:
         """Return independent errors of all three orders; `draw(order)` gives normal numbers."""
 
         def scaled(order: str, size: Any, zero: AnyNumbers) -> AnyNumbers:
@@ -78,7 +78,9 @@ class NormalErrors(ErrorsAtTicks):
         zeros = map(jnp.zeros_like, last)
         return tuple(scaled(*each, zero) for each, zero in zip(self.sizes().items(), zeros, strict=True))
 
-    def after(self, last: ErrorJets, white: ErrorJets, time: LaneTimes, interval: LaneNumbers) -> ErrorJets:
+    def after(
+        self, last: HeldErrors, white: HeldErrors, time: LaneTimes, interval: LaneNumbers
+    ) -> HeldErrors:
         """Return errors correlated with those of the last tick, from independent ones."""
         if self.correlation is None:
             return white

@@ -19,6 +19,8 @@ else:
     jnp = LazyModule("jax.numpy")
     chance = LazyModule("jaxnet.model.chance")
 
+TICK_ROUNDING = 1e-9  # [s] by which a tick may miss the time of something that begins or ends
+
 Together = Literal["link", "transmitter", "all"]
 
 AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")

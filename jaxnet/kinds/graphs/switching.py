@@ -16,7 +16,7 @@ from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators.none import NoNavigator
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import AnyCounts, LaneTimes
-from jaxnet.kinds.ticks import DrawsAtTicks
+from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsAtTicks
 from jaxnet.lazy import LazyModule
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 else:
     jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
-
-ROUNDING = 1e-9  # [s] by which a tick may miss the time of a change
 
 
 class Switching(DrawsAtTicks, Graph):
@@ -93,9 +91,9 @@ class Switching(DrawsAtTicks, Graph):
     def number(self, time: LaneTimes, networks: int) -> AnyCounts:
         """Return the number, from 0, of the network in force at times, one of so many networks."""
         if len(self.at):
-            passed = (time[None] >= jnp.asarray(self.at) - ROUNDING).sum(axis=0)
+            passed = (time[None] >= jnp.asarray(self.at) - TICK_ROUNDING).sum(axis=0)
         else:
-            passed = jnp.floor((time + ROUNDING) / self.every).astype(int)
+            passed = jnp.floor((time + TICK_ROUNDING) / self.every).astype(int)
         if self.order == "cyclic":
             return passed % networks
         drawn = self.random(passed.astype(float), "network", jax.random.uniform, ())

@@ -11,7 +11,7 @@ from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import LaneMask, LaneTimes, SlotMask, SlotNumbers
-from jaxnet.kinds.ticks import DrawsTogether, Together
+from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsTogether, Together
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 else:
     jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
-
-ROUNDING = 1e-9  # [s] by which a tick may miss the begin or end of an interval
 
 Interval = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
 
@@ -93,7 +91,7 @@ class Jamming(DrawsTogether, Loss):
 
     def planned(self, time: LaneTimes) -> LaneMask:
         """Return whether times lie in a listed or periodic interval."""
-        time = time + ROUNDING
+        time = time + TICK_ROUNDING
         jams = (self.period > 0) & (time >= self.first)
         jams = jams & ((time - self.first) % jnp.where(self.period > 0, self.period, 1.0) < self.length)
         for begin, end in self.intervals:
