@@ -12,7 +12,7 @@ from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of,
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.attacks import AnyAttack, signal_scale
+from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.navigators import SPEED_SAMPLES
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
@@ -287,24 +287,19 @@ def shared_basis(
     drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
     count = len(draw.samples)
     signal, given = drawn.told(navigator, start)
-    scale = np.ones(count)
+    scale, order = np.ones(count), scenario.vehicle.order
+    rows = max(len(ORDERS), order + 1)
+    reach = np.asarray(drawn.reach(scenario.navigator, signal, scenario.horizon))[:rows]
     if drawn.bounded:
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
-        scale = np.broadcast_to(signal_scale(drawn, sizes, scenario.vehicle.order), count)
+        scale = np.broadcast_to(signal_scale(drawn, sizes, order), count)
     unit = first_vectors(signal, count) if given is None else given
-    reach = drawn.reach(scenario.navigator, signal, scenario.horizon)
-    reach = reach[: max(len(ORDERS), scenario.vehicle.order + 1)]
-    reach = np.broadcast_to(reach, (len(reach), count))
-    return received_of(signal, drawn, count), unit * scale, scale, reach
-
-
-def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:
-    """Return the signal, limited to the orders that the attack falsifies."""
-    orders = np.isin(ORDERS, attack.falsified())
-    if orders.all():
-        return signal
-    return Falsified(signal, np.broadcast_to(orders[:, None].astype(float), (4, count)))
+    if drawn.falsified() != ORDERS or drawn.by_order() is not None:
+        factors = order_factors(drawn, reach, order)
+        signal = Falsified(signal, np.broadcast_to(factors, (len(factors), count)))
+        reach = factors * reach
+    return signal, unit * scale, scale, np.broadcast_to(reach, (len(reach), count))
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:

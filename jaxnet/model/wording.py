@@ -33,3 +33,9 @@ def counted(kinds: Counter[str]) -> str:
 def count(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural unless the number is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def orders_in_words(sizes: Sequence[float]) -> str:
+    """Return one size for each order of derivatives with its unit: 15 m, 10 m/s, 5 m/s²."""
+    units = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")
+    return ", ".join(f"{size:.4g} {unit}" for size, unit in zip(sizes, units, strict=False))

@@ -17,9 +17,10 @@ from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
     Each,
+    EachOrder,
     Listed,
     Magnitude,
-    NotNegative,
+    NotNegativeByOrder,
     Number,
     Record,
     Uniform,
@@ -91,8 +92,12 @@ class AnyAttack(Kind):
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Magnitude:
-        """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
+        """Return ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
         return 0.0
+
+    def by_order(self) -> list[float] | None:
+        """Return the magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
+        return None
 
     def attacked_links(self, graph: Digraph) -> Links:
         """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
@@ -243,8 +248,10 @@ class Attack(AnyAttack):
         {"label", "magnitude", "vehicles", "links", "threat", "orders", "listeners", "sybils", "announces"}
     )
 
-    magnitude: NotNegative = Field(
-        default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
+    magnitude: NotNegativeByOrder = Field(
+        default=5.0,
+        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; where orders"
+        " are falsified each on its own also a list, one for each order from 0; orders beyond it are true",
     )
     vehicles: Annotated[
         Annotated[list[int], union_member("listed")] | Annotated[DrawnVehicles, union_member("drawn")],
@@ -323,8 +330,13 @@ class Attack(AnyAttack):
         return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
 
     def amplitude(self) -> Magnitude:
-        """Return the key `magnitude`."""
-        return self.magnitude
+        """Return the key `magnitude`, or its greatest number."""
+        sizes = self.by_order()
+        return self.magnitude if sizes is None else max(sizes)
+
+    def by_order(self) -> list[float] | None:
+        """Return the key `magnitude` if it is a list."""
+        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
 
     def attacked_links(self, graph: Digraph) -> Links:
         """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
@@ -455,7 +467,28 @@ class Attack(AnyAttack):
                 ("attack", "vehicle"),
                 f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
             )
+        yield from self.magnitude_faults(vehicle.order)
         yield from self.number_faults()
+
+    def magnitude_faults(self, order: int) -> Iterator[Fault]:
+        """Yield the faults of a list of magnitudes, for vehicles of an order."""
+        sizes, keys = self.by_order(), ("attack.magnitude", "attack")
+        if sizes is None:
+            return
+        if self.consistent():
+            message = (
+                f"must be one number: the derivatives of {self.kind} follow from its signal (a list needs"
+                " kind spoof, or some attack.orders only)"
+            )
+            yield Fault(keys, message)
+            return
+        if len(sizes) > order + 1:
+            most = f"at most {order + 1} numbers, of the orders 0 to {order}"
+            yield Fault(keys, f"a list has {most} (got {len(sizes)})")
+        true = [each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()]
+        if true:
+            got = f"give 0 for it (got {sizes[true[0]]:g})"
+            yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
 
     def number_faults(self) -> Iterator[Fault]:
         """Yield the faults of numbers that each vehicle has for itself."""
@@ -485,16 +518,41 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
     """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
-    A vehicle of an order r hears derivatives up to r.
+    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
+    divide by the sizes, and the scale is the greatest magnitude.
     """
+    if attack.by_order() is not None:
+        return np.asarray(attack.amplitude())
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[heard_orders(attack, order)], axis=0))
 
 
+def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
+    """Return the factors of the orders of a signal with these sizes: (orders, lanes or 1).
+
+    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the factor
+    scales the order to the magnitude's share of the greatest.
+    """
+    heard, sizes = heard_orders(attack, order), np.asarray(sizes)
+    factors = np.zeros_like(sizes)
+    factors[heard] = 1.0
+    if (shares := magnitude_shares(attack, order)) is not None:
+        some = sizes[heard]
+        factors[heard] = np.where(some > 0, np.array(shares)[:, None] / np.where(some > 0, some, 1.0), 0.0)
+    return factors
+
+
+def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
+    """Return the magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
+    if (sizes := attack.by_order()) is None:
+        return None
+    return tuple(sizes[each] / (max(sizes) or 1.0) for each in heard_orders(attack, order))
+
+
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
-    """Return the falsified orders that vehicles of an order hear."""
-    if attack.falsified() == ORDERS:
-        return [*range(order + 1)]
-    return [each for each in attack.falsified() if each <= order]
+    """Return the falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
+    falsified, sizes = attack.falsified(), attack.by_order()
+    heard = [*range(order + 1)] if falsified == ORDERS else [each for each in falsified if each <= order]
+    return heard if sizes is None else [each for each in heard if each < len(sizes)]
 
 
 def unit_vectors(direction: AnyNumbers) -> PlaneVectors:

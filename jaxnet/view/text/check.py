@@ -188,7 +188,7 @@ class NetworkKeys:
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
         attacked = attack.attacked_links(graph)[links].tobytes()
-        threat = attack.kind, attack.number(), attack.replaces(), attack.falsified(), attack.identities()
+        threat = attack.kind, attack.number(), attack.replaces(), orders_text(attack), attack.identities()
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if not law.solved else ()
         world = tuple(world_lines(scenario).items())
         return shared, attacked, threat, scenario.horizon, held, world
@@ -421,7 +421,9 @@ def orders_text(attack: AnyAttack) -> str:
         return "; not bounded by ā, so no bound says anything"
     if attack.consistent():
         return ""
-    which = ", ".join(ORDER_NAMES[order] for order in attack.falsified())
+    sizes = attack.by_order() or [1.0] * len(ORDER_NAMES)
+    falsified = [order for order in attack.falsified() if sum(sizes[order : order + 1])]
+    which = ", ".join(ORDER_NAMES[order] for order in falsified)
     return f"; {which} falsified each on its own, so the static bound says nothing"
 
 
