@@ -136,6 +136,7 @@ REFERENCES = {
     "SearchSettings": "[search](#search)",
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
+    "ChangingVehicles": "{at: […], sets: […]}",
     **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
     "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",

@@ -18,7 +18,7 @@ from jaxnet.config.keys import INNER_KINDS, KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.kind import KindError
-from jaxnet.model.wording import orders_in_words
+from jaxnet.model.wording import orders_in_words, sets_in_words
 from jaxnet.outside.families import base_of
 
 MAGNITUDE = "attack.magnitude"
@@ -70,7 +70,7 @@ def attacked_number(key: str, value: object) -> int:
     if key == ATTACKED_NUMBER and isinstance(value, int):
         return value
     given = yaml.safe_load(value) if key == ATTACKED and isinstance(value, str) else None
-    return given["random"] if isinstance(given, dict) else 0
+    return given.get("random", 0) if isinstance(given, dict) else 0
 
 
 def value_alone(key: str, value: object) -> str:
@@ -142,6 +142,8 @@ def plain_words(value: object) -> str:
     if isinstance(value, dict):
         if set(value) == {"random"}:  # attacked vehicles: the number must not read as that of a vehicle
             return f"{value['random']} drawn"
+        if set(value) == {"at", "sets"}:  # attacked vehicles, which change
+            return sets_in_words(value["at"], value["sets"])
         return ", ".join(f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items())
     if isinstance(value, list):
         inner = ", ".join(map(plain_words, value))

@@ -63,7 +63,8 @@ class Batch(NamedTuple):
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
         noisy = lane.sensor is not None or lane.loss is not None
-        return self.plan.choosing or noisy or not lane.law.solved
+        changing = lane.periods is not None
+        return self.plan.choosing or changing or noisy or not lane.law.solved
 
 
 class Motion(ABC, Generic[MotionState]):

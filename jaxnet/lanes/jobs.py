@@ -12,7 +12,7 @@ from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of,
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
+from jaxnet.kinds.attacks import TICK_ROUNDING, AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.navigators import SPEED_SAMPLES
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
@@ -20,7 +20,7 @@ from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
-from jaxnet.model.lane import Lane, Network
+from jaxnet.model.lane import Lane, Network, Periods
 from jaxnet.model.signal import ORDERS, Apart, Falsified, up_to
 from jaxnet.model.strength import RowStrength
 from jaxnet.solvers.choice import choose_solver
@@ -42,7 +42,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
-    weights = weights_of(scenario, draw, sources)
+    weights = weights_of(scenario, draw, sources, first_attacked(scenario.attack).chosen(draw))
     gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
     lanes = Lane(
         initial=lanes_first(start),
@@ -60,6 +60,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         sensor=None if scenario.sensing.exact() else tree(scenario.sensing.drawn(draw, "sensing")),
         loss=None if loss.perfect() else tree(loss.drawn(draw, "channel.loss")),
         strength=strength_of(scenario, weights),
+        periods=periods_of(scenario, draw, sources),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -100,12 +101,36 @@ def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
-def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
+def first_attacked(attack: AnyAttack) -> AnyAttack:
+    """Return the attack on the vehicles that it attacks at t = 0."""
+    periods = attack.periods()
+    return attack.on(periods[0][1]) if periods else attack
+
+
+def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods | None:
+    """Return when other vehicles are attacked, None where the same ones are all along; samples first.
+
+    The times are earlier by a rounding of the times of ticks.
+    """
+    attack = scenario.attack
+    if not attack.periods():
+        return None
+    at = np.array([time * (1 - TICK_ROUNDING) for time, _ in attack.periods()])
+    sets = [attack.on(vehicles).chosen(draw) for _, vehicles in attack.periods()]
+    owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
+    weights = None
+    if attack.splits():
+        weights = np.stack([weights_of(scenario, draw, sources, each) for each in sets], axis=1)
+    attacked = np.stack([each[owners] for each in sets])
+    return Periods(draw.same(at), lanes_first(attacked), weights)
+
+
+def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray, attacked: np.ndarray) -> Any:
     """Return the weights of each lane by slot: (samples, slots, m).
 
     Each identity of a source has the weight of the source before normalisation. A split link has two slots. A
-    lane hears the slot of the attack if the source is attacked in that lane, and the slot of the source
-    otherwise.
+    lane hears the slot of the attack if the source is among the `attacked` vehicles (m, samples), and the
+    slot of the source otherwise.
     """
     weights, attack = scenario.topology.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if not scenario.navigator.present:
@@ -113,7 +138,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Any:
     if attack.splits():
         linked = links_of(scenario)
         links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
-        lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
+        lies = attacked[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
     if attack.identities() == 1 and scenario.navigator.present:

@@ -40,8 +40,9 @@ from jaxnet.kinds.shapes import (
 )
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
-from jaxnet.model.wording import ranges
+from jaxnet.model.wording import ranges, sets_in_words
 
+TICK_ROUNDING = 1e-9  # relative, of a time over the tick
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 AttackedLinks = Literal["auto", "neighbour", "navigator"]
@@ -55,8 +56,21 @@ class DrawnVehicles(Record):
     random: int = Field(ge=1, title="attacked vehicles", description="how many")
 
 
+class ChangingVehicles(Record):
+    """Sets of vehicles, each attacked from its time until the next."""
+
+    at: Annotated[list[Annotated[float, Field(ge=0.0)]], Len(1)] = Field(
+        description="[s], the time from which each set is attacked; before the first, nobody is"
+    )
+    sets: Annotated[list[list[int]], Len(1)] = Field(
+        description="the vehicles attacked from each time on, from 1; [] for nobody"
+    )
+
+
 def attacked_tag(value: object) -> str:
-    """Return the tag of attacked vehicles: listed or drawn."""
+    """Return the tag of attacked vehicles: listed, drawn, or changing at given times."""
+    if isinstance(value, ChangingVehicles) or (isinstance(value, dict) and {"at", "sets"} & {*value}):
+        return MARK + "changing"
     drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
     return MARK + ("drawn" if drawn else "listed")
 
@@ -80,12 +94,18 @@ class AnyAttack(Kind):
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
-        """Return the numbers of the attacked vehicles, from 1."""
+        """Return the numbers of the vehicles that are attacked at any time, from 1."""
         return []
 
     def number(self) -> int:
-        """Return the number of attacked vehicles."""
+        """Return the number of vehicles that are attacked at any time."""
         return len(self.targets())
+
+    def periods(self) -> list[tuple[float, list[int]]]:
+        """Return the times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
+        the same vehicles are attacked all along.
+        """
+        return []
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
         """Return the attack on other vehicles."""
@@ -125,10 +145,10 @@ class AnyAttack(Kind):
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
-        """Return whether links are replaced in some lanes only.
+        """Return whether links are replaced in some lanes only, or at some times only.
 
         Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
-        one slot.
+        one slot at a time.
         """
         return False
 
@@ -203,6 +223,8 @@ class AnyAttack(Kind):
 
     def whom(self) -> str:
         """Return a short description of the attacked vehicles."""
+        if periods := self.periods():
+            return sets_in_words(*zip(*periods, strict=True))
         drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
         return ranges(sorted(self.targets())) or drawn
 
@@ -254,12 +276,15 @@ class Attack(AnyAttack):
         " are falsified each on its own also a list, one for each order from 0; orders beyond it are true",
     )
     vehicles: Annotated[
-        Annotated[list[int], union_member("listed")] | Annotated[DrawnVehicles, union_member("drawn")],
+        Annotated[list[int], union_member("listed")]
+        | Annotated[DrawnVehicles, union_member("drawn")]
+        | Annotated[ChangingVehicles, union_member("changing")],
         Discriminator(attacked_tag),
     ] = Field(
         default=[2, 5, 8, 11],
         title="attacked vehicles",
-        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
+        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or"
+        " {at: [...], sets: [...]}, other vehicles from given times on",
     )
     links: AttackedLinks = Field(
         default="auto",
@@ -301,18 +326,27 @@ class Attack(AnyAttack):
             cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
-        """Return the listed vehicles, none if vehicles are drawn."""
+        """Return the listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
+        if isinstance(self.vehicles, ChangingVehicles):
+            return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
 
     def number(self) -> int:
         """Return the number of listed or drawn vehicles."""
-        return len(self.vehicles) if isinstance(self.vehicles, list) else self.vehicles.random
+        return self.vehicles.random if isinstance(self.vehicles, DrawnVehicles) else len(self.targets())
+
+    def periods(self) -> list[tuple[float, list[int]]]:
+        """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
+        if not isinstance(self.vehicles, ChangingVehicles):
+            return []
+        found = [*zip(self.vehicles.at, self.vehicles.sets, strict=True)]
+        return found if found[0][0] == 0 else [(0.0, []), *found]
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane: those listed, or those with the least random
-        numbers.
+        """Return which vehicles are attacked in each lane at any time: those listed, or those with the least
+        random numbers.
         """
-        if isinstance(self.vehicles, list):
+        if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
@@ -326,8 +360,8 @@ class Attack(AnyAttack):
         return 1 + self.sybils
 
     def splits(self) -> bool:
-        """Return whether vehicles are drawn and their links replaced."""
-        return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
+        """Return whether vehicles are drawn, or change, and their links are replaced."""
+        return self.replaces() and not isinstance(self.vehicles, list)
 
     def amplitude(self) -> Magnitude:
         """Return the key `magnitude`, or its greatest number."""
@@ -346,7 +380,8 @@ class Attack(AnyAttack):
         if links == "auto":
             links = "neighbour" if hears_vehicles(graph) else "navigator"
         everyone = np.arange(1, graph.vehicles + 1)
-        listed = np.isin(everyone, self.targets()) if isinstance(self.vehicles, list) else everyone > 0
+        drawn = isinstance(self.vehicles, DrawnVehicles)
+        listed = everyone > 0 if drawn else np.isin(everyone, self.targets())
         if links == "neighbour":
             return graph.heard & np.append(False, listed)[graph.sources]
         return graph.heard & (graph.sources == 0) & listed[:, None]
@@ -423,6 +458,23 @@ class Attack(AnyAttack):
         if self.sybils or self.strategic:
             yield Fault(("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic")
 
+    def changing_faults(self, changing: ChangingVehicles, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of vehicles that change at given times."""
+        at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
+        if len(at) != len(changing.sets):
+            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
+        if sorted(set(at)) != at or at[-1] >= scenario.horizon:
+            yield Fault(keys, f"must rise, and end before horizon = {scenario.horizon:g} (got {at})")
+        tick = scenario.tick
+        if tick == 0:
+            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
+        elif odd := [time for time in at if abs(time / tick - round(time / tick)) > TICK_ROUNDING]:
+            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
+        if self.sybils or self.strategic:
+            yield Fault(
+                ("attack.vehicles", "attack"), "vehicles that change are neither sybils nor strategic"
+            )
+
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Return the vectors of a strategic attack until the next tick, and its memory.
 
@@ -443,10 +495,14 @@ class Attack(AnyAttack):
         """Yield faults of unknown or repeated vehicles, and of keys that exclude each other."""
         targets = self.targets()
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
-        if len(set(targets)) < len(targets):
-            yield Fault(("attack.vehicles",), f"named twice (got {targets})")
+        sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
+        twice = [each for each in sets if len(set(each)) < len(each)]
+        if twice:
+            yield Fault(("attack.vehicles",), f"named twice (got {twice[0]})")
         if isinstance(self.vehicles, DrawnVehicles):
             yield from self.drawn_faults(self.vehicles.random, scenario)
+        if isinstance(self.vehicles, ChangingVehicles):
+            yield from self.changing_faults(self.vehicles, scenario)
         if self.by_link() and (self.strategic or not self.bounded):
             yield Fault(("attack.listeners",), f"{self.kind} tells all listeners the same")
         if self.strategic and scenario.tick == 0:
