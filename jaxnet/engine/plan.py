@@ -20,6 +20,7 @@ class Plan(NamedTuple):
     decides: bool = True  # whether vehicles decide which sources to retain
     strategic: bool = False  # whether attackers choose their vectors at ticks
     consistent: bool = True  # whether an attack's signals come with their true derivatives
+    as_told: bool = False  # whether attacked vehicles move as they tell
     in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
     save: tuple[str, ...] = ()  # names in `metrics.SERIES` and `metrics.VEHICLE_ERRORS`
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved

@@ -186,6 +186,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         decides=scenario.defence.decides,
         strategic=scenario.attack.strategic,
         consistent=scenario.attack.consistent(),
+        as_told=scenario.attack.as_told(),
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,

@@ -159,6 +159,10 @@ class AnyAttack(Kind):
         """
         return False
 
+    def as_told(self) -> bool:
+        """Return whether attacked vehicles move as they tell, and not by the law."""
+        return False
+
     def falsified(self) -> tuple[int, ...]:
         """Return the orders of the received derivatives that carry the signal, of 0 to 3. The other orders
         are true.
@@ -267,7 +271,18 @@ class Attack(AnyAttack):
 
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label", "magnitude", "vehicles", "links", "threat", "orders", "listeners", "sybils", "announces"}
+        {
+            "label",
+            "magnitude",
+            "vehicles",
+            "links",
+            "threat",
+            "moves",
+            "orders",
+            "listeners",
+            "sybils",
+            "announces",
+        }
     )
 
     magnitude: NotNegativeByOrder = Field(
@@ -295,6 +310,11 @@ class Attack(AnyAttack):
         default="adds",
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
+    )
+    moves: Literal["by_law", "as_told"] = Field(
+        default="by_law",
+        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is where it"
+        " tells to be, which needs threat: replaces",
     )
     orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
         default=[*ORDERS],
@@ -389,6 +409,10 @@ class Attack(AnyAttack):
     def replaces(self) -> bool:
         """Return whether `threat` is `replaces`."""
         return self.threat == "replaces"
+
+    def as_told(self) -> bool:
+        """Return whether `moves` is `as_told`."""
+        return self.moves == "as_told"
 
     def falsified(self) -> tuple[int, ...]:
         """Return the sorted `orders`."""
@@ -523,8 +547,25 @@ class Attack(AnyAttack):
                 ("attack", "vehicle"),
                 f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
             )
+        if self.as_told():
+            yield from self.moving_faults(scenario)
         yield from self.magnitude_faults(vehicle.order)
         yield from self.number_faults()
+
+    def moving_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of vehicles that move as they tell."""
+        vehicle, key = scenario.vehicle, "attack.moves"
+        if not self.replaces():
+            yield Fault((key, "attack.threat"), "as_told needs false messages: give threat: replaces")
+        if self.by_link() or self.strategic or self.periods():
+            one = "one path for the whole lane, the same for all listeners"
+            yield Fault((key, "attack"), f"a vehicle that moves as told tells {one}")
+        graph = scenario.topology.linked(scenario.vehicles)
+        if (self.attacked_links(graph) & (graph.sources == 0)).any():
+            yield Fault((key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle")
+        if vehicle.singular or vehicle.internal:
+            why = f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
+            yield Fault((key, "vehicle"), why)
 
     def magnitude_faults(self, order: int) -> Iterator[Fault]:
         """Yield the faults of a list of magnitudes, for vehicles of an order."""
