@@ -34,7 +34,7 @@ class ToldMotion(NamedTuple):
 
 def told_errors(lane: Lane, basis: Basis, errors: Jets) -> Jets:
     """Return the jets E, which are the signals where vehicles are attacked."""
-    told, attacked = signal.jets(lane.vectors, basis), attacked_vehicles(lane)
+    told, attacked = signal.jets(lane.vectors, basis), lying_vehicles(lane)
     return tuple(jnp.where(attacked, own, jet) for own, jet in zip(told, errors, strict=False))
 
 
@@ -45,9 +45,9 @@ def told_motion(lane: Lane, time: Instants, basis: Basis) -> ToldMotion:
     jets = tuple(jet + path[:, None] for jet, path in zip(told, lane.path(time), strict=False))
     states = vehicle.state_of(jets[:order])
     inputs = vehicle.inputs_for(states, jets[order])
-    return ToldMotion(attacked_vehicles(lane), told[:order], states, inputs, vehicle.pace(states, inputs))
+    return ToldMotion(lying_vehicles(lane), told[:order], states, inputs, vehicle.pace(states, inputs))
 
 
-def attacked_vehicles(lane: Lane) -> VehicleFlags:
+def lying_vehicles(lane: Lane) -> VehicleFlags:
     """Return the vehicles with a signal, where each vehicle has one."""
     return (lane.vectors != 0).any(axis=(0, 2))
