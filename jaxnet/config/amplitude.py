@@ -23,8 +23,9 @@ def known_amplitude(scenario: Scenario) -> float:
         return np.nan
     if 0 not in attack.falsified():
         return 0.0
-    alone = of_one_lane(attack)
-    sizes, order = np.asarray(alone.sizes(scenario.horizon)), scenario.vehicle.order
+    order = scenario.vehicle.order
+    alone = of_one_lane(attack).of_order(order)
+    sizes = np.asarray(alone.sizes(scenario.horizon))
     shifted = signal_scale(alone, sizes, order) * (order_factors(alone, sizes, order) * sizes)[0]
     return float(shifted.ravel()[0])
 

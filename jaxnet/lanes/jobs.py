@@ -13,7 +13,7 @@ from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import TICK_ROUNDING, AnyAttack, order_factors, signal_scale
-from jaxnet.kinds.navigators import SPEED_SAMPLES
+from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
@@ -21,7 +21,7 @@ from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scram
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.lane import Lane, Network, Periods
-from jaxnet.model.signal import ORDERS, Apart, Falsified, up_to
+from jaxnet.model.signal import ORDERS, Apart, Falsified
 from jaxnet.model.strength import RowStrength
 from jaxnet.solvers.choice import choose_solver
 
@@ -242,21 +242,8 @@ def attack_of(
     else:
         signal, vectors, scale, sizes = shared_basis(scenario, draw, navigator, start)
         vectors = vectors * chosen[None, :, None]
-    path = path_sizes(scenario)[:, None]
+    path = sizes_up_to(scenario.vehicle.order, scenario.navigator, 0.0, scenario.horizon)[:, None]
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
-
-
-def path_sizes(scenario: Scenario) -> np.ndarray:
-    """Return the greatest norms of the navigator's path and its derivatives, up to the vehicles' order.
-
-    The norms of derivatives above the third are those at SPEED_SAMPLES times.
-    """
-    known, order = scenario.navigator.sizes(0.0, scenario.horizon), scenario.vehicle.order
-    if len(known) > order:
-        return known
-    times = np.linspace(0.0, scenario.horizon, SPEED_SAMPLES)
-    more = np.asarray(up_to(order, scenario.navigator.jets, times))[len(known) :]
-    return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])
 
 
 def heard_by(scenario: Scenario) -> np.ndarray:
@@ -310,10 +297,10 @@ def shared_basis(
     The vectors treat every vehicle as attacked. The scale is ā over the size of the signal, or 1 for a signal
     without bound.
     """
-    drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
-    count = len(draw.samples)
+    count, order = len(draw.samples), scenario.vehicle.order
+    drawn: AnyAttack = scenario.attack.drawn(draw, "attack").of_order(order)
     signal, given = drawn.told(navigator, start)
-    scale, order = np.ones(count), scenario.vehicle.order
+    scale = np.ones(count)
     rows = max(len(ORDERS), order + 1)
     reach = np.asarray(drawn.reach(scenario.navigator, signal, scenario.horizon))[:rows]
     if drawn.bounded:

@@ -17,6 +17,7 @@ from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.folder import FolderError
 from jaxnet.view import columns, page
 from jaxnet.view.figures import every
+from jaxnet.view.page.networks import networks_html
 from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check, comparison, tables
 from tests.view.test_page import read_through, section
@@ -93,6 +94,13 @@ def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
     text = tables.summary_text(results)
     assert "leaves the convex hull of their starts by over 1e-08 m" in text
     assert "[low, high] of without agreement, in the hull: exact binomial 95 % intervals" in text
+
+
+def test_links_of_a_network_without_a_navigator_are_just_links(results):
+    """In the legend of the figure and of the page."""
+    (legend,) = results.plot.topologies().legends
+    assert [text.get_text() for text in legend.get_texts()] == ["attacked vehicle", "attacked link", "link"]
+    assert "</svg>link</li>" in networks_html(results.study.cells)
 
 
 def test_the_table_is_about_the_spread(results, monkeypatch):

@@ -5,7 +5,7 @@ their derivatives by `sizes`; the vectors are scaled by ā over the greatest bou
 """
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Len
@@ -50,6 +50,9 @@ Threat = Literal["adds", "replaces"]
 DerivativeOrder = Literal[0, 1, 2, 3]
 
 
+AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
+
+
 class DrawnVehicles(Record):
     """A number of vehicles that are drawn for each lane."""
 
@@ -90,6 +93,7 @@ class AnyAttack(Kind):
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
     highest: ClassVar[int] = 3  # order of the highest derivative that `sizes` bounds
+    told_order: ClassVar[int] = 3  # of the highest derivative that vehicles hear, three at least
     derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
@@ -186,6 +190,10 @@ class AnyAttack(Kind):
     def harmonic(self) -> bool:
         """Return whether each vehicle's signal has at most one frequency."""
         return not self.strategic and isinstance(self.signal(), Harmonic)
+
+    def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
+        """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
+        return self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
 
     def signal(self) -> Signal:
         """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)

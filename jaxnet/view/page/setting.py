@@ -45,7 +45,7 @@ def setting_rows(study: Study) -> dict[str, str]:
         "network": kinds("topology", lambda cell: cell.scenario.topology),
         "attack": kinds("attack", lambda cell: cell.scenario.attack, lambda cell: not attacks(cell)),
         "attacked signals": among(attacked_words),
-        "magnitude ā": among(size_words) + size_unit(cells) if any(map(attacks, cells)) else "none",
+        "magnitude ā": among(size_words) + size_unit(cells) if shows_magnitude(study) else "none",
         "defence": kinds("defence", lambda cell: cell.scenario.defence),
         "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solved),
         "sensor errors": kinds(
@@ -89,8 +89,11 @@ def attacked_words(cell: Cell) -> str:
     attack = cell.scenario.attack
     if not attacks(cell):
         return "none"
-    one = attack.number() == 1 and "attack.vehicles.random" not in cell.labels
-    if attack.targets():
+    changing = bool(attack.periods())
+    one = attack.number() == 1 and "attack.vehicles.random" not in cell.labels and not changing
+    if changing:
+        whom = f"attacked vehicles ({attack.whom()})"
+    elif attack.targets():
         whom = f"vehicle{'' if one else 's'} {attack.whom()}"
     elif "attack.vehicles.random" in cell.labels:
         whom = "drawn vehicles"
@@ -106,6 +109,12 @@ def attacked_words(cell: Cell) -> str:
 def attacks(cell: Cell) -> bool:
     """Return whether a cell has an attack with a magnitude."""
     return cell.scenario.attack.number() > 0 and cell.scenario.attack.amplitude() != 0
+
+
+def shows_magnitude(study: Study) -> bool:
+    """Return whether ā scales an attack, or `recovery` compares with it."""
+    judged = study.config.recovery is not None
+    return any(attacks(cell) and (judged or cell.scenario.attack.bounded) for cell in study.cells)
 
 
 def size_words(cell: Cell) -> str:

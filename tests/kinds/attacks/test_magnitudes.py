@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import binom
 
 import jaxnet
 from jaxnet.config.amplitude import known_amplitude
@@ -29,6 +30,7 @@ def constant_response(gain, rho, start, times):
         ("two_wheeled", [15, 10, 5], [1.0, 3.0, 3.0]),
         ("double_integrator", [2, 0, 7], [2.0, 0.9]),
         ("single_integrator", [3], [1.3]),
+        ("planar_quadrotor", [3, 1, 0, 0.5, 2], [1.0, 4.0, 6.0, 4.0]),
     ],
 )
 def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
@@ -51,17 +53,24 @@ def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
         np.testing.assert_allclose(data["states"].values[:, vehicle, axis], known, atol=1e-8)
 
 
-def test_both_engines_hear_each_order_within_its_magnitude():
-    """A sinusoid in position and acceleration, and its listeners by trimming."""
-    attack = {"kind": "sinusoid", "orders": [0, 2], "magnitude": [4, 0, 9], "frequency": 1.7, "phase": 0.2}
-    keys = {"attack": attack, "sweep": {"engine": ["exact", "nonlinear"]}, "save": {"trajectories": "all"}}
-    results = jaxnet.simulate(keys | {"horizon": 2.0, "tail": 0.0}, samples=1, progress=False)
+@pytest.mark.parametrize("kind", ["sinusoid", "envelope"])
+def test_both_engines_hear_each_order_within_its_magnitude(kind):
+    """A sinusoid in position and acceleration; a spoof in an envelope, which is no path either."""
+    attack = {"kind": "sinusoid", "orders": [0, 2], "frequency": 1.7, "phase": 0.2}
+    if kind == "envelope":
+        attack = {"kind": "envelope", "of": "spoof", "start": 0.5, "rise": 1.0}
+    keys = {"attack": attack | {"magnitude": [4, 0, 9]}, "sweep": {"engine": ["exact", "nonlinear"]}}
+    keys |= {"horizon": 2.0, "tail": 0.0, "save": {"trajectories": "all"}}
+    results = jaxnet.simulate(keys, samples=1, progress=False)
     exact, nonlinear = (results.trajectories["states"].sel(cell=cell).values[..., :2] for cell in (0, 1))
     np.testing.assert_allclose(nonlinear, exact, atol=1e-5)
     signal = results.trajectories["attack"].sel(cell=0, sample=0)
-    known = 4.0 * np.sin(1.7 * signal["time"].values + 0.2)
-    np.testing.assert_allclose(signal.values[:, 1, 0], known, atol=1e-9)
-    assert known_amplitude(results.study.cells[0].scenario) == pytest.approx(4.0)
+    time = signal["time"].values
+    unit = np.sin(1.7 * time + 0.2) if kind == "sinusoid" else binom.sf(3, 7, np.clip(time - 0.5, 0, 1))
+    rough = 1e-3 if kind == "envelope" else 1e-9  # bounds on an envelope are those of pieces
+    np.testing.assert_allclose(signal.values[:, 1, 0], 4.0 * unit, atol=rough)
+    if kind == "sinusoid":
+        assert known_amplitude(results.study.cells[0].scenario) == pytest.approx(4.0)
 
 
 def test_bounds_follow_from_the_list():
