@@ -429,7 +429,8 @@ def change_text(scenario: Scenario) -> str:
     periods = scenario.attack.periods()
     if not periods:
         return ""
-    settled = scenario.horizon - scenario.tail - periods[-1][0]
+    last = max(time for time, _ in periods if time < scenario.horizon)
+    settled = scenario.horizon - scenario.tail - last
     tail = f"begins {settled:g} s after the last change" if settled > 0 else "has the last change in it"
     return f"; bounds and safety are of all that are ever attacked, and the tail {tail}"
 

@@ -115,7 +115,6 @@ def test_bounds_and_check_speak_of_the_union():
     [
         ({"vehicles": {"at": [0, 2], "sets": [[1]]}}, r"a time for each of 1 sets \(got 2\)"),
         ({"vehicles": {"at": [2, 0], "sets": [[1], []]}}, "must rise"),
-        ({"vehicles": {"at": [0, 40], "sets": [[1], []]}}, "before horizon = 30"),
         ({"vehicles": {"at": [0.07], "sets": [[1]]}}, "multiples of tick = 0.05"),
         ({"vehicles": {"at": [0], "sets": [[1, 1]]}}, "named twice"),
         ({"vehicles": {"at": [0], "sets": [[13]]}}, "vehicles are 1 to 12"),
