@@ -136,6 +136,8 @@ REFERENCES = {
     "SearchSettings": "[search](#search)",
     "Sequential": "{[until](#samplesuntil): …}",
     "DrawnVehicles": "{random: n}",
+    "ChangingVehicles": "[{at: […], sets: […]}](#other-vehicles-from-given-times-on)",
+    "EachOrder": "[one for each order](#a-magnitude-for-each-order)",
     **dict.fromkeys(("Apiece", "Shared", "Listed"), "[one for each](#one-for-each-attacked-vehicle)"),
     "NearestSources": "{nearest: n}",
     "Samples": "{samples: […]}",

@@ -7,7 +7,7 @@ frequency ω shifts positions by ā / max(1, ω^r), with r = 3 the order of a ro
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.kinds.attacks import own_numbers, signal_scale
+from jaxnet.kinds.attacks import order_factors, own_numbers, signal_scale
 from jaxnet.kinds.fields import Each
 from jaxnet.kinds.kind import AnyKind, Kind, holds_drawn
 
@@ -23,9 +23,11 @@ def known_amplitude(scenario: Scenario) -> float:
         return np.nan
     if 0 not in attack.falsified():
         return 0.0
-    alone = of_one_lane(attack)
+    order = scenario.vehicle.order
+    alone = of_one_lane(attack).of_order(order)
     sizes = np.asarray(alone.sizes(scenario.horizon))
-    return float((signal_scale(alone, sizes, scenario.vehicle.order) * sizes[0]).ravel()[0])
+    shifted = signal_scale(alone, sizes, order) * (order_factors(alone, sizes, order) * sizes)[0]
+    return float(shifted.ravel()[0])
 
 
 def draws_functions(kind: Kind) -> bool:

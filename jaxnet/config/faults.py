@@ -148,6 +148,9 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
     if scenario.channel.delay > 0:
         yield from delay_faults(scenario)
+    if scenario.attack.periods() and scenario.attack.splits() and len(scenario.topology.turns()) > 1:
+        message = "other vehicles cannot be attacked from given times on where networks take turns"
+        yield Fault(("attack.vehicles", "topology"), f"{message} and links are split")
 
 
 def delay_faults(scenario: Scenario) -> Iterator[Fault]:

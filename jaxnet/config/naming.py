@@ -18,6 +18,7 @@ from jaxnet.config.keys import INNER_KINDS, KINDS, Scenario
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.kind import KindError
+from jaxnet.model.wording import orders_in_words, sets_in_words
 from jaxnet.outside.families import base_of
 
 MAGNITUDE = "attack.magnitude"
@@ -51,9 +52,17 @@ def value_name(key: str, value: object) -> str:
     if own_name(key) is None and (number := attacked_number(key, value)):
         noun = "attacked vehicle" if number == 1 else "attacked vehicles"
         return f"{number}{NO_BREAK}{noun} drawn at random"
-    shown = format_value(value)
+    shown = magnitudes_with_units(key, value)
     name = f"ā{NO_BREAK}=" if key == MAGNITUDE and own_name(key) is None else f"{key_name(key)} ="
-    return NO_BREAK.join(filter(None, [name, shown, unit(key)]))
+    return NO_BREAK.join(filter(None, [name, shown or format_value(value), "" if shown else unit(key)]))
+
+
+def magnitudes_with_units(key: str, value: object) -> str:
+    """Return a swept list of magnitudes with the unit of each order, "" for another value."""
+    if key != MAGNITUDE or not str(value).startswith("["):
+        return ""
+    sizes = [float(size) for size in yaml.safe_load(str(value))]
+    return f"({orders_in_words(sizes)})".replace(" m", f"{NO_BREAK}m")
 
 
 def attacked_number(key: str, value: object) -> int:
@@ -61,12 +70,14 @@ def attacked_number(key: str, value: object) -> int:
     if key == ATTACKED_NUMBER and isinstance(value, int):
         return value
     given = yaml.safe_load(value) if key == ATTACKED and isinstance(value, str) else None
-    return given["random"] if isinstance(given, dict) else 0
+    return given.get("random", 0) if isinstance(given, dict) else 0
 
 
 def value_alone(key: str, value: object) -> str:
     """Return a swept value without its key and unit."""
-    return value_name(key, value) if is_kind(key) else format_value(value)
+    if is_kind(key):
+        return value_name(key, value)
+    return magnitudes_with_units(key, value) or format_value(value)
 
 
 def quantity(key: str) -> str:
@@ -131,6 +142,8 @@ def plain_words(value: object) -> str:
     if isinstance(value, dict):
         if set(value) == {"random"}:  # attacked vehicles: the number must not read as that of a vehicle
             return f"{value['random']} drawn"
+        if set(value) == {"at", "sets"}:  # attacked vehicles, which change
+            return sets_in_words(value["at"], value["sets"])
         return ", ".join(f"{str(key).replace('_', ' ')} {plain_words(inner)}" for key, inner in value.items())
     if isinstance(value, list):
         inner = ", ".join(map(plain_words, value))

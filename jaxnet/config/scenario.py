@@ -153,9 +153,12 @@ def differs_by_lane(scenario: Scenario) -> bool:
 
 
 def has_ticks(scenario: Scenario) -> bool:
-    """Return whether anything happens at ticks: a decision, a sum of effects, a held jerk, noise, a loss."""
-    decides = scenario.defence.decides or scenario.attack.strategic
-    holds = not scenario.law.solved or not scenario.attack.consistent()
+    """Return whether anything happens at ticks: a decision, other attacked vehicles, a sum of effects, a held
+    jerk, noise, a loss.
+    """
+    attack = scenario.attack
+    decides = scenario.defence.decides or attack.strategic or bool(attack.periods())
+    holds = not scenario.law.solved or not attack.consistent()
     return (decides or holds or not is_ideal(scenario)) and scenario.tick > 0
 
 

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import fate, metrics, tick
+from jaxnet.engine import fate, metrics, tick, told
 from jaxnet.engine.fate import Isolation
 from jaxnet.engine.metrics import Gathered, Observation, Series
 from jaxnet.engine.plan import Clock, Inputs, Outcome, Plan
@@ -63,7 +63,8 @@ class Batch(NamedTuple):
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
         noisy = lane.sensor is not None or lane.lossy or lane.noise is not None
-        return self.plan.choosing or noisy or not lane.law.solved
+        changing = lane.periods is not None
+        return self.plan.choosing or changing or noisy or not lane.law.solved
 
 
 class Motion(ABC, Generic[MotionState]):
@@ -186,6 +187,8 @@ def arrive(fleet: Fleet, motion: Motion, batch: Batch, lockstep: bool) -> Fleet:
     here = fleet.at_tick & (fleet.status == Status.ok)
     before = tick.before_first(lane, network, plan) if plan.in_field else fleet.decided
     (time, basis), errors = motion.basis(fleet.state), motion.errors(fleet.state)
+    if plan.as_told:
+        errors = told.told_errors(lane, basis, errors)
     needed = before.coasting is not None or (before.reception is not None and plan.missing == "hold")
     last = last_drive(fleet, motion, lane, first) if needed else None
     decided = tick.decide(lane, network, plan, before, errors, basis, time, last)
@@ -235,10 +238,20 @@ def last_drive(fleet: Fleet, motion: Motion, lane: Lane, first: LaneFlags) -> Fl
 def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
     """Return the measurements of the fleets now."""
     drive = motion.drive(fleet.state, fleet.decided)
-    _, basis = motion.basis(fleet.state)
+    time, basis = motion.basis(fleet.state)
     shown = drive.vectors[:, batch.network.display_signals]
     speed, turn_rate = motion.pace(fleet.state, fleet.decided)
     error, lane = motion.errors(fleet.state)[0], batch.lane
+    states = motion.states(fleet.state)
+    theirs = told.told_motion(lane, time, basis) if batch.plan.as_told else None
+    if theirs is not None:
+        error, states = theirs.instead_of(theirs.errors[0], error), theirs.instead_of(theirs.states, states)
+        speed, turn_rate = map(theirs.instead_of, theirs.pace, (speed, turn_rate))
+
+    def inputs() -> Float[Array, "2 m lanes"]:
+        by_law = motion.inputs(fleet.state, fleet.decided)
+        return by_law if theirs is None else theirs.instead_of(theirs.inputs, by_law)
+
     attacked = (lane.vectors[:, batch.network.display_signals] != 0).any(axis=(0, 2))
     if not lane.navigator.present:
         error = error - honest_mean(error, attacked)
@@ -248,13 +261,13 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
         error,
         speed,
         turn_rate,
-        motion.states(fleet.state),
+        states,
         signal.combined(shown, basis[0]),
         weights,
         batch.network.hearing,
         attacked,
         lane.vehicle.output_jets(lane.initial)[0],
-        lambda: motion.inputs(fleet.state, fleet.decided),
+        inputs,
     )
 
 

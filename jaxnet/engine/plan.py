@@ -23,6 +23,7 @@ class Plan(NamedTuple):
     missing: str = "drop"  # what stands in for a lost word: a key of `tick.MISSING`
     late: int = 0  # ticks by which words are late
     extrapolate: str = "none"  # what listeners make of late words (`late.word_gains`)
+    as_told: bool = False  # whether attacked vehicles move as they tell
     in_field: bool = False  # whether vehicles decide inside the vector field (tick: 0), not once an interval
     save: tuple[str, ...] = ()  # names in `metrics.SERIES` and `metrics.VEHICLE_ERRORS`
     rows: int = 0  # of these stacks: the clock's outputs and t = 0; 0 where nothing is saved

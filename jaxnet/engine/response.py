@@ -30,11 +30,13 @@ def solve_response(
 
     `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
     vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
-    vectors, sensors with errors and lost messages change more rows at every tick.
+    vectors, sensors with errors and lost messages change more rows at every tick, and so does a change of the
+    attacked vehicles.
     """
-    decision, rows_change = decided.decision, decided.noise is not None or decided.coasting is not None
-    rows_change = rows_change or decided.link_noise is not None
-    if decision is not None and decision.dtype == bool and not (plan.strategic or rows_change):
+    decision = decided.decision
+    changing = decided.vectors, decided.noise, decided.coasting, decided.link_noise
+    rows_change = any(each is not None for each in changing)
+    if decision is not None and decision.dtype == bool and not rows_change:
         decision = decision.reshape(-1, *lane.weights.shape)
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)

@@ -36,7 +36,7 @@ from jaxnet.kinds.losses import Messages
 from jaxnet.kinds.shapes import Decision, Memory
 from jaxnet.model import control, plane, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
-from jaxnet.model.lane import Lane, Network
+from jaxnet.model.lane import Lane, Network, in_period
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Basis, Vectors
 
@@ -81,7 +81,7 @@ class DecisionState(NamedTuple):
 
     decision: Decision | None  # of the defence, ([2,] slots, m, lanes); None if the defence decides nothing
     memory: Memory  # of the defence
-    vectors: Vectors | None  # of strategic attackers
+    vectors: Vectors | None  # of attackers; None where all times have the lane's
     attacker_memory: Memory  # of strategic attackers
     noise: Jets | None = None  # errors of the jets that vehicles sense of themselves
     reception: Reception | None = None  # None where every message arrives
@@ -89,6 +89,7 @@ class DecisionState(NamedTuple):
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
     link_noise: Received | None = None  # errors of the jets on each link; None without
     late: History | None = None  # what links carried in the last ticks; None where words are not late
+    weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
 
 
 class KnownDrive(NamedTuple):
@@ -207,7 +208,9 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
     rest = noise, *channel, number, errors_of_links, history
     if not plan.strategic:
-        return DecisionState(decision, memory, None, None, *rest)
+        changing = None if lane.periods is None else lane.vectors
+        weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
+        return DecisionState(decision, memory, changing, None, *rest, weights)
     state = DecisionState(decision, memory, lane.vectors, None, *rest)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
@@ -280,6 +283,10 @@ def decide(
     if lane.turns is not None:
         number = lane.turns.schedule.number(time, len(lane.turns.weights))
         state, lane = state._replace(network=number), with_network(lane, number)
+    if lane.periods is not None:
+        lane = in_period(lane, time)
+        links = None if state.weights is None else lane.weights
+        state = state._replace(vectors=lane.vectors, weights=links)
     if plan.strategic:
         seen = sight(lane, network, plan, state, errors, basis, time)
         vectors, memory = lane.signal.aim(seen, state.attacker_memory)
@@ -570,7 +577,7 @@ def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "
     lane = with_network(lane, state.network)
     if lane.strength is None:
         return None
-    weights = lane.weights[None]
+    weights = link_weights(lane, state)[None]
     if plan.decides:
         believed = retained.support(state.decision).reshape(-1, *lane.weights.shape)
         weights = jnp.where(believed, weights, 0.0)
@@ -643,6 +650,11 @@ def attack_vectors(lane: Lane, state: DecisionState) -> Vectors:
     return lane.vectors if state.vectors is None else state.vectors
 
 
+def link_weights(lane: Lane, state: DecisionState) -> Float[Array, "slots m lanes"]:
+    """Return the weights of the links until the next tick."""
+    return lane.weights if state.weights is None else state.weights
+
+
 def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
     """Return the weights until the next tick, of messages that arrived and that vehicles retain.
 
@@ -663,12 +675,13 @@ def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWe
     Under a local law, a vehicle that retains nobody has weights 0; under others, not-a-number.
     """
     lane = with_network(lane, state.network)
+    links = link_weights(lane, state)
     if not plan.decides:
-        return lane.weights[None]
-    weights = retained.in_force(lane.weights, state.decision)
+        return links[None]
+    weights = retained.in_force(links, state.decision)
     if not lane.law.local:
         return weights
-    believed = retained.support(state.decision).reshape(weights.shape) & (lane.weights > 0)[None]
+    believed = retained.support(state.decision).reshape(weights.shape) & (links > 0)[None]
     return jnp.where(believed.any(axis=1, keepdims=True), weights, 0.0)
 
 
@@ -710,6 +723,8 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
         lanes = lanes | (now.network != before.network)
     if now.vectors is not None and before.vectors is not None:
         lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
+    if now.weights is not None and before.weights is not None:
+        lanes = lanes | (now.weights != before.weights).any(axis=(0, 1))
     return lanes, others
 
 

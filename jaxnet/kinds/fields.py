@@ -131,6 +131,30 @@ class Listed(RootModel[Annotated[list[Number], Len(1)]]):
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
+class EachOrder(RootModel[Annotated[list[float], Len(1)]]):
+    """One magnitude for each order of the received derivatives, lowest first."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+
+def magnitudes_tag(value: object) -> str | None:
+    """Return the tag of magnitudes: one of each order, or one of all orders."""
+    return MARK + "root" if isinstance(value, list | EachOrder) else number_tag(value)
+
+
+if TYPE_CHECKING:
+    Magnitudes = Any  # one magnitude for all orders of the received derivatives, or one for each
+else:
+    Magnitudes = Annotated[
+        Members | Annotated[EachOrder, union_member("root")],
+        Discriminator(
+            magnitudes_tag,
+            custom_error_type="distribution",
+            custom_error_message=f"{A_NUMBER}, or a list with one number for each order",
+        ),
+    ]
+
+
 def as_rows(given: list[object]) -> list[object]:
     """Return a list of lists; a number becomes a list of one number."""
     return [[each] if isinstance(each, float | int) else each for each in given]
@@ -237,7 +261,7 @@ def zip_by_vehicle(*numbers: object) -> Iterator[tuple[Number, ...]]:
     return zip(*(n.root if isinstance(n, Listed) else [n] * longest for n in numbers), strict=False)
 
 
-def value_range(number: PerVehicle) -> tuple[float, float]:
+def value_range(number: PerVehicle | EachOrder) -> tuple[float, float]:
     """Return the least and the greatest value of a number or distribution."""
     match number:
         case Uniform(uniform=[low, high]):
@@ -248,6 +272,8 @@ def value_range(number: PerVehicle) -> tuple[float, float]:
             return min(values), max(values)
         case Apiece(each=inner) | Shared(shared=inner):
             return value_range(inner)
+        case EachOrder(root=numbers):
+            return min(numbers), max(numbers)
         case Listed(root=numbers):
             low, high = zip(*map(value_range, numbers), strict=True)
             return min(low), max(high)
@@ -281,7 +307,7 @@ class Within:
     def __init__(self, **limits: float):
         self.limits = limits
 
-    def check(self, number: PerVehicle) -> PerVehicle:
+    def check(self, number: PerVehicle | EachOrder) -> PerVehicle | EachOrder:
         """Return the number; raise ValueError if it breaks a limit."""
         for name, limit in self.limits.items():
             bound, holds, words, _ = LIMITS[name]
@@ -309,6 +335,7 @@ class Each:
 
 Positive = Annotated[Number, Within(gt=0.0)]
 NotNegative = Annotated[Number, Within(ge=0.0)]
+NotNegativeByOrder = Annotated[Magnitudes, Within(ge=0.0)]
 PositivePerVehicle = Annotated[PerVehicle, Within(gt=0.0)]
 Angle = Annotated[PerVehicle, Each(), Field(description="[rad]")]
 Vector = Annotated[list[float], Len(2, 2)]

@@ -1,7 +1,7 @@
 """Attacks that are sums of harmonics of one frequency, with a certified bound on the sum."""
 
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,7 @@ from jaxnet.kinds.fields import PositivePerVehicle, Table, value_range
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
-from jaxnet.model.signal import ORDERS, Harmonic
+from jaxnet.model.signal import Harmonic
 
 FINENESS = 32  # points of the grid in a period of the highest harmonic
 SIGNALS = 1_024  # signals in one batch of Fourier transforms
@@ -27,6 +27,8 @@ class Harmonics(Attack):
     points a trigonometric polynomial is at most 1/cos(Ωδ/2) times greater, with the highest frequency Ω and
     the grid's step δ (Ehlich and Zeller, 1964). The divisor contains this factor.
     """
+
+    highest: ClassVar[int] = 4
 
     frequency: PositivePerVehicle = Field(default=0.35, description="[rad/s], the lowest")
     harmonics: int = Field(default=4, ge=1, le=100, description="how many")
@@ -75,8 +77,8 @@ class Harmonics(Attack):
         return pairs / np.where(greatest > 0, greatest, 1.0)
 
     def greatest(self, vectors: np.ndarray) -> np.ndarray:
-        """Return a bound on the norms of signals and three derivatives, (m, 1, lanes), for vectors (2, m, B,
-        lanes).
+        """Return a bound on the norms of signals and the heard derivatives, (m, 1, lanes), for vectors (2, m,
+        B, lanes).
 
         A signal is `Re Σ_l z_l e^{ilθ}`, its k-th derivative has `(ilω)^k z_l`. A Fourier transform evaluates
         them on the grid.
@@ -89,7 +91,7 @@ class Harmonics(Attack):
         for start in range(0, len(attacked), SIGNALS):
             some = attacked[start : start + SIGNALS]
             unit = each[some] / scale[some, None, None]
-            norms = [rate[some] ** order * self.peak(unit, order) for order in ORDERS]
+            norms = [rate[some] ** order * self.peak(unit, order) for order in range(self.told_order + 1)]
             found[some] = scale[some] * np.maximum.reduce(norms)
         return found.reshape(m, 1, lanes) / np.cos(np.pi / FINENESS)
 
@@ -102,4 +104,4 @@ class Harmonics(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Return 1 for each order, because the vectors are divided by the greatest size."""
-        return np.ones((4, 1))
+        return np.ones((self.told_order + 1, 1))

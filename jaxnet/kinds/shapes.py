@@ -12,13 +12,13 @@ LaneNumbers = Float[Any, "*lanes"]
 LaneMask = Bool[Any, "*lanes"]
 AnyTimes = Float[Any, "..."]  # [s], of any shape
 
-SignalBasis = Float[Any, "4 functions ..."]  # β_b and three derivatives
+SignalBasis = Float[Any, "derivatives functions ..."]  # β_b and three derivatives, or four
 SignalVectors = Float[Any, "2 _ functions ..."]  # v_b of each vehicle; the second axis is 1 if all are alike
 SignalSizes = Float[Any, "derivatives _"]  # greatest norm of β and of its derivatives, three or four
 
 AnyNumbers = Float[Any, "..."]
 PlaneVectors = Float[Any, "2 ..."]
-NumberJets = Float[Any, "4 ..."]  # a number and three derivatives
+NumberJets = Float[Any, "derivatives ..."]  # a number and three derivatives, or four
 PathJets = Float[Any, "4 2 ..."]  # position and three derivatives
 VehicleVectors = Float[Any, "2 m *lanes"]
 VehicleNumbers = Float[Any, "m *lanes"]

@@ -12,17 +12,17 @@ from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of,
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.attacks import AnyAttack, signal_scale
+from jaxnet.kinds.attacks import TICK_ROUNDING, AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.graphs import Graph
-from jaxnet.kinds.navigators import SPEED_SAMPLES
+from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
-from jaxnet.model.lane import Lane, Network, Turns
-from jaxnet.model.signal import ORDERS, Apart, Falsified, up_to
+from jaxnet.model.lane import Lane, Network, Periods, Turns
+from jaxnet.model.signal import ORDERS, Apart, Falsified
 from jaxnet.model.strength import RowStrength, WithOwnWeight
 from jaxnet.solvers.choice import choose_solver
 
@@ -43,7 +43,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
-    weights = weights_of(scenario, draw, sources, scenario.topology)
+    attacked = first_attacked(scenario.attack).chosen(draw)
+    weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     gain, loss, noise = draw.several(scenario.gain, "gain"), scenario.channel.loss, scenario.channel.noise
     lanes = Lane(
         initial=lanes_first(start),
@@ -65,6 +66,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         strength=strength_of(scenario, weights, scenario.topology),
         turns=turns_of(scenario, draw, sources),
         delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
+        periods=periods_of(scenario, draw, sources),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -105,12 +107,39 @@ def forgotten(scenario: Scenario, place: Place) -> tuple[bool, bool]:
     return place.name.startswith("initial."), place.name.startswith("attack.") and spared
 
 
-def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray, graph: Graph) -> Any:
+def first_attacked(attack: AnyAttack) -> AnyAttack:
+    """Return the attack on the vehicles that it attacks at t = 0."""
+    periods = attack.periods()
+    return attack.on(periods[0][1]) if periods else attack
+
+
+def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods | None:
+    """Return when other vehicles are attacked, None where the same ones are all along; samples first.
+
+    The times are earlier by a rounding of the times of ticks.
+    """
+    attack = scenario.attack
+    if not attack.periods():
+        return None
+    at = np.array([time * (1 - TICK_ROUNDING) for time, _ in attack.periods()])
+    sets = [attack.on(vehicles).chosen(draw) for _, vehicles in attack.periods()]
+    owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
+    weights = None
+    if attack.splits():
+        graph = scenario.topology
+        weights = np.stack([weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1)
+    attacked = np.stack([each[owners] for each in sets])
+    return Periods(draw.same(at), lanes_first(attacked), weights)
+
+
+def weights_of(
+    scenario: Scenario, draw: Draw, sources: np.ndarray, graph: Graph, attacked: np.ndarray
+) -> Any:
     """Return the weights of each lane by slot in a graph: (samples, slots, m).
 
     Each identity of a source has the weight of the source before normalisation. A split link has two slots. A
-    lane hears the slot of the attack if the source is attacked in that lane, and the slot of the source
-    otherwise.
+    lane hears the slot of the attack if the source is among the `attacked` vehicles (m, samples), and the
+    slot of the source otherwise.
     """
     weights, attack = graph.weights_by_slot(draw, scenario.vehicles, sources), scenario.attack
     if not scenario.navigator.present:
@@ -118,7 +147,7 @@ def weights_of(scenario: Scenario, draw: Draw, sources: np.ndarray, graph: Graph
     if attack.splits():
         linked = links_of(scenario)
         links = hearing.by_slot(linked, attack.attacked_links(linked), sources)
-        lies = attack.chosen(draw)[hearing.of_transmitters(sources)]
+        lies = attacked[hearing.of_transmitters(sources)]
         silent = links[..., None] & (lies != hearing.again(sources)[..., None])
         weights = np.where(np.moveaxis(silent, -1, 0), 0.0, weights)
     if attack.identities() == 1 and scenario.navigator.present:
@@ -136,7 +165,8 @@ def turns_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Turns | Non
     networks = scenario.topology.turns()
     if len(networks) == 1:
         return None
-    each = [weights_of(scenario, draw, sources, graph) for graph in networks]
+    attacked = first_attacked(scenario.attack).chosen(draw)
+    each = [weights_of(scenario, draw, sources, graph, attacked) for graph in networks]
     strengths = [strength_of(scenario, *both) for both in zip(each, networks, strict=True)]
     strength = None
     if any(one is not None for one in strengths):
@@ -183,6 +213,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         missing=scenario.channel.missing,
         late=late_ticks(scenario),
         extrapolate=scenario.channel.extrapolate if scenario.channel.delay > 0 else "none",
+        as_told=scenario.attack.as_told(),
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
         rows=outputs_of(scenario) + 1 if save else 0,
@@ -243,21 +274,8 @@ def attack_of(
     else:
         signal, vectors, scale, sizes = shared_basis(scenario, draw, navigator, start)
         vectors = vectors * chosen[None, :, None]
-    path = path_sizes(scenario)[:, None]
+    path = sizes_up_to(scenario.vehicle.order, scenario.navigator, 0.0, scenario.horizon)[:, None]
     return signal, vectors, scale, np.stack([np.broadcast_to(path, sizes.shape), sizes])
-
-
-def path_sizes(scenario: Scenario) -> np.ndarray:
-    """Return the greatest norms of the navigator's path and its derivatives, up to the vehicles' order.
-
-    The norms of derivatives above the third are those at SPEED_SAMPLES times.
-    """
-    known, order = scenario.navigator.sizes(0.0, scenario.horizon), scenario.vehicle.order
-    if len(known) > order:
-        return known
-    times = np.linspace(0.0, scenario.horizon, SPEED_SAMPLES)
-    more = np.asarray(up_to(order, scenario.navigator.jets, times))[len(known) :]
-    return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])
 
 
 def heard_by(scenario: Scenario) -> np.ndarray:
@@ -311,27 +329,22 @@ def shared_basis(
     The vectors treat every vehicle as attacked. The scale is ā over the size of the signal, or 1 for a signal
     without bound.
     """
-    drawn: AnyAttack = scenario.attack.drawn(draw, "attack")
-    count = len(draw.samples)
+    count, order = len(draw.samples), scenario.vehicle.order
+    drawn: AnyAttack = scenario.attack.drawn(draw, "attack").of_order(order)
     signal, given = drawn.told(navigator, start)
     scale = np.ones(count)
+    rows = max(len(ORDERS), order + 1)
+    reach = np.asarray(drawn.reach(scenario.navigator, signal, scenario.horizon))[:rows]
     if drawn.bounded:
         sizes = drawn.sizes(scenario.horizon)
         prove(drawn, getattr(signal, "basis", None), given, sizes, scenario.horizon, count)
-        scale = np.broadcast_to(signal_scale(drawn, sizes, scenario.vehicle.order), count)
+        scale = np.broadcast_to(signal_scale(drawn, sizes, order), count)
     unit = first_vectors(signal, count) if given is None else given
-    reach = drawn.reach(scenario.navigator, signal, scenario.horizon)
-    reach = reach[: max(len(ORDERS), scenario.vehicle.order + 1)]
-    reach = np.broadcast_to(reach, (len(reach), count))
-    return received_of(signal, drawn, count), unit * scale, scale, reach
-
-
-def received_of(signal: Any, attack: AnyAttack, count: int) -> Any:
-    """Return the signal, limited to the orders that the attack falsifies."""
-    orders = np.isin(ORDERS, attack.falsified())
-    if orders.all():
-        return signal
-    return Falsified(signal, np.broadcast_to(orders[:, None].astype(float), (4, count)))
+    if drawn.falsified() != ORDERS or drawn.by_order() is not None:
+        factors = order_factors(drawn, reach, order)
+        signal = Falsified(signal, np.broadcast_to(factors, (len(factors), count)))
+        reach = factors * reach
+    return signal, unit * scale, scale, np.broadcast_to(reach, (len(reach), count))
 
 
 def first_vectors(signal: Any, count: int) -> np.ndarray:

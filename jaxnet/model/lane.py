@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.model.hearing import Hearing
-from jaxnet.model.shapes import Numbers
+from jaxnet.model.shapes import Flags, Numbers
 from jaxnet.model.signal import Basis, up_to
 from jaxnet.model.strength import RowStrength
 
@@ -16,6 +16,14 @@ class Turns(NamedTuple):
     schedule: Any  # the graph, a kind that gives the number of the network in force
     weights: Float[Array, "networks slots m *lanes"]
     strength: RowStrength | None  # leaves (networks, m, *lanes)
+
+
+class Periods(NamedTuple):
+    """Times from which other vehicles are attacked, with their signals and the weights from then on."""
+
+    at: Float[Array, "periods *lanes"]  # [s], the first 0
+    attacked: Bool[Array, "periods signals *lanes"]  # signals in force
+    weights: Float[Array, "periods slots m *lanes"] | None  # None where all periods have those of the lane
 
 
 class Lane(NamedTuple):
@@ -45,6 +53,7 @@ class Lane(NamedTuple):
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
     delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
+    periods: Periods | None = None  # None where the same vehicles are attacked all along
 
     @property
     def lossy(self) -> bool:
@@ -60,6 +69,21 @@ class Lane(NamedTuple):
     def path(self, time: Numbers) -> Float[Array, "derivatives 2 ..."]:
         """Return the navigator's jets at times [s], up to the vehicles' order at least."""
         return up_to(len(self.gain), self.navigator.jets, time)
+
+
+def in_period(lane: Lane, time: Float[Array, " lanes"]) -> Lane:
+    """Return lanes with the vectors and weights of the vehicles that are attacked at these times [s]."""
+    if lane.periods is None:
+        return lane
+    xp, (at, attacked, weights) = time.__array_namespace__(), lane.periods
+    number = (time[None] >= at).sum(axis=0, keepdims=True) - 1
+
+    def now(each: Numbers | Flags) -> Numbers | Flags:
+        places = number.reshape(1, *[1] * (each.ndim - 2), -1)
+        return xp.take_along_axis(each, places, axis=0)[0]
+
+    vectors = xp.where(now(attacked)[None, :, None], lane.vectors, 0.0)
+    return lane._replace(vectors=vectors, weights=lane.weights if weights is None else now(weights))
 
 
 class Network(NamedTuple):

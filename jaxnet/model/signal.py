@@ -39,11 +39,11 @@ class Falsified(NamedTuple):
     """
 
     signal: Any  # has a method `basis`
-    orders: Any  # (4, lanes), 1 for an order with the signal, else 0
+    orders: Any  # (derivatives, lanes), the factor of each order, 0 for an order without the signal
 
     def basis(self, time: Numbers) -> Basis:
         """Return the functions of the signal, with zeros in the orders without the signal."""
-        return self.orders[:, None] * self.signal.basis(time)
+        return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
 
 
 class WithNavigator(NamedTuple):
@@ -58,8 +58,9 @@ class WithNavigator(NamedTuple):
     gain: Float[Any, "r *lanes"]
 
     def basis(self, time: Numbers) -> Basis:
-        """Return all functions with three derivatives: (4, B + 3, lanes)."""
-        xp, functions, path = time.__array_namespace__(), self.signal.basis(time), self.navigator.jets(time)
+        """Return all functions with derivatives up to r, three at least: (derivatives, B + 3, lanes)."""
+        xp, order = time.__array_namespace__(), len(self.gain)
+        functions, path = (up_to(order, each, time) for each in (self.signal.basis, self.navigator.jets))
         constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
         return xp.concatenate([functions, constant[:, None], path], axis=1)
 
@@ -113,7 +114,7 @@ class Apart(NamedTuple):
     signal: Any  # leaves (..., n, lanes)
 
     def basis(self, time: Numbers) -> Basis:
-        """Return the functions of all vehicles: (4, B · n, lanes).
+        """Return the functions of all vehicles: (derivatives, B · n, lanes).
 
         The inner signal runs with n · lanes as its lanes.
         """
@@ -125,7 +126,8 @@ class Apart(NamedTuple):
         flat = [leaf.reshape(*leaf.shape[: leaf.ndim - lanes - 1], -1) for leaf in leaves]
         alone = jax.tree.unflatten(shape, flat)
         times = xp.broadcast_to(time[None], (n, *time.shape)).reshape(-1)
-        return alone.basis(times).reshape(4, -1, *time.shape)
+        found = alone.basis(times)
+        return found.reshape(len(found), -1, *time.shape)
 
 
 def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
@@ -140,13 +142,14 @@ def turning(cosine: Numbers, sine: Numbers, rate: Numbers | float) -> Numbers:
 
 
 def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> Numbers:
-    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this order at
-    least.
+    """Return `function(time)`, a path or functions with derivatives in the first axis, up to this order, or
+    up to the third if that is higher.
 
-    A kind gives three derivatives. JAX differentiates the last one for vehicles of a higher order.
+    A kind gives three derivatives at least. JAX differentiates the last one for vehicles of a higher order.
     """
-    if order < len(ORDERS):
-        return function(time)
+    found, rows = function(time), max(order + 1, len(ORDERS))
+    if len(found) >= rows:
+        return found if len(found) == rows else found[:rows]
     import jax
     import jax.numpy as jnp
 

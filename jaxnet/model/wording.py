@@ -33,3 +33,17 @@ def counted(kinds: Counter[str]) -> str:
 def count(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural unless the number is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def orders_in_words(sizes: Sequence[float]) -> str:
+    """Return one size for each order of derivatives with its unit: 15 m, 10 m/s, 5 m/s²."""
+    units = ("m", "m/s", "m/s²", "m/s³", "m/s⁴")
+    return ", ".join(f"{size:.4g} {unit}" for size, unit in zip(sizes, units, strict=False))
+
+
+def sets_in_words(times: Sequence[float], sets: Sequence[Sequence[int]]) -> str:
+    """Return sets of numbers, each from a time on [s], in words: 1, 2 until 10 s, then nobody."""
+    first = ["nobody"] if times[0] > 0 else []
+    names = [*first, *(ranges(sorted(each)) or "nobody" for each in sets)]
+    until = [f"{name} until {time:g} s" for name, time in zip(names, times[not first :], strict=False)]
+    return ", then ".join([*until, names[-1]])

@@ -20,7 +20,7 @@ def lanes_at_ticks(scenario: Scenario, seed: int, samples: Sequence[int]) -> bat
     """Return lanes of a cell with an output at every tick, so that `deviations` misses no decision."""
     attack = scenario.attack
     known = scenario.tick > 0 and attack.consistent() and scenario.law.solved
-    if not known or attack.strategic or attack.replaces():
+    if not known or attack.strategic or attack.replaces() or attack.periods():
         raise ValueError(
             "the exact solution is known of decisions at ticks, attacks that add a given path, and the law"
             " solved at every instant"

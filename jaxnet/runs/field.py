@@ -27,6 +27,8 @@ def field_of(study: Study, cell: int, sample: int) -> tuple[LaneField, jax.Array
     if attack.strategic or (defence.decides and (defence.needs_ticks() or defence.draws())):
         kind = (attack if attack.strategic else defence).kind
         raise ValueError(f"{kind} decides at ticks only, and a vector field knows of no ticks")
+    if attack.periods():
+        raise ValueError("attacked vehicles change at ticks, and a vector field knows of no ticks")
     if defence.coasts():
         raise ValueError(f"{defence.kind} has isolated: coast, and a vector field knows of no ticks")
     if not scenario.law.solved:

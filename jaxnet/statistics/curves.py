@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
 from jaxnet.kinds.fields import Number, is_drawn
+from jaxnet.model.wording import orders_in_words
 from jaxnet.statistics.groups import Group, Label, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
@@ -238,7 +239,9 @@ def cell_magnitudes(results: Results) -> Float[np.ndarray, " cells"]:
 
 def magnitude_words(cell: Cell) -> str:
     """Return ā of a cell in words."""
-    amount = configured_magnitude(cell)
+    amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
+    if sizes is not None and amount:
+        return f"ā = ({orders_in_words(sizes)})"
     if is_drawn(amount):
         return "ā drawn"
     return f"ā = {amount:.3g} m" if amount else "no attack"

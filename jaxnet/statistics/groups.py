@@ -42,8 +42,8 @@ def attacked_groups(cells: Sequence[Cell]) -> list[Group]:
 
 
 def labels_without_magnitude(cell: Cell) -> dict[str, Label]:
-    """Return the labels of a cell without its ā."""
-    return {key: label for key, label in cell.labels.items() if key != MAGNITUDE}
+    """Return the labels of a cell without its ā; a label that is no number, as of a list, stays."""
+    return {key: label for key, label in cell.labels.items() if key != MAGNITUDE or isinstance(label, str)}
 
 
 def magnitude(cell: Cell) -> float:

@@ -19,6 +19,7 @@ from jaxnet.kinds.metrics import Metric
 from jaxnet.model.wording import count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
+from jaxnet.statistics.hull import HULL_COLUMNS, HULL_WORDS, hull_definition, hull_share
 from jaxnet.statistics.recovery import (
     CONFIDENCE,
     clopper_pearson,
@@ -127,6 +128,7 @@ def asked_quantity(study: Config) -> str:
 def known_quantities(study: Config) -> list[str]:
     """Return the names of quantities; a metric's name may end in a statistic."""
     shares = ["failed"] if study.recovery is None else ["unrecovered", "failed"]
+    shares += ["in_hull"] * study.leaderless
     return [*shares, *(metric.name for metric in study.measured())]
 
 
@@ -140,8 +142,8 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
     cells
         Cells of the study.
     name
-        `unrecovered`, `failed`, a metric (its median over the lanes that ended), or METRIC_STATISTIC with
-        a statistic of median, mean, q05, q95 and max.
+        `unrecovered`, `failed`, `in_hull`, a metric (its median over the lanes that ended), or
+        METRIC_STATISTIC with a statistic of median, mean, q05, q95 and max.
 
     Returns
     -------
@@ -167,6 +169,10 @@ def quantity_of(results: Results, cells: Sequence[Cell], name: str) -> Quantity:
         table = failed_table(results, cells)
         told = Quantity(name, "lanes failed", "%", True, CONFIDENCE, table)
         return told._replace(lanes=lanes_of_each(results, table, "lanes"))
+    if name == "in_hull" and any(cell.scenario.leaderless for cell in cells):
+        table = hull_table(results, cells, confidence)
+        told = Quantity(name, f"lanes {HULL_WORDS}", "%", True, confidence, table, hull_definition(cells))
+        return told._replace(lanes=lanes_of_each(results, table, "ok"))
     metric, statistic = metric_and_statistic(study, name)
     words = f"{metric.words or metric.name.replace('_', ' ')}, {STATISTIC_WORDS[statistic]}"
     if metric.over == "tail":
@@ -196,6 +202,17 @@ def metric_and_statistic(study: Config, name: str) -> tuple[Metric, Statistic]:
         f"y: must be one of {', '.join(known_quantities(study))}, or a metric with _median, _mean, _q05, _q95"
         f" or _max (got {name})"
     )
+
+
+def hull_table(results: Results, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
+    """Return the share of lanes in the hull with its interval [%]."""
+    wanted = {cell.number: cell for cell in cells}
+    found = {
+        number: hull_share(wanted[number], lanes["outside"].to_numpy(dtype=float), confidence)
+        for number, lanes in results.by_cell("outside", where=rows.OK, cells=wanted)
+    }
+    table = pd.DataFrame.from_dict(found, orient="index", columns=HULL_COLUMNS, dtype=float)
+    return 100 * table.set_axis(["value", "low", "high"], axis=1)
 
 
 def failed_table(results: Results, cells: Sequence[Cell]) -> pd.DataFrame:

@@ -5,7 +5,7 @@ The module imports no JAX, so that a config is checked at once.
 
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import Situation, differs_by_lane, is_ideal, situation_of
-from jaxnet.kinds.attacks import heard_orders
+from jaxnet.kinds.attacks import heard_orders, magnitude_shares
 from jaxnet.theory import spread
 from jaxnet.theory.spread import AttackGain
 
@@ -21,9 +21,10 @@ def scenario_gain(scenario: Scenario) -> AttackGain | None:
         return None
     carried = ~(known.attacked & scenario.attack.replaces())
     attack = scenario.attack
-    orders = heard_orders(attack, scenario.vehicle.order)
-    smooth = attack.consistent() and not attack.strategic and not attack.splits()
-    return spread.attack_gain(known.retained, known.attacked, carried, smooth, tuple(orders))
+    order = scenario.vehicle.order
+    orders, shares = tuple(heard_orders(attack, order)), magnitude_shares(attack, order)
+    smooth = attack.consistent() and not attack.strategic and not attack.splits() and not attack.periods()
+    return spread.attack_gain(known.retained, known.attacked, carried, smooth, orders, shares)
 
 
 def gap_of_theory(scenario: Scenario, known: Situation) -> str:

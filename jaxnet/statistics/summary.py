@@ -11,6 +11,7 @@ from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.statistics import means, recovery
+from jaxnet.statistics.hull import hull_share
 from jaxnet.statistics.limits import ceilings
 from jaxnet.statistics.recovery import CONFIDENCE
 from jaxnet.store import rows
@@ -31,7 +32,8 @@ def summarise(
 ) -> pd.DataFrame:
     """Return `cells.csv`: swept keys, lanes, ok, failed, and statistics of the tail errors over ok lanes.
 
-    With `recovery` the table also has the share unrecovered. `samples` is the number of samples per cell that
+    With `recovery` the table also has the share unrecovered, and without a navigator the share of lanes in
+    the hull. `samples` is the number of samples per cell that
     all shards have.
     """
     table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
@@ -44,6 +46,8 @@ def summarise(
         for metric in metrics:
             found = metric_statistics(ok[metric].to_numpy(), ranges.get(metric, UNBOUNDED), drawn, confidence)
             row |= {f"{metric}_{name}": value for name, value in found.items()}
+        if any(cell.scenario.leaderless for cell in cells):
+            row |= hull_share(cells[number], ok["outside"].to_numpy(), confidence)
         table.append(row)
         if study.recovery is not None:
             counts.add(cells[number], ok[cells[number].scenario.judged].to_numpy(), study.recovery)

@@ -14,11 +14,13 @@ def between_ticks(
 
     Λ is the greatest rate of R(a) within a tick. `fastest` is the highest angular frequency Ω of the signal
     [rad/s] and `tick` is h [s]. With k3 = 1, `Λ ≤ Σ_k k_k ‖a^(k+1)‖` over the falsified orders k.
-    Bernstein's inequality gives ‖a^(k+1)‖ ≤ Ωā. If order k + 1 is falsified too, ‖a^(k+1)‖ ≤ ā.
-    A signal of one frequency also has `Λ ≤ Ω η ā`.
+    Bernstein's inequality gives ‖a^(k+1)‖ ≤ Ωā. If order k + 1 is falsified too, ‖a^(k+1)‖ ≤ ā, unless each
+    order has its magnitude. A signal of one frequency also has `Λ ≤ Ω η ā`.
     """
     rates = [1.0 if order + 1 in reach.orders else np.inf for order in reach.orders]
-    most = float(np.append(gain, 1.0)[list(reach.orders)] @ np.minimum(rates, fastest))
+    if reach.shares is not None:
+        rates = np.inf
+    most = float(reach.factors(gain) @ np.broadcast_to(np.minimum(rates, fastest), len(reach.orders)))
     if one_frequency:
         most = min(most, fastest * response.harmonic_norm(gain))
     return response.impulse_norm(gain) * reach.gains * most * tick

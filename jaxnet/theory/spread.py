@@ -31,10 +31,16 @@ class AttackGain(NamedTuple):
     fixed: Digraph | None  # weights in force for good; None where retained neighbours, or attacks, may jump
     norms: float  # `‖L⁻¹‖₂ ‖W_a 1‖₂` of the fixed weights; not-a-number without these and for large fleets
     orders: tuple[int, ...] = ORDERS  # of the received derivatives that attacks falsify
+    shares: tuple[float, ...] | None = None  # of ā, the magnitudes of these orders; None: each is ā
 
     def disturbance(self, gain: LawGain) -> float:
-        """Return β: the greatest ρ for attacks of size 1 on the falsified orders."""
-        return float(np.append(gain, 1.0)[list(self.orders)].sum())
+        """Return β: the greatest ρ, per ā, of attacks on the falsified orders."""
+        return float(self.factors(gain).sum())
+
+    def factors(self, gain: LawGain) -> Float[np.ndarray, " orders"]:
+        """Return the factors in R of the falsified orders, each times its share of ā."""
+        factors = np.append(gain, 1.0)[list(self.orders)]
+        return factors if self.shares is None else factors * self.shares
 
 
 def attack_gain(
@@ -43,21 +49,23 @@ def attack_gain(
     carried: Links,
     smooth: bool = True,
     orders: tuple[int, ...] = ORDERS,
+    shares: tuple[float, ...] | None = None,
 ) -> AttackGain:
     """Return the gains for attacks on some links.
 
     `carried` are the links that transmit the signal of their source. `smooth` attacks are paths with their
-    derivatives. `orders` are the derivatives that the attacks falsify.
+    derivatives. `orders` are the derivatives that the attacks falsify, and `shares` their magnitudes per ā if
+    these differ.
     """
     gains = worst_gains(retained, attacked, carried)
     fixed = retained.fixed if smooth else None
     if fixed is None:
-        return AttackGain(gains, None, np.nan, orders)
+        return AttackGain(gains, None, np.nan, orders, shares)
     if graph.unreachable(fixed):
-        return AttackGain(gains, fixed, np.inf, orders)
+        return AttackGain(gains, fixed, np.inf, orders, shares)
     inverse = graph.inverse_norm(fixed.only(carried)) if fixed.vehicles <= MOST_INVERTED else np.nan
     added = fixed.only(attacked).weights.sum(axis=1)
-    return AttackGain(gains, fixed, float(inverse * np.linalg.norm(added)), orders)
+    return AttackGain(gains, fixed, float(inverse * np.linalg.norm(added)), orders, shares)
 
 
 def disconnected_vehicles(retained: DropPolicy) -> Bool[np.ndarray, " m"]:

@@ -18,6 +18,7 @@ from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
 from jaxnet.statistics.curves import cell_magnitudes
+from jaxnet.statistics.hull import HULL_WORDS
 from jaxnet.statistics.quantities import asked_quantity, metric_and_statistic
 from jaxnet.statistics.recovery import share_name
 from jaxnet.store.folder import FolderError
@@ -25,8 +26,9 @@ from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 
 COUNTS = ("ok", "failed", "lanes")
+SHARE_NAMES = ("unrecovered", "in_hull")
 ERROR_COLUMNS = ("tail_mean_mean", "tail_mean_median", "tail_mean_q95", "tail_max_max")
-AGREEMENT_COLUMNS = ("spread_mean", "spread_median", "spread_q95", "spread_max", "outside_max")
+AGREEMENT_COLUMNS = ("spread_mean", "spread_median", "spread_q95", "spread_max", "in_hull", "outside_max")
 STATISTIC_TITLES = {"mean": "mean", "median": "median", "q05": "q05", "q95": "q95", "max": "worst"}
 TITLES = {"tail_mean_mean": "tail mean", "tail_max_max": "worst", "unrecovered": "unrecovered"}
 LATEX_SYMBOLS = {
@@ -275,9 +277,11 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     """Return a column of `cells.csv` with its interval, if it has one."""
     if name in COUNTS:
         return Column(name, name, name, rows[name].tolist())
-    if name.startswith("unrecovered"):
-        words = name.replace("_", ", ").replace("unrecovered", share_name(cells))
-        ends = interval_ends(rows[f"{name}_low"], rows[f"{name}_high"]) if name == "unrecovered" else None
+    share = name.removesuffix("_low").removesuffix("_high")
+    if share in SHARE_NAMES:
+        title = HULL_WORDS if share == "in_hull" else share_name(cells)
+        words = ", ".join([title, *filter(None, [name.removeprefix(share).lstrip("_")])])
+        ends = interval_ends(rows[f"{name}_low"], rows[f"{name}_high"]) if name == share else None
         return Column(name, f"{words} [%]", latex_title(words, "%"), rows[name].tolist(), ends, 100.0)
     stem, _, end = name.rpartition("_")
     metric, statistic = metric_and_statistic(study, stem if end in ("low", "high") else name)

@@ -6,14 +6,18 @@ import re
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from scipy.spatial import Delaunay
+from scipy.stats import binomtest
 
 import jaxnet
 from jaxnet.film import film_figure, film_of
 from jaxnet.runs.replay import trajectory_of
 from jaxnet.statistics import pairs
+from jaxnet.statistics.quantities import quantity_of
 from jaxnet.store.folder import FolderError
 from jaxnet.view import columns, page
 from jaxnet.view.figures import every
+from jaxnet.view.page.networks import networks_html
 from jaxnet.view.page.trajectories import headings
 from jaxnet.view.text import check, comparison, tables
 from tests.view.test_page import read_through, section
@@ -68,13 +72,49 @@ def test_rows_arrays_and_cells_hold_the_spread(results, spreads):
     assert 0 < over.mean() < 1
 
 
+def test_the_share_in_the_hull_is_that_of_a_plain_search(monkeypatch):
+    """Honest vehicles at every output time, among triangles of their starts, by Delaunay."""
+    keys = KEYS | {"sweep": {"defence": ["none", "w_msr"]}, "attack": KEYS["attack"] | {"magnitude": 70.0}}
+    results = jaxnet.simulate(keys | {"samples": 5}, progress=False)
+    places = np.delete(results.trajectories["states"].values, 1, axis=3)[..., :2]
+    stays = np.ones(places.shape[:2], bool)
+    for cell, sample in np.ndindex(*stays.shape):
+        starts = places[cell, sample, 0]
+        triangles = Delaunay(starts + 1e-6 * (starts - starts.mean(axis=0)))
+        stays[cell, sample] = (triangles.find_simplex(places[cell, sample]) >= 0).all()
+    assert 0 < stays[0].mean() < 1
+    assert stays[1].all()
+    assert results.cells["in_hull"].to_list() == stays.mean(axis=1).tolist()
+    quantity = quantity_of(results, results.study.cells, "in_hull")
+    np.testing.assert_allclose(quantity.values["value"], 100 * stays.mean(axis=1))
+    known = [binomtest(int(each.sum()), 5).proportion_ci(method="exact") for each in stays]
+    np.testing.assert_allclose(results.cells["in_hull_low"], [each.low for each in known], atol=1e-12)
+    np.testing.assert_allclose(quantity.values["high"], [100 * each.high for each in known], atol=1e-9)
+    monkeypatch.setenv("COLUMNS", "200")
+    text = tables.summary_text(results)
+    assert "leaves the convex hull of their starts by over 1e-08 m" in text
+    assert "[low, high] of without agreement, in the hull: exact binomial 95 % intervals" in text
+
+
+def test_links_of_a_network_without_a_navigator_are_just_links(results):
+    """In the legend of the figure and of the page."""
+    (legend,) = results.plot.topologies().legends
+    assert [text.get_text() for text in legend.get_texts()] == ["attacked vehicle", "attacked link", "link"]
+    assert "</svg>link</li>" in networks_html(results.study.cells)
+
+
 def test_the_table_is_about_the_spread(results, monkeypatch):
     """Columns and notes; what follows from the spread is defined below the table."""
     monkeypatch.setenv("COLUMNS", "200")
     text = tables.summary_text(results)
     assert not OF_A_NAVIGATOR.search(text)
     titles = [each.title for each in columns.summary_columns(results)]
-    for words in ("without agreement [%]", "spread, mean [m]", "spread, worst [m]", "outside, worst [m]"):
+    for words in (
+        "without agreement [%]",
+        "spread, mean [m]",
+        "spread, worst [m]",
+        "outside, worst [m]",
+    ):
         assert words in titles
     assert "without agreement (unrecovered): spread over the tail > 0.01\N{NO-BREAK SPACE}ā" in text
     assert "spread: greatest distance of two vehicles that are not attacked, over the tail" in text

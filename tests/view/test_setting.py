@@ -65,3 +65,12 @@ def test_what_is_heard_of_the_navigator_is_told_apart():
     """By the links that carry the attack; one vehicle hears, two hear."""
     links = {"kind": "rotating", "links": "navigator", "vehicles": [2]}
     assert rows(topology="star", attack=links)["attacked signals"] == "what vehicle 2 hears of the navigator"
+
+
+def test_a_magnitude_that_scales_nothing_is_left_out():
+    """A liar's path has sizes of its own; ā stands there if recovery compares with it."""
+    assert "magnitude ā" not in rows(attack={"kind": "own_path"})
+    assert rows(attack={"kind": "own_path"}, recovery={"tau": 0.1})["magnitude ā"] == "5 m"
+    told = rows(attack={"kind": "spoof", "magnitude": [3, 0.5], "vehicles": {"at": [2], "sets": [[4]]}})
+    assert told["magnitude ā"] == "(3 m, 0.5 m/s)"
+    assert told["attacked signals"].startswith("what attacked vehicles (nobody until 2 s, then 4) transmit")

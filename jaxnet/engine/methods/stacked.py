@@ -312,7 +312,7 @@ def decided_in_field(lane: Lane, state: States, time: Instants, network: Network
 def jets_of_law(
     own: Float[Array, "r 2 m"],
     navigator: Float[Array, "derivatives 2"],
-    attack: Float[Array, "derivatives 2 m"],
+    attack: Float[Array, "derivatives 2 signals"],
     weights: Float[Array, "slots m"],
     hearing: Hearing,
 ) -> tuple[Float[Array, "m sources"], Float[Array, "2 m"], Float[Array, "r 2 m"]]:
@@ -326,7 +326,7 @@ def jets_of_law(
 
 def jets_of_navigator(
     navigator: Float[Array, "derivatives 2"],
-    attack: Float[Array, "derivatives 2 m"],
+    attack: Float[Array, "derivatives 2 signals"],
     weights: Float[Array, "slots m"],
     hearing: Hearing,
     order: int,

@@ -5,7 +5,7 @@ their derivatives by `sizes`; the vectors are scaled by ā over the greatest bou
 """
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Len
@@ -17,9 +17,10 @@ from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
     Each,
+    EachOrder,
     Listed,
     Magnitude,
-    NotNegative,
+    NotNegativeByOrder,
     Number,
     Record,
     Uniform,
@@ -39,13 +40,17 @@ from jaxnet.kinds.shapes import (
 )
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
-from jaxnet.model.wording import ranges
+from jaxnet.model.wording import ranges, sets_in_words
 
+TICK_ROUNDING = 1e-9  # relative, of a time over the tick
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 AttackedLinks = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 DerivativeOrder = Literal[0, 1, 2, 3]
+
+
+AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
 
 
 class DrawnVehicles(Record):
@@ -54,8 +59,21 @@ class DrawnVehicles(Record):
     random: int = Field(ge=1, title="attacked vehicles", description="how many")
 
 
+class ChangingVehicles(Record):
+    """Sets of vehicles, each attacked from its time until the next."""
+
+    at: Annotated[list[Annotated[float, Field(ge=0.0)]], Len(1)] = Field(
+        description="[s], the time from which each set is attacked; before the first, nobody is"
+    )
+    sets: Annotated[list[list[int]], Len(1)] = Field(
+        description="the vehicles attacked from each time on, from 1; [] for nobody"
+    )
+
+
 def attacked_tag(value: object) -> str:
-    """Return the tag of attacked vehicles: listed or drawn."""
+    """Return the tag of attacked vehicles: listed, drawn, or changing at given times."""
+    if isinstance(value, ChangingVehicles) or (isinstance(value, dict) and {"at", "sets"} & {*value}):
+        return MARK + "changing"
     drawn = isinstance(value, DrawnVehicles) or (isinstance(value, dict) and "random" in value)
     return MARK + ("drawn" if drawn else "listed")
 
@@ -75,24 +93,35 @@ class AnyAttack(Kind):
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
     highest: ClassVar[int] = 3  # order of the highest derivative that `sizes` bounds
+    told_order: ClassVar[int] = 3  # of the highest derivative that vehicles hear, three at least
     derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
     bounded: ClassVar[bool] = True  # whether ā bounds the signal and its derivatives
 
     def targets(self) -> list[int]:
-        """Return the numbers of the attacked vehicles, from 1."""
+        """Return the numbers of the vehicles that are attacked at any time, from 1."""
         return []
 
     def number(self) -> int:
-        """Return the number of attacked vehicles."""
+        """Return the number of vehicles that are attacked at any time."""
         return len(self.targets())
+
+    def periods(self) -> list[tuple[float, list[int]]]:
+        """Return the times [s] from which other vehicles are attacked, from 0, with these vehicles; none if
+        the same vehicles are attacked all along.
+        """
+        return []
 
     def on(self, vehicles: list[int]) -> "AnyAttack":
         """Return the attack on other vehicles."""
         return self.model_copy(update={"vehicles": vehicles})
 
     def amplitude(self) -> Magnitude:
-        """Return ā [m, m/s, m/s², m/s³], a number or a distribution."""
+        """Return ā [m, m/s, m/s², m/s³], a number or a distribution; the greatest of several magnitudes."""
         return 0.0
+
+    def by_order(self) -> list[float] | None:
+        """Return the magnitude of each order from 0, None where one bounds all. Orders beyond it are true."""
+        return None
 
     def attacked_links(self, graph: Digraph) -> Links:
         """Return the links that carry the attack. If vehicles are drawn, these are the links that may carry
@@ -120,10 +149,10 @@ class AnyAttack(Kind):
         return any(shapes for _, _, shapes in own_numbers(self))
 
     def splits(self) -> bool:
-        """Return whether links are replaced in some lanes only.
+        """Return whether links are replaced in some lanes only, or at some times only.
 
         Such a link takes two slots, one for the source's message and one for the attack's. Each lane hears
-        one slot.
+        one slot at a time.
         """
         return False
 
@@ -132,6 +161,10 @@ class AnyAttack(Kind):
 
         Otherwise the link carries its source's message plus the signal.
         """
+        return False
+
+    def as_told(self) -> bool:
+        """Return whether attacked vehicles move as they tell, and not by the law."""
         return False
 
     def falsified(self) -> tuple[int, ...]:
@@ -157,6 +190,10 @@ class AnyAttack(Kind):
     def harmonic(self) -> bool:
         """Return whether each vehicle's signal has at most one frequency."""
         return not self.strategic and isinstance(self.signal(), Harmonic)
+
+    def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
+        """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
+        return self if order <= self.told_order else self.filled({**vars(self), "told_order": order})
 
     def signal(self) -> Signal:
         """Return the object with the scalar functions: `basis(time)` gives (4, B, lanes) for times (lanes,)
@@ -198,6 +235,8 @@ class AnyAttack(Kind):
 
     def whom(self) -> str:
         """Return a short description of the attacked vehicles."""
+        if periods := self.periods():
+            return sets_in_words(*zip(*periods, strict=True))
         drawn = f"{self.number()} drawn for each lane" if self.number() else "nobody"
         return ranges(sorted(self.targets())) or drawn
 
@@ -240,19 +279,35 @@ class Attack(AnyAttack):
 
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
-        {"label", "magnitude", "vehicles", "links", "threat", "orders", "listeners", "sybils", "announces"}
+        {
+            "label",
+            "magnitude",
+            "vehicles",
+            "links",
+            "threat",
+            "moves",
+            "orders",
+            "listeners",
+            "sybils",
+            "announces",
+        }
     )
 
-    magnitude: NotNegative = Field(
-        default=5.0, description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives"
+    magnitude: NotNegativeByOrder = Field(
+        default=5.0,
+        description="[m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives; where orders"
+        " are falsified each on its own also a list, one for each order from 0; orders beyond it are true",
     )
     vehicles: Annotated[
-        Annotated[list[int], union_member("listed")] | Annotated[DrawnVehicles, union_member("drawn")],
+        Annotated[list[int], union_member("listed")]
+        | Annotated[DrawnVehicles, union_member("drawn")]
+        | Annotated[ChangingVehicles, union_member("changing")],
         Discriminator(attacked_tag),
     ] = Field(
         default=[2, 5, 8, 11],
         title="attacked vehicles",
-        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane",
+        description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or"
+        " {at: [...], sets: [...]}, other vehicles from given times on",
     )
     links: AttackedLinks = Field(
         default="auto",
@@ -263,6 +318,11 @@ class Attack(AnyAttack):
         default="adds",
         description="adds: an attacked link carries what its source says plus the signal; "
         "replaces: the navigator's path plus the signal, whatever its source says",
+    )
+    moves: Literal["by_law", "as_told"] = Field(
+        default="by_law",
+        description="by_law: an attacked vehicle obeys the law, whatever it tells; as_told: it is where it"
+        " tells to be, which needs threat: replaces",
     )
     orders: Annotated[list[DerivativeOrder], Len(1)] = Field(
         default=[*ORDERS],
@@ -294,18 +354,27 @@ class Attack(AnyAttack):
             cls.signal = Attack.signal
 
     def targets(self) -> list[int]:
-        """Return the listed vehicles, none if vehicles are drawn."""
+        """Return the listed vehicles, in the order in which they are attacked; none if vehicles are drawn."""
+        if isinstance(self.vehicles, ChangingVehicles):
+            return [*dict.fromkeys(vehicle for each in self.vehicles.sets for vehicle in each)]
         return self.vehicles if isinstance(self.vehicles, list) else []
 
     def number(self) -> int:
         """Return the number of listed or drawn vehicles."""
-        return len(self.vehicles) if isinstance(self.vehicles, list) else self.vehicles.random
+        return self.vehicles.random if isinstance(self.vehicles, DrawnVehicles) else len(self.targets())
+
+    def periods(self) -> list[tuple[float, list[int]]]:
+        """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
+        if not isinstance(self.vehicles, ChangingVehicles):
+            return []
+        found = [*zip(self.vehicles.at, self.vehicles.sets, strict=True)]
+        return found if found[0][0] == 0 else [(0.0, []), *found]
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:
-        """Return which vehicles are attacked in each lane: those listed, or those with the least random
-        numbers.
+        """Return which vehicles are attacked in each lane at any time: those listed, or those with the least
+        random numbers.
         """
-        if isinstance(self.vehicles, list):
+        if not isinstance(self.vehicles, DrawnVehicles):
             return super().chosen(draw)
         lots = draw.each(Uniform(uniform=[0.0, 1.0]), "attack.vehicles")[..., 0].T
         return lots.argsort(axis=0, kind="stable").argsort(axis=0) < self.vehicles.random
@@ -319,12 +388,17 @@ class Attack(AnyAttack):
         return 1 + self.sybils
 
     def splits(self) -> bool:
-        """Return whether vehicles are drawn and their links replaced."""
-        return self.replaces() and isinstance(self.vehicles, DrawnVehicles)
+        """Return whether vehicles are drawn, or change, and their links are replaced."""
+        return self.replaces() and not isinstance(self.vehicles, list)
 
     def amplitude(self) -> Magnitude:
-        """Return the key `magnitude`."""
-        return self.magnitude
+        """Return the key `magnitude`, or its greatest number."""
+        sizes = self.by_order()
+        return self.magnitude if sizes is None else max(sizes)
+
+    def by_order(self) -> list[float] | None:
+        """Return the key `magnitude` if it is a list."""
+        return self.magnitude.root if isinstance(self.magnitude, EachOrder) else None
 
     def attacked_links(self, graph: Digraph) -> Links:
         """Return the links from attacked vehicles (`neighbour`), or those from 0 to attacked vehicles
@@ -334,7 +408,8 @@ class Attack(AnyAttack):
         if links == "auto":
             links = "neighbour" if hears_vehicles(graph) else "navigator"
         everyone = np.arange(1, graph.vehicles + 1)
-        listed = np.isin(everyone, self.targets()) if isinstance(self.vehicles, list) else everyone > 0
+        drawn = isinstance(self.vehicles, DrawnVehicles)
+        listed = everyone > 0 if drawn else np.isin(everyone, self.targets())
         if links == "neighbour":
             return graph.heard & np.append(False, listed)[graph.sources]
         return graph.heard & (graph.sources == 0) & listed[:, None]
@@ -342,6 +417,10 @@ class Attack(AnyAttack):
     def replaces(self) -> bool:
         """Return whether `threat` is `replaces`."""
         return self.threat == "replaces"
+
+    def as_told(self) -> bool:
+        """Return whether `moves` is `as_told`."""
+        return self.moves == "as_told"
 
     def falsified(self) -> tuple[int, ...]:
         """Return the sorted `orders`."""
@@ -411,6 +490,23 @@ class Attack(AnyAttack):
         if self.sybils or self.strategic:
             yield Fault(("attack.vehicles", "attack"), "drawn vehicles are neither sybils nor strategic")
 
+    def changing_faults(self, changing: ChangingVehicles, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of vehicles that change at given times."""
+        at, keys = changing.at, ("attack.vehicles.at", "attack.vehicles", "attack")
+        if len(at) != len(changing.sets):
+            yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
+        if sorted(set(at)) != at:
+            yield Fault(keys, f"must rise (got {at})")
+        tick = scenario.tick
+        if tick == 0:
+            yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
+        elif odd := [time for time in at if abs(time / tick - round(time / tick)) > TICK_ROUNDING]:
+            yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
+        if self.sybils or self.strategic:
+            yield Fault(
+                ("attack.vehicles", "attack"), "vehicles that change are neither sybils nor strategic"
+            )
+
     def aim(self, seen: TickView, memory: Memory) -> tuple[SignalVectors, Memory]:
         """Return the vectors of a strategic attack until the next tick, and its memory.
 
@@ -431,10 +527,14 @@ class Attack(AnyAttack):
         """Yield faults of unknown or repeated vehicles, and of keys that exclude each other."""
         targets = self.targets()
         yield from unknown_vehicles("attack.vehicles", targets, scenario.vehicles, first=1)
-        if len(set(targets)) < len(targets):
-            yield Fault(("attack.vehicles",), f"named twice (got {targets})")
+        sets = self.vehicles.sets if isinstance(self.vehicles, ChangingVehicles) else [targets]
+        twice = [each for each in sets if len(set(each)) < len(each)]
+        if twice:
+            yield Fault(("attack.vehicles",), f"named twice (got {twice[0]})")
         if isinstance(self.vehicles, DrawnVehicles):
             yield from self.drawn_faults(self.vehicles.random, scenario)
+        if isinstance(self.vehicles, ChangingVehicles):
+            yield from self.changing_faults(self.vehicles, scenario)
         if self.by_link() and (self.strategic or not self.bounded):
             yield Fault(("attack.listeners",), f"{self.kind} tells all listeners the same")
         if self.strategic and scenario.tick == 0:
@@ -455,7 +555,45 @@ class Attack(AnyAttack):
                 ("attack", "vehicle"),
                 f"{self.kind} has derivatives up to {self.highest}, {vehicle.kind} has order {vehicle.order}",
             )
+        if self.as_told():
+            yield from self.moving_faults(scenario)
+        yield from self.magnitude_faults(vehicle.order)
         yield from self.number_faults()
+
+    def moving_faults(self, scenario: ScenarioView) -> Iterator[Fault]:
+        """Yield the faults of vehicles that move as they tell."""
+        vehicle, key = scenario.vehicle, "attack.moves"
+        if not self.replaces():
+            yield Fault((key, "attack.threat"), "as_told needs false messages: give threat: replaces")
+        if self.by_link() or self.strategic or self.periods():
+            one = "one path for the whole lane, the same for all listeners"
+            yield Fault((key, "attack"), f"a vehicle that moves as told tells {one}")
+        graph = scenario.topology.linked(scenario.vehicles)
+        if (self.attacked_links(graph) & (graph.sources == 0)).any():
+            yield Fault((key, "attack.links"), "attacked links from the navigator tell nothing of a vehicle")
+        if vehicle.singular or vehicle.internal:
+            why = f"a path does not always tell the state of {vehicle.kind}, only that of integrators"
+            yield Fault((key, "vehicle"), why)
+
+    def magnitude_faults(self, order: int) -> Iterator[Fault]:
+        """Yield the faults of a list of magnitudes, for vehicles of an order."""
+        sizes, keys = self.by_order(), ("attack.magnitude", "attack")
+        if sizes is None:
+            return
+        if self.consistent():
+            message = (
+                f"must be one number: the derivatives of {self.kind} follow from its signal (a list needs"
+                " kind spoof, or some attack.orders only)"
+            )
+            yield Fault(keys, message)
+            return
+        if len(sizes) > order + 1:
+            most = f"at most {order + 1} numbers, of the orders 0 to {order}"
+            yield Fault(keys, f"a list has {most} (got {len(sizes)})")
+        true = [each for each in ORDERS[: len(sizes)] if sizes[each] and each not in self.falsified()]
+        if true:
+            got = f"give 0 for it (got {sizes[true[0]]:g})"
+            yield Fault(keys, f"attack.orders leaves order {true[0]} true: {got}")
 
     def number_faults(self) -> Iterator[Fault]:
         """Yield the faults of numbers that each vehicle has for itself."""
@@ -485,16 +623,41 @@ def own_numbers(kind: Kind, name: str = "attack") -> Iterator[tuple[str, Number,
 def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
     """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
-    A vehicle of an order r hears derivatives up to r.
+    A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
+    divide by the sizes, and the scale is the greatest magnitude.
     """
+    if attack.by_order() is not None:
+        return np.asarray(attack.amplitude())
     return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[heard_orders(attack, order)], axis=0))
 
 
+def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:
+    """Return the factors of the orders of a signal with these sizes: (orders, lanes or 1).
+
+    Orders that the attack leaves true have the factor 0. Where each order has its magnitude, the factor
+    scales the order to the magnitude's share of the greatest.
+    """
+    heard, sizes = heard_orders(attack, order), np.asarray(sizes)
+    factors = np.zeros_like(sizes)
+    factors[heard] = 1.0
+    if (shares := magnitude_shares(attack, order)) is not None:
+        some = sizes[heard]
+        factors[heard] = np.where(some > 0, np.array(shares)[:, None] / np.where(some > 0, some, 1.0), 0.0)
+    return factors
+
+
+def magnitude_shares(attack: AnyAttack, order: int) -> tuple[float, ...] | None:
+    """Return the magnitude of each of `heard_orders` as a share of the greatest; None where all are ā."""
+    if (sizes := attack.by_order()) is None:
+        return None
+    return tuple(sizes[each] / (max(sizes) or 1.0) for each in heard_orders(attack, order))
+
+
 def heard_orders(attack: AnyAttack, order: int) -> list[int]:
-    """Return the falsified orders that vehicles of an order hear."""
-    if attack.falsified() == ORDERS:
-        return [*range(order + 1)]
-    return [each for each in attack.falsified() if each <= order]
+    """Return the falsified orders that vehicles of an order hear. A list of magnitudes may end earlier."""
+    falsified, sizes = attack.falsified(), attack.by_order()
+    heard = [*range(order + 1)] if falsified == ORDERS else [each for each in falsified if each <= order]
+    return heard if sizes is None else [each for each in heard if each < len(sizes)]
 
 
 def unit_vectors(direction: AnyNumbers) -> PlaneVectors:

@@ -1,6 +1,6 @@
 """The chirp: a rotating attack whose frequency changes."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ class Chirp(Attack):
     """`[cos, sin](ψ(t) + phase)` with ψ' = frequency + rate · t: a rotation that becomes faster or slower."""
 
     kind = "chirp"
+    highest: ClassVar[int] = 4
 
     frequency: PerVehicle = Field(default=0.2, description="[rad/s], of the turning at t = 0")
     rate: PerVehicle = Field(default=0.05, description="[rad/s²], by which the frequency grows")
@@ -34,10 +35,11 @@ class Chirp(Attack):
         return turned(self.phase)
 
     def sizes(self, horizon: float) -> np.ndarray:
-        """Return 1, ω, √(r² + ω⁴), ω √(9r² + ω⁴) with the greatest ω = |ψ'|, which is at one end of [0,
-        horizon].
+        """Return 1, ω, √(r² + ω⁴), ω √(9r² + ω⁴), √((ω⁴ - 3r²)² + 36r²ω⁴), with the greatest ω = |ψ'|, which
+        is at one end of [0, horizon].
         """
         first: Any = self.frequency
         rate: Any = self.rate
         w = np.maximum(np.abs(first), np.abs(first + rate * horizon))
-        return np.stack([np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2)])
+        fourth = np.hypot(w**4 - 3 * rate**2, 6 * rate * w**2)  # z⁗ = (ω⁴ - 3r² - 6irω²)z
+        return np.stack([np.ones_like(w), w, np.hypot(rate, w**2), w * np.hypot(3 * rate, w**2), fourth])

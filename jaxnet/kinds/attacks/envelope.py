@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -13,34 +13,50 @@ from jaxnet.kinds.fields import PerVehicle, PositivePerVehicle, value_range, zip
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import AnyNumbers, AnyTimes, NumberJets, SignalBasis
+from jaxnet.model.signal import up_to
 
 TIME_ROUNDING = 1e-12  # relative rounding of sums of times
 PIECES = 256  # pieces of the rise, each with its own bound on the envelope
 
 
 class Envelope(Attack):
-    """Another attack's signal times a smooth envelope, three times continuously differentiable.
+    """Another attack's signal times a smooth envelope.
 
     The envelope rises from 0 to 1 in `rise` seconds after `start`, and falls again after `stop` if that is
-    given. Magnitude, vehicles, links and threat are keys of the envelope, not of the other attack.
+    given. It is three times continuously differentiable, and four times for vehicles of order 4. Magnitude,
+    vehicles, links and threat are keys of the envelope, not of the other attack.
     """
 
     kind = "envelope"
+    highest: ClassVar[int] = 4
 
     of: Annotated[AnyAttack, KindOf("attack"), Field(description="the other attack")]
     start: PerVehicle = Field(default=0.0, description="[s], when it begins to rise")
     rise: PositivePerVehicle = Field(default=5.0, description="[s], how long it rises, and falls")
     stop: PerVehicle | None = Field(default=None, description="[s], when it begins to fall")
 
+    def of_order(self, order: int) -> "Envelope":
+        """Return the drawn attack for vehicles of an order, also the attack inside."""
+        found = super().of_order(order)
+        return found if found is self else found.filled({**vars(found), "of": self.of.of_order(order)})
+
+    def consistent(self) -> bool:
+        """Return whether the attack inside is consistent too, as Leibniz's rule presupposes."""
+        return super().consistent() and self.of.consistent()
+
     def height(self, time: AnyTimes) -> NumberJets:
-        """Return the envelope and its first three derivatives: (4, lanes)."""
-        up = smooth_rise((time - self.start) / self.rise, self.rise)
-        return up if self.stop is None else up - smooth_rise((time - self.stop) / self.rise, self.rise)
+        """Return the envelope and its derivatives that vehicles hear: (derivatives, lanes)."""
+        up = smooth_rise((time - self.start) / self.rise, self.rise, self.told_order)
+        if self.stop is None:
+            return up
+        return up - smooth_rise((time - self.stop) / self.rise, self.rise, self.told_order)
 
     def basis(self, time: AnyTimes) -> SignalBasis:
         """Return the functions by Leibniz's rule: `(e β)^(k) = Σ_j C(k, j) e^(j) β^(k-j)`."""
-        xp, height, inner = time.__array_namespace__(), self.height(time), self.of.signal().basis(time)
-        return xp.stack([sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in range(4)])
+        xp, height = time.__array_namespace__(), self.height(time)
+        inner = up_to(self.told_order, self.of.signal().basis, time)
+        orders = range(self.told_order + 1)
+        return xp.stack([sum(c * height[j][None] * inner[k - j] for j, c in leibniz(k)) for k in orders])
 
     def vectors(self) -> np.ndarray:
         """Return the vectors of the other attack."""
@@ -50,9 +66,10 @@ class Envelope(Attack):
         """Return `Σ_j C(k, j) |e^(j)| ‖β^(k-j)‖`, the maximum over PIECES of the rise with bounds on e in
         each piece.
         """
-        inner = np.asarray(self.of.sizes(horizon))
-        height = RISE_BOUNDS[:, :, None] / np.power.outer(np.asarray(self.rise), np.arange(4.0)).T[:, None]
-        terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(4)]
+        inner, orders = np.asarray(self.of.sizes(horizon)), np.arange(self.told_order + 1.0)
+        rise = np.power.outer(np.asarray(self.rise), orders).T[:, None]
+        height = RISE_BOUNDS[self.told_order][:, :, None] / rise
+        terms = [[c * height[j] * inner[k - j] for j, c in leibniz(k)] for k in range(len(orders))]
         return np.stack([np.sum(each, axis=0).max(axis=0) for each in terms])
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
@@ -75,15 +92,31 @@ class Envelope(Attack):
             yield Fault(("attack.stop", "attack"), "must not be before start + rise")
         if self.of.strategic or not self.of.bounded:
             yield Fault(("attack.of", "attack"), f"{self.of.kind} has no signal of its own")
+        if scenario.vehicle.order > self.of.highest:
+            most = f"{self.of.kind} has derivatives up to {self.of.highest}"
+            yield Fault(("attack.of", "attack"), f"{most}, {scenario.vehicle.kind} needs more")
 
 
-def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers) -> NumberJets:
-    """Return `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷`, 0 before x = 0 and 1 after x = 1, with three time derivatives: (4,
-    …).
+def smooth_rise(x: AnyNumbers, rise: float | AnyNumbers, order: int = 3) -> NumberJets:
+    """Return a polynomial in x, 0 before x = 0 and 1 after x = 1, with its time derivatives up to an order.
+
+    The derivatives are continuous: `35x⁴ - 84x⁵ + 70x⁶ - 20x⁷` has three, `126x⁵ - 420x⁶ + 540x⁷ - 315x⁸ +
+    70x⁹` has four. The shape is (order + 1, …).
     """
     xp = x.__array_namespace__()
     x = xp.clip(x, 0.0, 1.0)
     y = 1.0 - x
+    if order > 3:
+        u = x * y
+        return xp.stack(
+            [
+                x**5 * (126.0 - 420.0 * x + 540.0 * x**2 - 315.0 * x**3 + 70.0 * x**4),
+                630.0 * u**4 / rise,
+                2520.0 * u**3 * (y - x) / rise**2,
+                2520.0 * u**2 * (3.0 - 14.0 * u) / rise**3,
+                15120.0 * u * (1.0 - 7.0 * u) * (y - x) / rise**4,
+            ]
+        )
     return xp.stack(
         [
             x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3),
@@ -99,15 +132,16 @@ def leibniz(order: int) -> list[tuple[int, float]]:
     return [(j, float(math.comb(order, j))) for j in range(order + 1)]
 
 
-def bound_rise() -> np.ndarray:
-    """Return bounds on `|S^(k)|` in each piece of [0, 1], k = 0..3: (4, PIECES).
+def bound_rise(order: int) -> np.ndarray:
+    """Return bounds on `|S^(k)|` in each piece of [0, 1], k = 0..order: (order + 1, PIECES).
 
     Inside a piece, |S^(k)| exceeds the greater end by at most half the piece's length times the greatest
     slope. S itself is monotone, so its greater end is its bound.
     """
-    ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0))
-    slopes = np.array([0.0, *ends[2:].max(axis=1), 840.0])
+    ends = np.abs(smooth_rise(np.linspace(0.0, 1.0, PIECES + 1), 1.0, order))
+    slopes = np.array([0.0, *ends[2:].max(axis=1), LAST_SLOPES[order]])
     return np.maximum(ends[:, 1:], ends[:, :-1]) + slopes[:, None] / (2 * PIECES)
 
 
-RISE_BOUNDS = bound_rise()
+LAST_SLOPES = {3: 840.0, 4: 15120.0}  # greatest |S^(order + 1)|, at x = 0
+RISE_BOUNDS = {order: bound_rise(order) for order in LAST_SLOPES}

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis
 from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.plane import length
@@ -16,6 +17,7 @@ class Freeze(Attack):
     """An attacked link carries the position of its source at t = 0, at rest, for the whole lane."""
 
     kind = "freeze"
+    highest: ClassVar[int] = 4
     bounded: ClassVar[bool] = False
 
     magnitude: NotNegative = Field(
@@ -37,7 +39,8 @@ class Freeze(Attack):
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return the sizes of the constant plus the sizes of the navigator's path."""
-        return navigator.sizes(0.0, horizon)[:, None] + np.eye(4, 1) * signal.far
+        path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
+        return path[:, None] + np.eye(len(path), 1) * signal.far
 
 
 class FixedPosition(NamedTuple):

@@ -7,6 +7,7 @@ from pydantic import Discriminator, Field
 
 from jaxnet.kinds.attacks import Attack, constant_basis
 from jaxnet.kinds.fields import MARK, Angle, NotNegative, PerVehicle, Vector, union_member, value_range
+from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 from jaxnet.model.plane import length
@@ -26,6 +27,7 @@ class OwnPath(Attack):
 
     kind = "own_path"
     words = "path of its own"
+    highest: ClassVar[int] = 4
     bounded: ClassVar[bool] = False
 
     magnitude: NotNegative = Field(
@@ -65,8 +67,9 @@ class OwnPath(Attack):
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return the sizes of the constant and the oscillation, plus those of the navigator's path."""
-        own = np.eye(4, 1) * signal.far + np.abs(self.frequency) ** np.arange(4.0)[:, None]
-        return navigator.sizes(0.0, horizon)[:, None] + own
+        path = sizes_up_to(self.told_order, navigator, 0.0, horizon)
+        orders = np.arange(float(len(path)))
+        return path[:, None] + np.eye(len(path), 1) * signal.far + np.abs(self.frequency) ** orders[:, None]
 
 
 class Oscillation(NamedTuple):

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from jaxnet.kinds.attacks import Attack
 from jaxnet.kinds.fields import NotNegative, PositivePerVehicle
+from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.protocols import NavigatorPath
 from jaxnet.kinds.shapes import AnyTimes, SignalBasis
 
@@ -18,6 +19,7 @@ class ReplayAttack(Attack):
     """
 
     kind = "replay"
+    highest: ClassVar[int] = 4
     bounded: ClassVar[bool] = False
 
     magnitude: NotNegative = Field(
@@ -34,7 +36,7 @@ class ReplayAttack(Attack):
 
     def reach(self, navigator: NavigatorPath, signal: Any, horizon: float) -> np.ndarray:
         """Return twice the sizes of the path, a bound on the difference of two of its positions."""
-        return 2 * navigator.sizes(-float(np.max(signal.delay)), horizon)[:, None]
+        return 2 * sizes_up_to(self.told_order, navigator, -float(np.max(signal.delay)), horizon)[:, None]
 
 
 class DelayedPath(NamedTuple):

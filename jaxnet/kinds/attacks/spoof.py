@@ -18,6 +18,7 @@ class Spoof(Attack):
     """
 
     kind = "spoof"
+    highest: ClassVar[int] = 4
     derived: ClassVar[bool] = False
 
     direction: Angle = Field(default=0.0, description="[rad], of the offset")
@@ -29,7 +30,7 @@ class Spoof(Attack):
     def basis(self, time: AnyTimes) -> SignalBasis:
         """Return one function, which is 1 in every order."""
         xp = time.__array_namespace__()
-        return xp.ones((4, 1, *time.shape))
+        return xp.ones((5, 1, *time.shape))
 
     def vectors(self) -> np.ndarray:
         """Return the unit vectors of the directions."""
@@ -37,4 +38,4 @@ class Spoof(Attack):
 
     def sizes(self, horizon: float) -> np.ndarray:
         """Return 1 for every order."""
-        return np.ones((4, 1))
+        return np.ones((5, 1))

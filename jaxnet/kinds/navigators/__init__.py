@@ -6,8 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.kinds.protocols import NavigatorPath, ScenarioView
 from jaxnet.kinds.shapes import AnyTimes, PathJets
+from jaxnet.model.signal import up_to
 
 LEAST_NAVIGATOR_SPEED = 0.05  # [m/s]
 SPEED_SAMPLES = 100_001  # times at which a path's speed is sampled
@@ -73,3 +74,16 @@ class Navigator(Kind):
                 f"slows to {slowest:.3g} m/s at t = {when:.4g} s; at least {LEAST_NAVIGATOR_SPEED} m/s is"
                 " needed, for the law is singular where a vehicle stands still",
             )
+
+
+def sizes_up_to(order: int, navigator: NavigatorPath, start: float, end: float) -> np.ndarray:
+    """Return the greatest norms of the path and its derivatives up to an order, or the third if that is
+    higher.
+
+    The norms of derivatives above the third are those at SPEED_SAMPLES times.
+    """
+    known = navigator.sizes(start, end)
+    if len(known) > order:
+        return known
+    more = np.asarray(up_to(order, navigator.jets, np.linspace(start, end, SPEED_SAMPLES)))[len(known) :]
+    return np.concatenate([known, np.linalg.norm(more, axis=1).max(axis=1)])

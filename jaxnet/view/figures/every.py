@@ -163,8 +163,8 @@ class Plots:
         panel
             The swept key or keys with a panel for each value; None takes all keys that are left.
         y
-            `unrecovered`, `failed`, a metric (its median over lanes), or METRIC_STATISTIC with a statistic
-            of mean, median, q05, q95 and max. None takes what the study asks for.
+            `unrecovered`, `failed`, `in_hull`, a metric (its median over lanes), or METRIC_STATISTIC with a
+            statistic of mean, median, q05, q95 and max. None takes what the study asks for.
         note
             Whether the small line at the top stands there: definition, lanes a point, intervals.
 

@@ -1,7 +1,7 @@
 """Graphs of a study with weights, attacked links and trusted links."""
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Collection, Container, Sequence
 from textwrap import shorten
 
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from matplotlib.patheffects import withStroke
 
-from jaxnet.config.cells import Cell
+from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.scenario import Situation, situation_of
 from jaxnet.model.graph import Digraph
 from jaxnet.view.figures import adjacency, multiples, style
@@ -318,4 +318,10 @@ def node_legend(shown: Sequence[tuple[Cell, Situation]]) -> list[Line2D | Patch]
         handles.append(Line2D([], [], marker="o", color="white", label="attacked vehicle", **rim, **node))
     present = {called for cell, network in shown for called in link_names(cell, network).values()}
     looks = [(called, look) for called, look in LINK_STYLES.items() if called in present]
-    return handles + [Line2D([], [], **look, label=called) for called, look in looks]
+    plain = {"other link": link_word([cell for cell, _ in shown], present)}
+    return handles + [Line2D([], [], **look, label=plain.get(called, called)) for called, look in looks]
+
+
+def link_word(cells: Sequence[Cell], present: Collection[str]) -> str:
+    """Return what a legend calls links that are neither trusted nor attacked, beside the links present."""
+    return "link" if is_leaderless(cells) or len(present) == 1 else "other link"

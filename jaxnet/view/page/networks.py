@@ -17,6 +17,7 @@ from jaxnet.view.figures.topology import (
     is_bent,
     is_upper,
     link_names,
+    link_word,
     most_attacked,
     source_positions,
 )
@@ -40,8 +41,9 @@ def networks_html(cells: Sequence[Cell]) -> str:
         "vehicle",
         *["attacked vehicle"] * any(attacked_vehicles(cell) for cell, _ in shown),
     ]
-    called += sorted({link for each in shown for link in link_names(*each).values()})
-    key = "".join(f"<li>{legend_sample(each)}{each}</li>" for each in called)
+    links = sorted({link for each in shown for link in link_names(*each).values()})
+    words = {"other link": link_word([cell for cell, _ in shown], links)}
+    key = "".join(f"<li>{legend_sample(each)}{words.get(each, each)}</li>" for each in [*called, *links])
     left = len(graphs) - len(shown)
     note = f"<p>{count(left, 'more network')}, as certificates below.</p>" if left else ""
     networks = "".join(network_svg(*each) for each in shown)

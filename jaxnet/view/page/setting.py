@@ -9,7 +9,7 @@ from jaxnet.config.naming import is_kind, key_name, plain_words, unit, value_alo
 from jaxnet.config.scenario import situation_of
 from jaxnet.config.study import Study
 from jaxnet.kinds.kind import Kind
-from jaxnet.model.wording import count
+from jaxnet.model.wording import count, orders_in_words
 from jaxnet.statistics.axes import ordered_values
 from jaxnet.statistics.curves import configured_magnitude
 
@@ -45,7 +45,7 @@ def setting_rows(study: Study) -> dict[str, str]:
         "network": kinds("topology", lambda cell: cell.scenario.topology),
         "attack": kinds("attack", lambda cell: cell.scenario.attack, lambda cell: not attacks(cell)),
         "attacked signals": among(attacked_words),
-        "magnitude ā": f"{among(size_words)} m" if any(map(attacks, cells)) else "none",
+        "magnitude ā": among(size_words) + size_unit(cells) if shows_magnitude(study) else "none",
         "defence": kinds("defence", lambda cell: cell.scenario.defence),
         "law": kinds("law", lambda cell: cell.scenario.law, lambda cell: cell.scenario.law.solved),
         "sensor errors": kinds(
@@ -94,8 +94,11 @@ def attacked_words(cell: Cell) -> str:
     attack = cell.scenario.attack
     if not attacks(cell):
         return "none"
-    one = attack.number() == 1 and "attack.vehicles.random" not in cell.labels
-    if attack.targets():
+    changing = bool(attack.periods())
+    one = attack.number() == 1 and "attack.vehicles.random" not in cell.labels and not changing
+    if changing:
+        whom = f"attacked vehicles ({attack.whom()})"
+    elif attack.targets():
         whom = f"vehicle{'' if one else 's'} {attack.whom()}"
     elif "attack.vehicles.random" in cell.labels:
         whom = "drawn vehicles"
@@ -113,10 +116,23 @@ def attacks(cell: Cell) -> bool:
     return cell.scenario.attack.number() > 0 and cell.scenario.attack.amplitude() != 0
 
 
+def shows_magnitude(study: Study) -> bool:
+    """Return whether ā scales an attack, or `recovery` compares with it."""
+    judged = study.config.recovery is not None
+    return any(attacks(cell) and (judged or cell.scenario.attack.bounded) for cell in study.cells)
+
+
 def size_words(cell: Cell) -> str:
-    """Return ā of a cell without its unit."""
-    amount = configured_magnitude(cell)
+    """Return ā of a cell without its unit, or the magnitude of each order with its unit."""
+    amount, sizes = configured_magnitude(cell), cell.scenario.attack.by_order()
+    if sizes is not None:
+        return f"({orders_in_words(sizes)})"
     return plain_words(amount.model_dump()) if isinstance(amount, BaseModel) else f"{amount:.4g}"
+
+
+def size_unit(cells: Sequence[Cell]) -> str:
+    """Return the unit of ā behind its values, "" where the values have units."""
+    return "" if any(cell.scenario.attack.by_order() for cell in cells) else " m"
 
 
 def kind_words(key: str, kind: Kind, cell: Cell) -> str:

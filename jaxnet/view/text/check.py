@@ -192,7 +192,14 @@ class NetworkKeys:
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
         attacked = attack.attacked_links(graph)[links].tobytes()
-        threat = attack.kind, attack.number(), attack.replaces(), attack.falsified(), attack.identities()
+        threat = (
+            attack.kind,
+            attack.number(),
+            attack.replaces(),
+            orders_text(attack),
+            attack.identities(),
+            repr(attack.periods()),
+        )
         held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if not law.solved else ()
         world = tuple(world_lines(scenario).items())
         return shared, attacked, threat, scenario.horizon, held, world
@@ -465,8 +472,21 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     else:
         how = "in what they transmit"
     instead = ", in place of what is sent" if attack.replaces() else ""
-    drawn = "" if attack.targets() else " of all that may be drawn"
-    return f"{who} {how}{instead}, {count(len(facts.attacked_links), 'link')}{drawn}{orders_text(attack)}"
+    among = "" if attack.targets() else " of all that may be drawn"
+    among = " of all that are ever attacked" if attack.periods() else among
+    links = count(len(facts.attacked_links), "link")
+    return f"{who} {how}{instead}, {links}{among}{orders_text(attack)}{change_text(scenario)}"
+
+
+def change_text(scenario: Scenario) -> str:
+    """Return what a change of the attacked vehicles means for bounds and for the tail, "" without one."""
+    periods = scenario.attack.periods()
+    if not periods:
+        return ""
+    last = max(time for time, _ in periods if time < scenario.horizon)
+    settled = scenario.horizon - scenario.tail - last
+    tail = f"begins {settled:g} s after the last change" if settled > 0 else "has the last change in it"
+    return f"; bounds and safety are of all that are ever attacked, and the tail {tail}"
 
 
 def orders_text(attack: AnyAttack) -> str:
@@ -475,7 +495,9 @@ def orders_text(attack: AnyAttack) -> str:
         return "; not bounded by ā, so no bound says anything"
     if attack.consistent():
         return ""
-    which = ", ".join(ORDER_NAMES[order] for order in attack.falsified())
+    sizes = attack.by_order() or [1.0] * len(ORDER_NAMES)
+    falsified = [order for order in attack.falsified() if sum(sizes[order : order + 1])]
+    which = ", ".join(ORDER_NAMES[order] for order in falsified)
     return f"; {which} falsified each on its own, so the static bound says nothing"
 
 

@@ -15,6 +15,7 @@ from jaxnet.model.wording import cells_named, count
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
+from jaxnet.statistics.hull import hull_definition
 from jaxnet.statistics.quantities import AGREEMENT_NOTES
 from jaxnet.statistics.recovery import confidence_told
 from jaxnet.statistics.summary import NO_MEAN_INTERVAL, interval_basis
@@ -22,7 +23,7 @@ from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Part, Results
 from jaxnet.view import columns
-from jaxnet.view.columns import Column
+from jaxnet.view.columns import SHARE_NAMES, Column
 from jaxnet.view.text.width import (
     LABEL_LENGTHS,
     MOST_ROWS,
@@ -35,7 +36,6 @@ from jaxnet.view.text.width import (
 )
 
 MOST_FAILURES = 20
-SHARE_NAME = "unrecovered"
 FAILURE_REASONS = {
     "disconnected": "a vehicle retained nobody by whom the navigator reaches it",
     "singular": "a vehicle stood still, where the law is singular",
@@ -154,12 +154,13 @@ def text_width(shown: Sequence[Lettered]) -> int:
 def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     """Return what the columns leave open: which intervals they have, and what the greatest lane says."""
     config, names, cells = results.study.config, {each.name for each in shown}, results.study.cells
-    notes = [*interval_lines(config, cells, shown), *missing_end_lines(shown)]
-    if SHARE_NAME in names and config.recovery is not None:
+    notes = [*interval_lines(config, shown), *missing_end_lines(shown)]
+    if "unrecovered" in names and config.recovery is not None:
         notes.append(recovery.share_definition(config.recovery, cells))
     if is_leaderless(cells):
         told = {name.rpartition("_")[0] for name in names}
         notes += [words for metric, words in AGREEMENT_NOTES.items() if metric in told]
+        notes += [hull_definition(cells)] if "in_hull" in names else []
     if "amplitude" in names:
         notes.append(amplitude_note(cells))
     if names & {"tail_max_max", "spread_max"}:
@@ -167,14 +168,14 @@ def summary_notes(results: Results, shown: Sequence[Column]) -> list[str]:
     return notes + caveat_lines(cells)
 
 
-def interval_lines(config: Config, cells: Sequence[Cell], shown: Sequence[Column]) -> list[str]:
+def interval_lines(config: Config, shown: Sequence[Column]) -> list[str]:
     """Return a note on the intervals of shares, and one on those of means, where these are shown."""
     sure = f"{100 * confidence_told(config.samples):g} %"
-    shares = [each for each in shown if each.ends and each.name == SHARE_NAME]
-    means = [each.title.partition(" [")[0] for each in shown if each.ends and each.name != SHARE_NAME]
+    ended = [(each.title.partition(" [")[0], each.name in SHARE_NAMES) for each in shown if each.ends]
+    shares, means = ([title for title, share in ended if share is wanted] for wanted in (True, False))
     exact = "exact binomial " if config.draws == "random" else "binomial "
     at_once = ", at once at every look" if isinstance(config.samples, Sequential) else ""
-    of = recovery.share_name(cells)
+    of = ", ".join(shares)
     told = [f"[low, high] of {of}: {exact}{sure} intervals (Clopper and Pearson){at_once}"] * bool(shares)
     basis = f"{sure} intervals of a mean over {interval_basis(config)}{at_once}"
     return told + [f"[low, high] of {', '.join(means)}: {basis}"] * bool(means)
@@ -196,7 +197,7 @@ def missing_end_lines(shown: Sequence[Column]) -> list[str]:
     where = {
         number
         for each in shown
-        if each.ends and each.name != SHARE_NAME
+        if each.ends and each.name not in SHARE_NAMES
         for number, value, *ends in zip(numbers, each.values, *each.ends, strict=True)
         if not np.isnan(value) and np.isnan(ends).any()
     }

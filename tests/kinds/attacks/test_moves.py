@@ -1,0 +1,100 @@
+"""Attacked vehicles that move as they tell."""
+
+import numpy as np
+import pytest
+
+import jaxnet
+from tests.engine.test_orders import subsequence
+
+PATH = {"kind": "own_path", "centre": [3.0, -2.0], "swing": [25.0, 10.0], "frequency": 1.3, "phase": 0.4}
+NOBODY_LEADS = {"navigator": "none", "law": "local", "engine": "exact", "topology": "complete"}
+
+
+def told(time, order=0):
+    """A derivative of the liar's path, (times, 2)."""
+    turn = 1.3**order * np.cos(1.3 * np.asarray(time) + 0.4 + order * np.pi / 2)
+    return (order == 0) * np.array([3.0, -2.0]) + turn[:, None] * np.array([25.0, 10.0])
+
+
+def results_of(**keys):
+    """Results of one lane with its trajectories."""
+    keys = {"horizon": 4.0, "tail": 1.0, "tick": 0.1, "save": {"trajectories": "all"}} | keys
+    results = jaxnet.simulate(keys, samples=1, progress=False)
+    assert results.lanes["status"].to_list() == ["ok"]
+    return results
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_a_liar_is_where_it_tells_to_be(engine):
+    """Positions, velocities, inputs and metrics of space, of double integrators in both engines."""
+    attack = PATH | {"vehicles": [2], "moves": "as_told"}
+    keys = NOBODY_LEADS | {"vehicle": "double_integrator", "vehicles": 5, "defence": "w_msr"}
+    results = results_of(**keys | {"engine": engine, "attack": attack, "metrics": ["min_separation"]})
+    data, lane = results.trajectories.sel(cell=0, sample=0), results.lanes.iloc[0]
+    states, time = data["states"].values, data["time"].values
+    np.testing.assert_allclose(states[:, 1, :2], told(time), atol=1e-9)
+    np.testing.assert_allclose(states[:, 1, 2:4], told(time, 1), atol=1e-9)
+    np.testing.assert_allclose(data["inputs"].values[:, 1], told(time, 2), atol=1e-9)
+    places = states[..., :2]
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1) + 1e9 * np.eye(5)
+    assert lane["min_separation"] == pytest.approx(apart.min(), abs=1e-9)
+    assert lane["min_speed"] == pytest.approx(np.linalg.norm(states[..., 2:4], axis=-1).min(), abs=1e-9)
+    honest = np.delete(places[-11:], 1, axis=1)
+    spread = np.linalg.norm(honest[:, :, None] - honest[:, None], axis=-1).max()
+    assert lane["spread"] == pytest.approx(spread, abs=1e-9)
+
+
+def test_listeners_do_not_tell_the_difference():
+    """Others move as if the liar obeyed the law, bit for bit; a liar drawn for each lane too."""
+    keys = {"vehicle": "single_integrator", "defence": "w_msr", "topology": "complete", "vehicles": 6}
+    keys |= {"engine": "exact", "attack": PATH | {"vehicles": {"random": 2}}}
+    by_law, as_told = (
+        results_of(**keys | {"attack": keys["attack"] | {"moves": moves}}).trajectories.sel(cell=0, sample=0)
+        for moves in ("by_law", "as_told")
+    )
+    liars = np.flatnonzero(by_law["attack"].values.any(axis=(0, 2)))
+    assert len(liars) == 2
+    np.testing.assert_array_equal(*(np.delete(each["states"].values, liars, 1) for each in (by_law, as_told)))
+    for liar in liars:
+        np.testing.assert_allclose(as_told["states"].values[:, liar], told(as_told["time"].values), atol=1e-9)
+        assert not np.allclose(by_law["states"].values[:, liar], as_told["states"].values[:, liar])
+
+
+def test_a_liar_drops_sources_by_its_own_place():
+    """Switches under W-MSR, counted by a plain program in which the liar's state is its path."""
+    keys = NOBODY_LEADS | {"vehicle": "single_integrator", "vehicles": 5, "defence": "w_msr"}
+    keys |= {"gain": [0.2], "tick": 1.0, "output_step": 1.0, "horizon": 12.0, "tail": 0.0}
+    starts = [[10.0, 7.0], [30.0, -20.0], [60.0, 31.0], [80.0, 2.0], [100.0, -9.0]]
+    keys |= {"initial": {"position": starts}, "attack": PATH | {"vehicles": [3], "moves": "as_told"}}
+    results = results_of(**keys)
+    x, before, switches = np.array(starts), None, 0
+    for time in range(13):
+        x[2] = told([time])[0]
+        kept, new = [], x.copy()
+        for i in range(5):
+            others = np.delete(x, i, axis=0)
+            axes = [subsequence(x[i, axis], others[:, axis], np.ones(4), set(), 1) for axis in (0, 1)]
+            kept.append([each for each, _ in axes])
+            new[i] = x[i] - 0.2 * (x[i] - [mean for _, mean in axes])
+        states = results.trajectories["states"].sel(cell=0, sample=0).values[time]
+        np.testing.assert_allclose(states, x, atol=1e-9)
+        switches += 0 if before is None else sum(a != b for a, b in zip(kept, before, strict=True))
+        x, before = new, kept
+    assert results.lanes["switches"].to_list() == [switches]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"attack": {"kind": "bias", "moves": "as_told"}}, "needs false messages"),
+        ({"attack": {"kind": "bias", "threat": "replaces", "moves": "as_told"}}, "state of two_wheeled"),
+        ({"attack": PATH | {"moves": "as_told"}, "topology": "star"}, "tell nothing of a vehicle"),
+        (
+            {"attack": {"kind": "bias", "threat": "replaces", "moves": "as_told", "listeners": "each"}},
+            "the same for all listeners",
+        ),
+    ],
+)
+def test_what_no_path_tells_is_refused(keys, message):
+    with pytest.raises(jaxnet.ConfigError, match=message):
+        jaxnet.load(keys)
