@@ -15,7 +15,7 @@ from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals
 from jaxnet.engine.stepper import States
 from jaxnet.engine.tick import DecisionState, Drive, Instants
-from jaxnet.model import control, signal
+from jaxnet.model import control, linearised, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -32,7 +32,7 @@ class FollowedLaw(NamedTuple):
     weights: AxisWeights
     factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
     jerk: Jerk | None  # held until the next tick
-    response: Vectors | None  # L⁻¹ d, or d under a local law, for a first guess of the jerk
+    response: Vectors | None  # L⁻¹ d, or d under a local law: for a first guess of the jerk, or a linearised law
     strength: RowShares | None = None  # of the rows of weights, under a local law
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
@@ -86,7 +86,8 @@ def follow_weights(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and factors, and the lanes that do not fail as disconnected.
 
-    `guesses` says whether the law needs the response for a first guess of the jerk.
+    `guesses` says whether the law needs the response for a first guess of the jerk. A linearised law always
+    needs the response.
     """
     drive = tick.drive(lane, decided, plan)
     if lane.law.local:
@@ -95,7 +96,7 @@ def follow_weights(
         return FollowedLaw(drive.weights, None, None, vectors, drive.strength), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None)
-    if guesses:
+    if guesses or lane.law.linearised:
         followed = followed._replace(response=response(drive.vectors, followed, network))
     if drive.coasting is None:
         return followed, residual < CONNECTED
@@ -153,3 +154,13 @@ def law_jerk(
     if decided.coasting is not None:
         demand = demand + decided.coasting.drive
     return network.solver.apply(network.hearing, followed.factors, demand, start)
+
+
+def linearised_inputs(
+    lane: Lane, followed: FollowedLaw, decided: DecisionState, now: Signals, states: States
+) -> Float[Array, "2 m lanes"]:
+    """Return the inputs of a linearised law: with `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
+    drive = signal.combined(followed.response, now.drive)
+    if decided.noise is not None:
+        drive = drive - control.feedback(lane.gain, decided.noise)
+    return linearised.inputs(lane, states, now.navigator, drive)

@@ -34,6 +34,11 @@ class Lane(NamedTuple):
     loss: Any = None  # None where every message arrives
     strength: RowStrength | None = None  # of rows; None where it is 1
 
+    @property
+    def singular(self) -> bool:
+        """Return whether the law is singular where `vehicle.margin` is 0."""
+        return bool(self.vehicle.singular) and not self.law.linearised
+
     def basis(self, time: Numbers) -> Basis:
         """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""
         return up_to(len(self.gain), self.signal.basis, time)

@@ -57,7 +57,9 @@ class Loss(DrawsAtTicks):
         raise KindError(f"{self.kind}: a loss gives lost(self, messages, memory)")
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if messages can be lost and the scenario has no ticks, or a defence announces."""
+        """Yield a fault if messages can be lost and the scenario has no ticks, a defence announces, or the law
+        knows no drive that a vehicle could keep.
+        """
         if self.perfect():
             return
         if scenario.tick == 0:
@@ -65,3 +67,6 @@ class Loss(DrawsAtTicks):
         if scenario.defence.announcing():
             message = "a defence by announcements needs every message: give loss: none, or another defence"
             yield Fault(("channel.loss", "defence"), message)
+        if scenario.law.linearised:
+            message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none, or law: exact"
+            yield Fault(("channel.loss", "law"), message)
