@@ -32,7 +32,9 @@ class FollowedLaw(NamedTuple):
     weights: AxisWeights
     factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
     jerk: Jerk | None  # held until the next tick
-    response: Vectors | None  # L⁻¹ d, or d under a local law: for a first guess of the jerk, or a linearised law
+    response: (
+        Vectors | None
+    )  # L⁻¹ d, or d under a local law: for a first guess of the jerk, or a linearised law
     strength: RowShares | None = None  # of the rows of weights, under a local law
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:

@@ -19,7 +19,7 @@ from jaxnet.model.plane import Plane
 VehicleStates = Float[Array, "n m lanes"]
 
 
-def inputs(
+def inputs_near_navigator(
     lane: Lane, states: VehicleStates, navigator: Float[Array, "derivatives 2 lanes"], drive: Plane
 ) -> Plane:
     """Return the inputs (2, m, lanes) of vehicles with these states.

@@ -39,5 +39,9 @@ def gap_of_theory(scenario: Scenario, known: Situation) -> str:
     if scenario.attack.identities() > 1:
         return "attacked vehicles have several identities"
     if not scenario.law.solved:
-        return "the law holds the jerk between ticks" if scenario.law.holds else f"the law is {scenario.law.kind}"
+        return (
+            "the law holds the jerk between ticks"
+            if scenario.law.holds
+            else f"the law is {scenario.law.kind}"
+        )
     return "" if known.retained is not None else "the defence may retain any neighbour"

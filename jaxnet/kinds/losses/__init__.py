@@ -68,5 +68,7 @@ class Loss(DrawsAtTicks):
             message = "a defence by announcements needs every message: give loss: none, or another defence"
             yield Fault(("channel.loss", "defence"), message)
         if scenario.law.linearised:
-            message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none, or law: exact"
+            message = (
+                f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none, or law: exact"
+            )
             yield Fault(("channel.loss", "law"), message)
