@@ -47,10 +47,8 @@ def draw(table: pd.DataFrame) -> None:
         drawn, (panel,) = multiples.panel_grid([{}], across, up, style.FIGURE_WIDTH / 2, 1.9)
         looks = zip(table.groupby("law", sort=False), style.SERIES_STYLES, strict=False)
         for (law, mine), look in looks:
-            off = [mine["share"] - mine["low"], mine["high"] - mine["share"]]
-            panel.errorbar(
-                mine["half-width"], mine["share"], off, marker="o", markersize=3, label=law, **look
-            )
+            share, look = mine["share"], {"marker": "o", "markersize": 3, "label": law, **look}
+            panel.errorbar(mine["half-width"], share, [share - mine["low"], mine["high"] - share], **look)
         panel.set_ylim(-0.02, 1.02)
         panel.legend(title="law")
         drawn.savefig(FIGURE, format="png", dpi=150)

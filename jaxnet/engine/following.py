@@ -32,9 +32,7 @@ class FollowedLaw(NamedTuple):
     weights: AxisWeights
     factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
     jerk: Jerk | None  # held until the next tick
-    response: (
-        Vectors | None
-    )  # L⁻¹ d, or d under a local law: for a first guess of the jerk, or a linearised law
+    response: Vectors | None  # L⁻¹ d, or d under a local law; for a linearised law or a first guess
     strength: RowShares | None = None  # of the rows of weights, under a local law
 
     def guess(self, lane: Lane, now: Signals, own: Jets) -> Jerk | None:
@@ -165,4 +163,4 @@ def linearised_inputs(
     drive = signal.combined(followed.response, now.drive)
     if decided.noise is not None:
         drive = drive - control.feedback(lane.gain, decided.noise)
-    return linearised.inputs(lane, states, now.navigator, drive)
+    return linearised.inputs_near_navigator(lane, states, now.navigator, drive)
