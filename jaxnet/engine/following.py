@@ -92,12 +92,14 @@ def follow_weights(
     drive = tick.drive(lane, decided, plan)
     if lane.law.local:
         everybody = jnp.ones(lane.attack_scale.shape, bool)
-        vectors = response(drive.vectors, FollowedLaw(drive.weights, None, None, None), network)
+        vectors = control.drive_vectors(lane.gain, drive.vectors)
+        vectors = response(vectors, FollowedLaw(drive.weights, None, None, None), network)
         return FollowedLaw(drive.weights, None, None, vectors, drive.strength), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None)
     if guesses or lane.law.linearised:
-        followed = followed._replace(response=response(drive.vectors, followed, network))
+        vectors = control.drive_vectors(lane.gain, drive.vectors)
+        followed = followed._replace(response=response(vectors, followed, network))
     if drive.coasting is None:
         return followed, residual < CONNECTED
     return followed, ~tick.disconnected(lane, network, decided, plan)
@@ -149,7 +151,7 @@ def law_jerk(
     if lane.law.local:
         drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, followed.strength)
         return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis)
-    attack = signal.combined(vectors, now.drive)
+    attack = signal.combined(control.drive_vectors(lane.gain, vectors), now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if decided.coasting is not None:
         demand = demand + decided.coasting.drive

@@ -510,7 +510,7 @@ def exchange(
     if lane.law.local:
         demand = followed_demand(lane, network, drive, own, told.navigator, told.basis)
     else:
-        attack = signal.combined(drive.vectors, told.functions)
+        attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
     if drive.coasting is not None and not lane.law.local:
         demand = jnp.where(drive.coasting.vehicles[None], last, demand)

@@ -43,7 +43,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     weights = weights_of(scenario, draw, sources)
-    gain, loss = draw.several(scenario.gain, "gain"), scenario.channel.loss
+    matrices, loss = scenario.gain_matrices, scenario.channel.loss
+    gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.model.control import Gain
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.shapes import Numbers
 from jaxnet.model.signal import Basis, up_to
@@ -20,7 +21,7 @@ class Lane(NamedTuple):
 
     initial: Float[Array, "n m *lanes"]
     weights: Float[Array, "slots m *lanes"]
-    gain: Float[Array, "r *lanes"]
+    gain: Gain
     law: Any
     vehicle: Any
     navigator: Any

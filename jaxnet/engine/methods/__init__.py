@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     Clock = Inputs = Network = Outcome = Plan = Any
 
-LaneGainRows = Float[np.ndarray, "lanes r"]
+LaneGainRows = Float[np.ndarray, "lanes r 2 2"] | Float[np.ndarray, "lanes r"]
 LaneCount = Int[Any, ""] | int
 
 
@@ -38,6 +38,7 @@ class Engine(Kind):
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     integrates: ClassVar[bool] = True  # whether the engine integrates states, also those no output determines
+    by_functions: ClassVar[bool] = False  # whether all drives are functions of time alike on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
 
