@@ -28,7 +28,7 @@ class LinearisedLaw(Law):
     linearised: ClassVar[bool] = True
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault where vehicles may keep a drive, where a state is unknown, or where nobody leads."""
+        """Yield a fault where vehicles may keep a drive, or where the navigator's state is unknown."""
         yield from super().faults(scenario)
         if scenario.defence.coasts():
             message = f"{self.kind} knows no drive that a vehicle could keep: give isolated: fail"

@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Len
@@ -22,7 +22,7 @@ NODES, SHARES = (np.polynomial.legendre.leggauss(8)[0] + 1) / 2, np.polynomial.l
 MOST_TURN = 0.5  # [rad] within a piece, over which the quadrature is exact to rounding
 SPEED, TURN_RATE = slice(0, 4), slice(4, 8)  # coefficients; then heading, x, y
 
-Pieces = Float[np.ndarray, "11 pieces"]  # numbers of each piece of the path, all of the same duration
+Pieces = tuple[Float[Any, "11 pieces *lanes"], Float[Any, "*lanes"] | float]
 
 
 class Driven(Navigator):
@@ -35,12 +35,11 @@ class Driven(Navigator):
 
     kind = "driven"
     words = "driven robot"
-    untraced: ClassVar[frozenset[str]] = frozenset({"label"})
 
-    speed: Annotated[list[float], Len(2, 10_000)] = Field(
+    speed: Annotated[list[float], Len(2)] = Field(
         default=[20.0, 20.0], description="[m/s], at the times 0, `every`, 2 `every`, …; below 0 backwards"
     )
-    turn_rate: Annotated[list[float], Len(2, 10_000)] = Field(
+    turn_rate: Annotated[list[float], Len(2)] = Field(
         default=[0.4, 0.4], description="[rad/s], at the same times; above 0 to the left"
     )
     every: float = Field(default=60.0, gt=0, description="[s], from one value to the next")
@@ -48,23 +47,20 @@ class Driven(Navigator):
     heading: float = Field(default=0.0, description="[rad], at t = 0, from the first axis")
 
     def pieces(self) -> Pieces:
-        """Return the numbers of each piece of the path."""
+        """Return the numbers of each piece of the path, and the duration of a piece [s]."""
+        drawn = vars(self)
+        if "table" in drawn:
+            return drawn["table"], drawn["duration"]
         return pieces_of(tuple(self.speed), tuple(self.turn_rate), self.every, *self.position, self.heading)
 
     def drawn(self, draw: LaneDraw, name: str) -> "Driven":
         """Return the path with its pieces as arrays, lanes last."""
-        pieces = self.pieces()
-        duration = self.every * (len(self.speed) - 1) / pieces.shape[1]
-        table = np.moveaxis(draw.same(pieces), 0, -1)
-        return self.filled({"table": table, "duration": draw.same(duration)})
+        table, duration = self.pieces()
+        return self.filled({"table": np.moveaxis(draw.same(table), 0, -1), "duration": draw.same(duration)})
 
     def jets(self, time: AnyTimes) -> PathJets:
         """Return the position by quadrature, and its derivatives from v, ω and their derivatives."""
-        known = vars(self)
-        if "table" not in known:
-            pieces = self.pieces()
-            return jets_in(pieces, self.every * (len(self.speed) - 1) / pieces.shape[1], time)
-        return jets_in(known["table"], known["duration"], time)
+        return jets_in(*self.pieces(), time)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault of lists of unequal lengths, or that end before the horizon."""
@@ -84,25 +80,30 @@ class Driven(Navigator):
 def pieces_of(
     speed: tuple[float, ...], turn_rate: tuple[float, ...], every: float, x: float, y: float, heading: float
 ) -> Pieces:
-    """Return the numbers of each piece: coefficients of v and ω, and heading and position where it begins.
+    """Return the numbers of each piece, and the duration of a piece [s].
 
-    Pieces are parts of the intervals between values, within which the robot turns by MOST_TURN at most.
+    The numbers are the coefficients of v and ω, and heading and position where the piece begins. Pieces are
+    parts of the intervals between values, within which the robot turns by MOST_TURN at most.
     """
     from scipy.interpolate import CubicSpline
 
-    splines = CubicSpline(every * np.arange(len(speed)), np.stack([speed, turn_rate], axis=1))
-    dense = splines(np.linspace(0.0, every * (len(speed) - 1), 16 * len(speed)))[:, 1]
-    parts = max(1, math.ceil(every * np.abs(dense).max() / MOST_TURN))
-    starts = every / parts * np.arange(parts * (len(speed) - 1))
-    rows = [splines(starts, k) / math.factorial(k) for k in range(4)]
-    coefficients = np.stack(rows).transpose(2, 0, 1).reshape(8, -1)
-    table = np.concatenate([coefficients, np.zeros((3, len(starts)))])
-    heading_after, *moved = after(table, np.full(len(starts), every / parts))
-    table[8] = heading + np.concatenate([[0.0], np.cumsum(heading_after)[:-1]])
-    moved = after(table, np.full(len(starts), every / parts))[1:]
-    for row, first, change in zip((9, 10), (x, y), moved, strict=True):
-        table[row] = first + np.concatenate([[0.0], np.cumsum(change)[:-1]])
-    return table
+    intervals = len(speed) - 1
+    splines = CubicSpline(every * np.arange(intervals + 1), np.stack([speed, turn_rate], axis=1))
+    fastest = np.abs(splines(np.linspace(0.0, every * intervals, 16 * intervals + 1))[:, 1]).max()
+    parts = max(1, math.ceil(every * fastest / MOST_TURN))
+    duration = every / parts
+    starts = duration * np.arange(parts * intervals)
+    rows = [splines(starts, k) / math.factorial(k) for k in range(3)]
+    rows.append(splines(starts + duration / 2, 3) / 6)  # which jumps from value to value
+    table = np.concatenate([np.stack(rows).transpose(2, 0, 1).reshape(8, -1), np.zeros((3, len(starts)))])
+
+    def accumulated(first: float, changes: np.ndarray) -> np.ndarray:
+        return first + np.concatenate([[0.0], np.cumsum(changes[:-1])])
+
+    table[8] = accumulated(heading, polynomial_jets(table[TURN_RATE], duration)[0])
+    _, *changes = after(table, np.full(len(starts), duration))
+    table[9:] = [accumulated(*each) for each in zip((x, y), changes, strict=True)]
+    return table, duration
 
 
 def polynomial_jets(coefficients: Any, time: Any) -> tuple[Any, Any, Any, Any]:
