@@ -135,7 +135,7 @@ NUMBERS = [
 KINDS = [
     Bad("law: {kind: rounds, →rounds: 0}", "law.rounds", "must be at least 1 (got 0)"),
     Bad("law: {kind: rounds, →round: 2}", "law.round", "did you mean 'rounds'?"),
-    Bad("→law: round", "law.kind", "must be one of exact, local, rounds"),
+    Bad("→law: round", "law.kind", "must be one of exact, linearised, local, rounds"),
     Bad("→law: rounds\n→tick: 0", "law|tick", "rounds holds the jerk from tick to tick: give a tick"),
     Bad("→engine: stacked\nlaw: rounds", "engine", "the stacked engine cannot hold a jerk"),
     Bad("→topology: sta", "topology|topology.kind", "did you mean 'star'?"),
@@ -172,7 +172,7 @@ KINDS = [
     Bad(
         "→navigator: circle",
         "navigator|navigator.kind",
-        'one of lissajous, none, or module:Class (got "circle")',
+        'one of driven, lissajous, none, or module:Class (got "circle")',
     ),
     Bad("navigator: {→amplitude: 3}", "navigator.amplitude", "must be a list (got 3)"),
     Bad("navigator: {→phase: [0, 0, 0]}", "navigator.phase", "2 entries (got [0, 0, 0])"),

@@ -20,21 +20,25 @@ from jaxnet.kinds import registry
 from jaxnet.outside import provenance
 from jaxnet.runs import cluster
 from jaxnet.view import page
+from tests.systems import of_slots
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
 
 
 def blocks():
-    """Blocks of code of the page, in order: module, study, a module of a loss, the script, and its end."""
+    """Blocks of code of the page, in order: module, study, modules of weights and of a loss, the script, and
+    its end.
+    """
     return BLOCK.findall((ROOT / "docs" / "extending.md").read_text())
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with the page's module and study, and nothing else; its module is nobody else's."""
-    module, study, loss, *script = blocks()
+    module, study, weights, loss, *script = blocks()
     (tmp_path / "my_losses.py").write_text(loss)
+    (tmp_path / "my_weights.py").write_text(weights)
     (tmp_path / "my_kinds.py").write_text(module)
     (tmp_path / "study.yaml").write_text(study)
     (tmp_path / "script.py").write_text("".join(script))
@@ -332,6 +336,22 @@ def test_a_strangers_loss_decides_which_messages_arrive(folder):
     config, counts = found.study.config, found.lanes.groupby("channel.loss.radius")["unheard"]
     pairs = config.vehicles * (round(config.horizon / config.tick) + 1)
     assert counts.unique().map(list).tolist() == [[pairs], [0]]
+
+
+def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):
+    """Errors settle where the system with weights `1/n` of the n retained sources puts them."""
+    monkeypatch.syspath_prepend(folder)
+    keys = {"vehicles": 7, "topology": {"kind": "lattice", "neighbours": 4}, "vehicle": "single_integrator"}
+    keys |= {"attack": {"kind": "bias", "vehicles": [3, 4], "magnitude": 8.0}, "engine": "exact"}
+    keys |= {"horizon": 40.0, "output_step": 1.0, "save": {"trajectories": "all"}}
+    keys |= {"defence": "my_weights:Equal"}
+    data = jaxnet.simulate(keys, progress=False).trajectories.sel(cell=0, sample=0).isel(time=-1)
+    heard = of_slots(data["kept"].values, data["source"].values) > 0
+    assert (heard.sum(axis=1) == 4).all()  # of five sources
+    W = (heard / 4)[:, 1:]
+    settled = np.linalg.solve(np.eye(7) - W, W @ data["attack"].values)
+    assert np.abs(settled).max() > 1.0
+    np.testing.assert_allclose(data["states"].values - data["navigator"].values, settled, rtol=0, atol=1e-9)
 
 
 def test_kinds_of_installed_packages_and_of_the_script_itself(tmp_path):

@@ -147,6 +147,8 @@ REFERENCES = {
     "ChosenVehicles": "{choose: n}",
     "Table": "a list of lists",
     "EachPosition": "a list of places",
+    "AxisGains": "a list for each axis",
+    "MatrixGains": "a list of 2 × 2 matrices",
     "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",

@@ -141,7 +141,7 @@ def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
 def settle_gain(scenario: AnyScenario) -> AnyScenario:
     """Return the scenario with the binomial gain of its vehicle, unless the gain has as many numbers."""
     order = scenario.vehicle.order
-    if len(scenario.gain) == order:
+    if scenario.order_of_gain == order:
         return scenario
     return scenario.model_copy(update={"gain": [float(math.comb(order, k)) for k in range(order)]})
 

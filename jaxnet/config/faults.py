@@ -10,6 +10,7 @@ from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.outside import blame
+from jaxnet.theory import exact
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8
@@ -146,11 +147,23 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     if scenario.channel.missing != "drop" and not scenario.law.solved:
         message = "drop is all that a law can do whose vehicles hold a derivative or know only jets"
         yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
+    yield from world_faults(scenario)
     if scenario.channel.delay > 0:
         yield from delay_faults(scenario)
     if scenario.attack.periods() and scenario.attack.splits() and len(scenario.topology.turns()) > 1:
         message = "other vehicles cannot be attacked from given times on where networks take turns"
         yield Fault(("attack.vehicles", "topology"), f"{message} and links are split")
+
+
+def world_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield a fault where a law or gain does not know what words become on their way."""
+    channel, networks = scenario.channel, len(scenario.topology.turns())
+    known = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
+    if scenario.law.linearised and not (known and networks == 1):
+        told = "linearised knows no noise, delay or stand-in of words, and one network"
+        yield Fault(("law", "channel"), told)
+    if scenario.gain_matrices is not None and not known:
+        yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
 
 
 def delay_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -216,19 +229,41 @@ def time_faults(scenario: Scenario) -> Iterator[Fault]:
 
 def gain_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault unless `s^r + … + k1 s + k0` is Hurwitz for every draw of the gains."""
-    order = scenario.vehicle.order
-    if len(scenario.gain) != order:
-        message = f"must be {order}, one for each order of {scenario.vehicle.kind} (got {len(scenario.gain)})"
+    order, given, matrices = scenario.vehicle.order, scenario.order_of_gain, scenario.gain_matrices
+    if given != order:
+        message = f"must be {order}, one for each order of {scenario.vehicle.kind} (got {given})"
         yield Fault(("gain", "vehicle"), message)
+        return
+    if matrices is not None:
+        yield from matrix_faults(scenario, matrices)
         return
     worst = least_stable(scenario.gain)
     if not (min(worst) > 0 and is_hurwitz(worst)):
-        roots = np.sort_complex(np.roots([1.0, *worst[::-1]]))
-        eigenvalues = ", ".join(f"{root.real:.3g}{root.imag:+.3g}j" for root in roots)
+        eigenvalues = eigenvalue_text(np.roots([1.0, *worst[::-1]]))
         drawn = f" where {shorten_value(worst)} is drawn" if any(map(is_drawn, scenario.gain)) else ""
         yield Fault(
             ("gain",), f"unstable: eigenvalues {eigenvalues}{drawn} (got {shorten_value(scenario.gain)})"
         )
+
+
+def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
+    """Yield faults of gains that are matrices: an unstable closed loop, or an engine that lacks them."""
+    eigenvalues = np.linalg.eigvals(exact.companion(matrices))
+    if not eigenvalues.real.max() < 0:
+        got = shorten_value(scenario.gain)
+        yield Fault(("gain",), f"unstable: eigenvalues {eigenvalue_text(eigenvalues)} (got {got})")
+    coasts = scenario.defence.coasts() or not scenario.channel.loss.perfect()
+    alone = coasts or not scenario.sensing.exact() or not scenario.attack.consistent()
+    if scenario.law.solved and scenario.engine.by_functions and alone:
+        message = (
+            f"the {scenario.engine.kind} engine takes gains by axis only without errors of sensors, losses,"
+        )
+        yield Fault(("gain", "engine"), f"{message} isolated: coast, and attacks of some orders alone")
+
+
+def eigenvalue_text(eigenvalues: np.ndarray) -> str:
+    """Return eigenvalues in words, in ascending order."""
+    return ", ".join(f"{each.real:.3g}{each.imag:+.3g}j" for each in np.sort_complex(eigenvalues))
 
 
 def position_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -240,7 +275,12 @@ def position_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def fastest_rate(scenario: Scenario) -> float:
-    """Return the greatest absolute value of an eigenvalue of the law [1/s], at the greatest gains drawn."""
+    """Return the greatest absolute value of an eigenvalue of the law [1/s], at the greatest gains drawn.
+
+    It is 0 for gains that are refused here.
+    """
+    if scenario.gain_matrices is not None:
+        return 0.0
     greatest = [value_range(each)[1] for each in scenario.gain]
     return float(np.abs(np.roots([1.0, *greatest[::-1]])).max())
 

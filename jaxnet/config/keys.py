@@ -7,6 +7,7 @@ The tables of `docs/config.md` are made from these models. A model checks one ke
 import re
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Len
 from pydantic import AfterValidator, BaseModel, Discriminator, Field, GetCoreSchemaHandler, PrivateAttr
 from pydantic_core import PydanticCustomError, core_schema
@@ -19,7 +20,19 @@ from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
 from jaxnet.kinds.family import KindOf
-from jaxnet.kinds.fields import MARK, PI, Number, Positions, Positive, Record, Uniform, ordered, union_member
+from jaxnet.kinds.fields import (
+    MARK,
+    PI,
+    Gains,
+    Number,
+    Positions,
+    Positive,
+    Record,
+    Uniform,
+    is_drawn,
+    ordered,
+    union_member,
+)
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.kind import KindError
@@ -115,10 +128,11 @@ class Scenario(Record):
     navigator: Annotated[Navigator, KindOf("navigator"), Field(description="the path to track")] = Lissajous()
     vehicle: Annotated[Vehicle, KindOf("vehicle"), Field(description="what moves")] = TwoWheeled()
     initial: Annotated[Initial, Field(description="where the vehicles start")] = Initial()
-    gain: Annotated[list[Number], Len(1, 4)] = Field(
+    gain: Gains = Field(
         default=[1.0, 3.0, 3.0],
         description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial by default:"
-        " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]",
+        " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or for each order a 2 × 2"
+        " matrix, which couples the axes",
     )
     law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
     attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (
@@ -136,6 +150,21 @@ class Scenario(Record):
         default=[],
         description="what rows measure besides what all do; without a navigator also spread and outside",
     )
+
+    @property
+    def gain_matrices(self) -> np.ndarray | None:
+        """The gain as 2 × 2 matrices (r, 2, 2); None where it is a number for each order."""
+        return None if isinstance(self.gain, list) else self.gain.matrices()
+
+    @property
+    def order_of_gain(self) -> int:
+        """The order r of vehicles with this gain."""
+        return len(self.gain if self.gain_matrices is None else self.gain_matrices)
+
+    @property
+    def draws_gain(self) -> bool:
+        """Whether lanes have gains of their own."""
+        return self.gain_matrices is None and any(map(is_drawn, self.gain))
 
     def measured(self) -> tuple[Metric, ...]:
         """Return all metrics of a row."""

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.kinds.fields import is_drawn
 from jaxnet.model import hearing
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
@@ -149,7 +148,7 @@ def with_sybils(
 
 def differs_by_lane(scenario: Scenario) -> bool:
     """Return whether lanes have graphs, weights or gains of their own, and therefore bounds of their own."""
-    return scenario.topology.differs() or any(map(is_drawn, scenario.gain))
+    return scenario.topology.differs() or scenario.draws_gain
 
 
 def has_ticks(scenario: Scenario) -> bool:

@@ -104,7 +104,7 @@ def norm(vectors: Vectors) -> Float[Array, "m lanes"]:
 
 def greatest_drive(gain: control.Gain, sizes: Float[Array, "derivatives lanes"]) -> Float[Array, "1 lanes"]:
     """Return a bound on R of a signal, from bounds on the signal and its derivatives."""
-    return control.driven(gain, sizes)[None]
+    return control.driven(control.norms(gain), sizes)[None]
 
 
 def stood_held(vehicle: Any, jets: Jets, held: Vectors, interval: Any) -> LaneFlags:

@@ -16,13 +16,15 @@ SHARES = np.polynomial.legendre.leggauss(8)[1] / 2
 TERMS = 18  # terms of the exponential's series; 1/18! is under rounding
 
 Durations = Float[Array, "lanes"]
-Transition = Float[Array, "r r lanes"]  # expm(A_c h)
+Transition = Float[Array, "r r 2 2 lanes"] | Float[Array, "r r lanes"]  # expm(A_c h)
 Effect = Float[Array, "r functions lanes"]  # g, the functions of G, with derivatives below the order r
 Responses = Float[Array, "nodes r lanes"]  # expm(A_c (1 - x) h) B at the NODES x
 
 
 def propagate(flow: Transition, jets: Any) -> tuple[Any, ...]:
     """Return `expm(A_c h)` times a signal and its derivatives below the order r, each (..., lanes)."""
+    if flow.ndim > 3:
+        return tuple(control.feedback(row, jets) for row in flow)
     alike = (None,) * (jets[0].ndim - 1)
 
     def row_times(row: Float[Array, "r lanes"]) -> Any:
@@ -56,17 +58,24 @@ def power(time: Durations, n: int) -> Durations:
 
 def longest(gain: control.Gain) -> Durations:
     """Return a time [s] over which the series of `brief` is exact to rounding."""
-    return 1.0 / jnp.maximum(1.0, jnp.abs(gain).sum(axis=0))
+    return 1.0 / jnp.maximum(1.0, control.norms(gain).sum(axis=0))
 
 
 def brief(gain: control.Gain, time: Durations) -> Transition:
     """Return the flow over a time [s] of at most `longest`, forward or back, by its power series."""
-    identity = jnp.broadcast_to(jnp.eye(len(gain))[:, :, None], (len(gain), *gain.shape))
+    coupled = control.is_matrix(gain)
+    one = jnp.eye(len(gain))[:, :, None]
+    if coupled:
+        one = one[..., None, None] * jnp.eye(2)[None, None, :, :, None]
+    identity = jnp.broadcast_to(one, (len(gain), *gain.shape))
 
     def add(term: Any, total: Transition) -> Transition:
-        last = -(gain[:, None] * total).sum(axis=0)
+        if coupled:
+            last = -jnp.einsum("kabl,kcbdl->cadl", gain, total)
+        else:
+            last = -(gain[:, None] * total).sum(axis=0)
         shifted = jnp.stack([*total[1:], last])
-        return identity + (time / (TERMS - term).astype(float))[None, None] * shifted
+        return identity + (time / (TERMS - term).astype(float))[(None,) * gain.ndim] * shifted
 
     return jax.lax.fori_loop(0, TERMS, add, identity)
 

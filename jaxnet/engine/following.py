@@ -15,7 +15,7 @@ from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.signals import Signals
 from jaxnet.engine.stepper import States
 from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive
-from jaxnet.model import control, signal
+from jaxnet.model import control, linearised, signal
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -32,7 +32,7 @@ class FollowedLaw(NamedTuple):
     weights: AxisWeights
     factors: Any  # by the network's solver, of these weights' Laplacian; None where none is solved for
     jerk: Jerk | None  # held until the next tick
-    response: Vectors | None  # L⁻¹ d, or d under a local law, for a first guess of the jerk
+    response: Vectors | None  # L⁻¹ d, or d under a local law; for a linearised law or a first guess
     strength: RowShares | None = None  # of the rows of weights, under a local law
     known: KnownDrive | None = None  # what words add that are not live
 
@@ -87,17 +87,20 @@ def follow_weights(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and factors, and the lanes that do not fail as disconnected.
 
-    `guesses` says whether the law needs the response for a first guess of the jerk.
+    `guesses` says whether the law needs the response for a first guess of the jerk. A linearised law always
+    needs the response.
     """
     drive = tick.drive(lane, decided, plan)
     if lane.law.local:
         everybody = jnp.ones(lane.attack_scale.shape, bool)
-        vectors = response(drive.vectors, FollowedLaw(drive.weights, None, None, None), network)
+        vectors = control.drive_vectors(lane.gain, drive.vectors)
+        vectors = response(vectors, FollowedLaw(drive.weights, None, None, None), network)
         return FollowedLaw(drive.weights, None, None, vectors, drive.strength, drive.known), everybody
     factors, residual = network.solver.factorise(network.hearing, drive.weights)
     followed = FollowedLaw(drive.weights, factors, None, None, known=drive.known)
-    if guesses:
-        followed = followed._replace(response=response(drive.vectors, followed, network))
+    if guesses or lane.law.linearised:
+        vectors = control.drive_vectors(lane.gain, drive.vectors)
+        followed = followed._replace(response=response(vectors, followed, network))
     if drive.known is None:
         return followed, residual < CONNECTED
     return followed, ~tick.disconnected(lane, network, decided, plan)
@@ -150,8 +153,18 @@ def law_jerk(
         rest = followed.strength, followed.known
         drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, *rest)
         return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis)
-    attack = signal.combined(vectors, now.drive)
+    attack = signal.combined(control.drive_vectors(lane.gain, vectors), now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if followed.known is not None:
         demand = demand + followed.known.at(now.time)
     return network.solver.apply(network.hearing, followed.factors, demand, start)
+
+
+def linearised_inputs(
+    lane: Lane, followed: FollowedLaw, decided: DecisionState, now: Signals, states: States
+) -> Float[Array, "2 m lanes"]:
+    """Return the inputs of a linearised law: with `z - R(y_0) = L⁻¹ d - P(n)` for the sensors' errors n."""
+    drive = signal.combined(followed.response, now.drive)
+    if decided.noise is not None:
+        drive = drive - control.feedback(lane.gain, decided.noise)
+    return linearised.inputs_near_navigator(lane, states, now.navigator, drive)

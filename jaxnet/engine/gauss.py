@@ -131,7 +131,11 @@ class Linear(NamedTuple):
 
 
 def linear(gain: control.Gain, length: Times) -> Linear:
-    """Return the equations for the gains of P and a window's length [s]."""
+    """Return the equations for the gains of P and a window's length [s].
+
+    Of gains that are matrices the equations take the mean of the axes.
+    """
+    gain = (gain[:, 0, 0] + gain[:, 1, 1]) / 2 if control.is_matrix(gain) else gain
     identity = matrix = jnp.eye(STAGES)[..., None]
     for order, each in zip(range(len(gain), 0, -1), gain, strict=True):
         matrix = (

@@ -14,7 +14,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxnet.engine import multirate, stepper, tick
-from jaxnet.engine.following import FollowedLaw, Following, exchanged, follow_weights, law_jerk
+from jaxnet.engine.following import (
+    FollowedLaw,
+    Following,
+    exchanged,
+    follow_weights,
+    law_jerk,
+    linearised_inputs,
+)
 from jaxnet.engine.loop import LaneFlags, Tick, Ticks
 from jaxnet.engine.plan import Plan
 from jaxnet.engine.signals import Signals, signals
@@ -138,7 +145,7 @@ class Integration(Following[IntegrationState]):
         states = jnp.where(kept[None, None], trial.state, state.state)
         stuck = going & ~kept & (proposed <= stepper.LEAST_RELATIVE_STEP * jnp.maximum(goal, 1.0))
         arrived = kept & (end == goal)
-        if lane.vehicle.singular:
+        if lane.singular:
             ahead = lane.vehicle.margin(states) * jnp.sign(lane.vehicle.margin(lane.initial))
             status = fail(status, Status.singular, going & (ahead < LEAST_MARGIN).any(axis=0))
         status = fail(status, Status.nonfinite, stuck & ~trial.finite)
@@ -173,6 +180,8 @@ def vector_field(
         errors = plane.relative(lane.vehicle.output_jets(states), now.navigator)
         chosen = tick.decide(lane, network, plan, before, errors, now.basis, now.time)
         followed, _ = follow_weights(lane, network, chosen, plan, network.solver.starts)
+    if lane.law.linearised:
+        return lane.vehicle.motion(states, linearised_inputs(lane, followed, decided, now, states))
     own = tick.sensed(lane.vehicle.output_jets(states), decided.noise)
     jerk = law_jerk(lane, network, followed, decided, now, own, followed.guess(lane, now, own))
     return lane.vehicle.motion(states, lane.vehicle.inputs_for(states, jerk))

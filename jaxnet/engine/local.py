@@ -104,7 +104,7 @@ def after_span(
     `2 s Σ k` at most in absolute value, which bounds the rates.
     """
     strength = 1.0 if drive.strength is None else drive.strength.max(axis=(0, 1))
-    rate = jnp.maximum(1.0, 2 * strength * jnp.abs(lane.gain).sum(axis=0))
+    rate = jnp.maximum(1.0, 2 * strength * control.norms(lane.gain).sum(axis=0))
     needed = jnp.ceil(jnp.abs(span) * rate / LONGEST)
     pieces = jnp.maximum(1, jnp.where(jnp.isfinite(needed), needed, 1.0).max().astype(int))
     piece = span / pieces.astype(float)

@@ -172,7 +172,7 @@ def status_at_start(lane: Lane) -> Code:
 
 def is_singular(lane: Lane, states: States) -> LaneFlags:
     """Return the lanes in which a vehicle with these states is singular."""
-    if not lane.vehicle.singular:
+    if not lane.singular:
         return jnp.zeros(lane.attack_scale.shape, bool)
     return (jnp.abs(lane.vehicle.margin(states)) < LEAST_MARGIN).any(axis=0)
 

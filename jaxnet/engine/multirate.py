@@ -59,10 +59,12 @@ def suits(lane: Lane, plan: Plan) -> bool:
     """Return whether vehicles of these lanes may step alone.
 
     Vehicles that decide inside the vector field may not, because the received signals then jump. Vehicles
-    whose kind has parameters vehicle by vehicle may not either.
+    whose kind has parameters vehicle by vehicle may not either, nor vehicles under a linearised law, which
+    asks for no `z - P(y)`.
     """
     of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
-    return choice.few_step_alone(lane.initial.shape[1]) and of_lanes and not plan.in_field
+    asks = of_lanes and not plan.in_field and not lane.law.linearised
+    return choice.few_step_alone(lane.initial.shape[1]) and asks
 
 
 def refined(

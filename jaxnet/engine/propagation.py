@@ -103,7 +103,10 @@ class Propagation(Motion[PropagationState]):
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
-        """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
+        """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s].
+
+        x in the state is what Φ acts on.
+        """
         raise NotImplementedError
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
@@ -116,7 +119,7 @@ class Propagation(Motion[PropagationState]):
         """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
         flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
         moved = signal.jets(self.forced(state), forcing)
-        now = now._replace(jets=plane.plus(propagate(flow, state.jets), moved))
+        now = now._replace(jets=plane.plus(propagate(flow, now.jets), moved))
 
         if not self.lane.vehicle.singular:
             return now, status, jnp.ones_like(now.straight)
@@ -208,10 +211,12 @@ class Solved(Propagation):
 
     def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
+        gain = self.lane.gain
         path, functions = (
-            control.driven(self.lane.gain, jets) for jets in (self.navigator(state), state.basis)
+            control.driven(gain, self.navigator(state)),
+            control.drive_functions(gain, state.basis),
         )
-        return path[:, None] + signal.combined(state.vectors, functions)
+        return path[:, None] + signal.combined(control.drive_vectors(gain, state.vectors), functions)
 
     def over_tick(
         self, state: PropagationState, time: Instants
@@ -224,8 +229,13 @@ class Solved(Propagation):
             interval, before = self.clock.interval, state.effect
             effect = barrier(passed_on(before, flow, self.responses, driven, state.time, interval))
         now = basis if effect is None else effect
+        there = state._replace(time=time, basis=basis, effect=effect)
+        if control.is_matrix(self.lane.gain):  # Φ does not act on functions alone
+            forced = signal.jets(self.forced(state), before)
+            free = tuple(a - b for a, b in zip(state.jets, forced, strict=False))
+            return flow, now[: len(flow)], there._replace(jets=free)
         forcing = barrier(now[: len(flow)] - jnp.stack(propagate(flow, before)))
-        return flow, forcing, state._replace(time=time, basis=basis, effect=effect)
+        return flow, forcing, there
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
@@ -261,8 +271,9 @@ class Held(Propagation):
         """Exchange the jerk in all lanes. Return the state with it, and the lanes with a vehicle cut off."""
         lane, network, plan = self.lane, self.network, self.plan
         drive = tick.drive(lane, decided, plan)
-        jets = self.navigator(state), state.basis
-        told = tick.Told(*jets, *barrier(tuple(control.driven(lane.gain, each) for each in jets)))
+        path, basis = self.navigator(state), state.basis
+        driven = control.driven(lane.gain, path), control.drive_functions(lane.gain, basis)
+        told = tick.Told(path, basis, *barrier(driven))
         jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,

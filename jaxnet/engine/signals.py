@@ -20,11 +20,11 @@ class Signals(NamedTuple):
     navigator: Float[Array, "derivatives 2 lanes"]
     basis: Basis
     path: Float[Array, "2 lanes"]  # R(y_0)
-    drive: Float[Array, "functions lanes"]  # R(β)
+    drive: Float[Array, "functions lanes"]  # R(β), see `control.drive_functions`
 
 
 def signals(lane: Lane, time: Instants) -> Signals:
     """Return the navigator's jets and the attacks' functions at these times, with R of each."""
     navigator, basis = lane.path(time), lane.basis(time)
-    path, drive = (control.driven(lane.gain, jets) for jets in (navigator, basis))
+    path, drive = control.driven(lane.gain, navigator), control.drive_functions(lane.gain, basis)
     return Signals(time, navigator, basis, path, drive)

@@ -753,7 +753,7 @@ def exchange(
     if lane.law.local:
         demand = followed_demand(lane, network, drive, own, told.navigator, told.basis)
     else:
-        attack = signal.combined(drive.vectors, told.functions)
+        attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
         demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
     if drive.coasting is not None and not lane.law.local:

@@ -47,6 +47,13 @@ def ordered(bounds: list[float]) -> list[float]:
     return bounds
 
 
+def equally_long(lists: list[list[float]]) -> list[list[float]]:
+    """Return the lists; raise ValueError unless they have the same length."""
+    if len({len(each) for each in lists}) > 1:
+        raise ValueError("both axes have as many gains")
+    return lists
+
+
 def not_negative(moments: list[float]) -> list[float]:
     """Return mean and standard deviation; raise ValueError if the standard deviation is negative."""
     if moments[1] < 0:
@@ -216,6 +223,51 @@ else:
             custom_error_type="distribution",
             custom_error_message=f"{A_NUMBER}, or a list with x or [x, y] of each vehicle",
         ),
+    ]
+
+
+class AxisGains(
+    RootModel[Annotated[list[Annotated[list[float], Len(1, 4)]], Len(2, 2), AfterValidator(equally_long)]]
+):
+    """Gains of each axis: two lists with a number for each order."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+    def matrices(self) -> np.ndarray:
+        """Return the diagonal matrix of each order, (r, 2, 2)."""
+        return np.array(self.root).T[:, :, None] * np.eye(2)
+
+
+class MatrixGains(
+    RootModel[Annotated[list[Annotated[list[Annotated[list[float], Len(2, 2)]], Len(2, 2)]], Len(1, 4)]]
+):
+    """Gains that couple the axes: a 2 × 2 matrix for each order."""
+
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
+
+    def matrices(self) -> np.ndarray:
+        """Return the matrix of each order, (r, 2, 2)."""
+        return np.array(self.root)
+
+
+def gain_tag(value: object) -> str:
+    """Return the tag of gains, by how deep the lists are."""
+    if isinstance(value, AxisGains | MatrixGains):
+        return MARK + type(value).__name__
+    depth = 0
+    while isinstance(value, list) and value:
+        value, depth = value[0], depth + 1
+    return MARK + {2: "AxisGains", 3: "MatrixGains"}.get(depth, "list")
+
+
+if TYPE_CHECKING:
+    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis or as matrices
+else:
+    Gains = Annotated[
+        Annotated[Annotated[list[Number], Len(1, 4)], union_member("list")]
+        | Annotated[AxisGains, union_member("AxisGains")]
+        | Annotated[MatrixGains, union_member("MatrixGains")],
+        Discriminator(gain_tag),
     ]
 
 

@@ -45,7 +45,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
-    gain, loss, noise = draw.several(scenario.gain, "gain"), scenario.channel.loss, scenario.channel.noise
+    matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
+    gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,

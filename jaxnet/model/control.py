@@ -3,7 +3,8 @@
     ε = y - Σ_j w_ij (y_j + a_ij),      P(y) = k0 y + k1 ẏ + k2 ÿ
     L q = a0 ⊗ y_0‴ + d‴ - P(ε),        q = y‴
 
-A vehicle of order r has r gains. P then has the terms up to k_{r-1}, and q is the r-th derivative.
+A vehicle of order r has r gains. P then has the terms up to k_{r-1}, and q is the r-th derivative. A gain may
+be a 2 × 2 matrix, which couples the axes.
 
 The paper states the dense system `M u = …` with 2m unknowns; `definition` implements it. Without ψ, that
 system becomes an m × m system with two right-hand sides, one for each axis.
@@ -16,16 +17,32 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing
-from jaxnet.model.shapes import Numbers, OrderedJets
+from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
+from jaxnet.model.signal import Basis, Vectors
 
-Gain = Float[Array, "r *lanes"]
+Gain = Float[Array, "r 2 2 *lanes"] | Float[Array, "r *lanes"]  # matrices, or numbers
+
+
+def is_matrix(gain: Gain) -> bool:
+    """Return whether gains are 2 × 2 matrices."""
+    return gain.ndim > 2
+
+
+def times_matrix(matrix: Float[Array, "2 2 *lanes"], vectors: PlaneArray) -> PlaneArray:
+    """Return a matrix times vectors (2, …, *lanes)."""
+    xp, lift = vectors.__array_namespace__(), [1] * (vectors.ndim + 1 - matrix.ndim)
+    (xx, xy), (yx, yy) = matrix.reshape(2, 2, *lift, *matrix.shape[2:])
+    return xp.stack([xx * vectors[0] + xy * vectors[1], yx * vectors[0] + yy * vectors[1]])
 
 
 def feedback(gain: Gain, jets: OrderedJets) -> Numbers:
     """Return `P(y) = k0 y + k1 ẏ + …` of the jets of a signal, with a term for each of the r gains.
 
-    The function ignores derivatives of order r and above.
+    Where gains are matrices, a jet has the two axes first. The function ignores derivatives of order r and
+    above.
     """
+    if is_matrix(gain):
+        return sum(times_matrix(each, jet) for each, jet in zip(gain, jets, strict=False))
     lift = [1] * (jets[0].ndim + 1 - gain.ndim)
     first, *others = (each.reshape(*lift, *each.shape) for each in gain)
     total = first * jets[0]
@@ -37,6 +54,29 @@ def feedback(gain: Gain, jets: OrderedJets) -> Numbers:
 def driven(gain: Gain, jets: OrderedJets) -> Numbers:
     """Return `R(y) = y^(r) + P(y)` of the jets of a signal, at least r + 1 of them for r gains."""
     return feedback(gain, jets) + jets[len(gain)]
+
+
+def drive_functions(gain: Gain, basis: Basis) -> Float[Array, "driving *lanes"]:
+    """Return the functions of R(a) for a signal a with these functions β: R(β).
+
+    Where gains are matrices, these are the functions with their r derivatives, the functions first.
+    """
+    if is_matrix(gain):
+        return basis[: len(gain) + 1].reshape(-1, *basis.shape[2:])
+    return driven(gain, basis)
+
+
+def drive_vectors(gain: Gain, vectors: Vectors) -> Float[Array, "2 _ driving *lanes"]:
+    """Return the vectors of R(a), which belong to `drive_functions`, for a signal with these vectors."""
+    if is_matrix(gain):
+        xp = vectors.__array_namespace__()
+        return xp.concatenate([*(times_matrix(each, vectors) for each in gain), vectors], axis=2)
+    return vectors
+
+
+def norms(gain: Gain) -> Float[Array, "r *lanes"]:
+    """Return the absolute gains; of matrices, their Frobenius norms."""
+    return (gain**2).sum(axis=(1, 2)) ** 0.5 if is_matrix(gain) else abs(gain)
 
 
 def demand(

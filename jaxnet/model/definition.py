@@ -9,18 +9,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxnet.model.control import Gain, is_matrix
+
 
 def brunovsky(order: int) -> tuple[Float[Array, "n n"], Float[Array, "n 2"]]:
     """Return `𝒜` and `ℬ`, the matrices of two chains of as many integrators."""
     return jnp.kron(jnp.eye(order, k=1), jnp.eye(2)), jnp.kron(jnp.eye(order)[:, -1:], jnp.eye(2))
 
 
-def stacked_feedback(gain: Float[Array, " r"]) -> Float[Array, "2 n"]:
-    """Return `𝒦 = -[k0 I₂, k1 I₂, …]`, the gains of the paper in the order of η."""
-    return -jnp.kron(gain[None], jnp.eye(2))
+def stacked_feedback(gain: Gain) -> Float[Array, "2 n"]:
+    """Return `𝒦 = -[k0 I₂, k1 I₂, …]`, the gains of the paper in the order of η; matrices as they are."""
+    return -jnp.concatenate(gain, axis=1) if is_matrix(gain) else -jnp.kron(gain[None], jnp.eye(2))
 
 
-def closed_loop(gain: Float[Array, " r"], vehicles: int) -> Float[Array, "n n"]:
+def closed_loop(gain: Gain, vehicles: int) -> Float[Array, "n n"]:
     """Return the matrix of the closed loop, `𝐀 + 𝐁 𝐊 = I_m ⊗ (𝒜 + ℬ𝒦)`."""
     chains, entry = brunovsky(len(gain))
     return jnp.kron(jnp.eye(vehicles), chains + entry @ stacked_feedback(gain))
@@ -43,7 +45,7 @@ def inputs(
     weights: Float[Array, "m sources"],
     received_highest: Float[Array, "2 m"],
     error: Float[Array, "r 2 m"],
-    gain: Float[Array, " r"],
+    gain: Gain,
 ) -> Float[Array, "2 m"]:
     """Solve the dense system `M u = Ψ⁻¹ [-σ + (A ⊗ I₂) σ + a0 ⊗ y_0^(r) + d^(r) + K η]` for the inputs u.
 

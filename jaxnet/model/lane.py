@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxnet.model.control import Gain
 from jaxnet.model.hearing import Hearing
 from jaxnet.model.shapes import Flags, Numbers
 from jaxnet.model.signal import Basis, up_to
@@ -36,7 +37,7 @@ class Lane(NamedTuple):
 
     initial: Float[Array, "n m *lanes"]
     weights: Float[Array, "slots m *lanes"]
-    gain: Float[Array, "r *lanes"]
+    gain: Gain
     law: Any
     vehicle: Any
     navigator: Any
@@ -61,6 +62,11 @@ class Lane(NamedTuple):
         turns.
         """
         return self.loss is not None or self.turns is not None or self.delay is not None
+
+    @property
+    def singular(self) -> bool:
+        """Return whether the law is singular where `vehicle.margin` is 0."""
+        return bool(self.vehicle.singular) and not self.law.linearised
 
     def basis(self, time: Numbers) -> Basis:
         """Return the attacks' functions at times [s], with derivatives up to the vehicles' order at least."""

@@ -35,10 +35,16 @@ def gap_of_theory(scenario: Scenario, known: Situation) -> str:
         return "vehicles sense with errors or messages are lost"
     if differs_by_lane(scenario):
         return "networks, weights or gains are drawn for each lane"
+    if scenario.gain_matrices is not None:
+        return "gains differ by axis, or couple the axes"
     if not scenario.attack.bounded:
         return "ā does not bound the attack"
     if scenario.attack.identities() > 1:
         return "attacked vehicles have several identities"
     if not scenario.law.solved:
-        return "the law holds the jerk between ticks" if scenario.law.holds else "the law is local"
+        return (
+            "the law holds the jerk between ticks"
+            if scenario.law.holds
+            else f"the law is {scenario.law.kind}"
+        )
     return "" if known.retained is not None else "the defence may retain any neighbour"

@@ -17,21 +17,33 @@ Weight = Float[np.ndarray, "r r"]
 ErrorJets = Float[np.ndarray, "r m 2"]
 
 
-def companion(gain: Float[np.ndarray, "*lanes r"]) -> Float[np.ndarray, "*lanes r r"]:
-    """Return the companion matrix `A_c` of one vehicle of order r and one axis."""
+PlaneGains = Float[np.ndarray, "*lanes r 2 2"] | Float[np.ndarray, "*lanes r"]
+
+
+def companion(gain: PlaneGains) -> Float[np.ndarray, "*lanes n n"]:
+    """Return the companion matrix `A_c` of one vehicle of order r and one axis, n = r.
+
+    PlaneGains that are 2 × 2 matrices couple the axes: n = 2r, with the jets in the order of the paper's η.
+    """
+    if gain.ndim > 2:
+        order = gain.shape[-3]
+        last = -np.moveaxis(gain, -3, -2).reshape(*gain.shape[:-3], 2, -1)
+        shift = np.kron(np.eye(order, k=1), np.eye(2))[:-2]
+        return np.concatenate([np.broadcast_to(shift, (*gain.shape[:-3], *shift.shape)), last], axis=-2)
     order = gain.shape[-1]
     matrix = np.broadcast_to(np.eye(order, k=1), (*gain.shape, order)).copy()
     matrix[..., -1, :] = -gain
     return matrix
 
 
-def lyapunov_matrix(gain: Float[np.ndarray, " r"], Q: Weight | None = None) -> Weight:
+def lyapunov_matrix(gain: PlaneGains, Q: Weight | None = None) -> Weight:
     """Return the solution `P` of `A_c'P + P A_c = -Q`; the default Q is the identity."""
-    Q = np.eye(len(gain)) if Q is None else Q
-    return solve_continuous_lyapunov(companion(gain).T, -Q)
+    matrix = companion(gain)
+    Q = np.eye(len(matrix)) if Q is None else Q
+    return solve_continuous_lyapunov(matrix.T, -Q)
 
 
-def decay_constants(gain: Float[np.ndarray, " r"]) -> tuple[float, float]:
+def decay_constants(gain: PlaneGains) -> tuple[float, float]:
     """Return c₁ and c₂ [1/s] of the paper's Lemma 1, `‖η(t)‖ ≤ c₁ e^(-c₂ t) ‖η(0)‖` without attack.
 
     `V = η'Pη` with Q = 1 falls at the rate 1/λ_max(P) at least, and `λ_min ‖η‖² ≤ V ≤ λ_max ‖η‖²`.
@@ -40,20 +52,24 @@ def decay_constants(gain: Float[np.ndarray, " r"]) -> tuple[float, float]:
     return float(np.sqrt(axes[-1] / axes[0])), float(0.5 / axes[-1])
 
 
-def backward_reach(gain: Float[np.ndarray, "lanes r"], interval: float) -> Float[np.ndarray, "lanes r"]:
+def backward_reach(gain: PlaneGains, interval: float) -> Float[np.ndarray, "lanes r"]:
     """Return bounds on the entries of the last row of `A_c expm(-A_c s)` for s from 0 to an interval [s].
 
     The last row gives the r-th derivative of E at earlier times from E and its lower derivatives now. Over a
-    piece d of the interval, a row x grows to `|x| expm(|A_c| d)` at most, entry by entry.
+    piece d of the interval, a row x grows to `|x| expm(|A_c| d)` at most, entry by entry. PlaneGains that are
+    matrices have two last rows; the bounds are then the Frobenius norms of the rows' blocks.
     """
     matrix = companion(gain)
     pieces = int(np.clip(4 * np.abs(matrix).sum(axis=2).max() * interval, 8, 1_000))
     step, growth = (expm(each * interval / pieces) for each in (-matrix, np.abs(matrix)))
-    row, greatest = matrix[:, -1], np.zeros(gain.shape)
+    lanes, order = gain.shape[:2]
+    axes = matrix.shape[-1] // order
+    rows = matrix[:, -axes:]
+    greatest = np.zeros(rows.shape)
     for _ in range(pieces):
-        greatest = np.maximum(greatest, np.einsum("nk,nkl->nl", np.abs(row), growth))
-        row = np.einsum("nk,nkl->nl", row, step)
-    return greatest
+        greatest = np.maximum(greatest, np.einsum("nak,nkl->nal", np.abs(rows), growth))
+        rows = np.einsum("nak,nkl->nal", rows, step)
+    return np.linalg.norm(greatest.reshape(lanes, axes, order, axes), axis=(1, 3))
 
 
 def tracking_errors(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     Clock = Inputs = Network = Outcome = Plan = Any
 
-LaneGainRows = Float[np.ndarray, "lanes r"]
+LaneGainRows = Float[np.ndarray, "lanes r 2 2"] | Float[np.ndarray, "lanes r"]
 LaneCount = Int[Any, ""] | int
 
 
@@ -38,6 +38,8 @@ class Engine(Kind):
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
     integrates: ClassVar[bool] = True  # whether the engine integrates states, also those no output determines
+    by_functions: ClassVar[bool] = False  # whether all drives are functions of time alike on both axes
+    linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
 
     def options(self) -> tuple[Hashable, ...]:
@@ -63,6 +65,9 @@ class Engine(Kind):
                 f"the {self.kind} engine cannot hold a jerk from tick to tick, as {scenario.law.kind} does"
             )
             yield Fault(("engine", "law"), message)
+        if scenario.law.linearised and not self.linearises:
+            message = f"the {self.kind} engine moves vehicles by the law's exact linearisation, which"
+            yield Fault(("engine", "law"), f"{message} {scenario.law.kind} lacks: give engine: nonlinear")
         if scenario.vehicle.internal and not self.integrates:
             message = f"the {self.kind} engine finds states from outputs, which do not determine the state of"
             yield Fault(("engine", "vehicle"), f"{message} {scenario.vehicle.kind}: give engine: nonlinear")

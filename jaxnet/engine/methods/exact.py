@@ -11,7 +11,7 @@ from jaxnet.kinds.protocols import LaneDraw
 class Flow(NamedTuple):
     """`expm(A_c h)` over one tick h, and how E^(r) in a tick depends on E and its derivatives at its end."""
 
-    flow: Float[Array, "r r *lanes"]
+    flow: Float[Array, "r r 2 2 *lanes"] | Float[Array, "r r *lanes"]  # of gains that are matrices: blocks
     reach: Float[Array, "r *lanes"]
 
 
@@ -24,6 +24,7 @@ class Exact(Engine):
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
     integrates: ClassVar[bool] = False
+    by_functions: ClassVar[bool] = True
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
         """Return the flow over one tick for each lane's gains."""
@@ -34,6 +35,9 @@ class Exact(Engine):
         alike = (gain == gain[0]).all()
         some = gain[:1] if alike else gain
         flow, reach = expm(exact.companion(some) * interval), exact.backward_reach(some, interval)
+        if gain.ndim > 2:
+            order = gain.shape[1]
+            flow = flow.reshape(-1, order, 2, order, 2).transpose(0, 1, 3, 2, 4)
         return Flow(draw.same(flow[0]), draw.same(reach[0])) if alike else Flow(flow, reach)  # pyright: ignore[reportArgumentType]
 
     @staticmethod

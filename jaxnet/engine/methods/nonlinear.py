@@ -18,14 +18,16 @@ else:
 class Nonlinear(Engine):
     """The nonlinear vehicles under the law, integrated adaptively.
 
-    `dopri5` runs in place of `gauss` in two cases: with `tick: 0` vehicles decide inside the vector field,
-    which then jumps; and the outputs of a vehicle such as `look_ahead` do not determine its state.
+    `dopri5` runs in place of `gauss` in three cases: with `tick: 0` vehicles decide inside the vector field,
+    which then jumps; the outputs of a vehicle such as `look_ahead` do not determine its state; and under
+    `law: linearised` vehicles drive backwards too.
     """
 
     kind = "nonlinear"
     cached: ClassVar[int] = 1_200  # few, because the cache holds the slopes of all stages too
     queue: ClassVar[int] = 8
     in_field: ClassVar[bool] = True
+    linearises: ClassVar[bool] = True
     holds: ClassVar[bool] = True
 
     solver: Literal["gauss", "dopri5", "tsit5", "dopri8"] = Field(
@@ -55,7 +57,8 @@ class Nonlinear(Engine):
         from jaxnet.engine import collocation, integration, loop
 
         (solver,) = plan.options
-        if solver == "gauss" and (plan.in_field or queue.lane.vehicle.internal):
+        lane = queue.lane
+        if solver == "gauss" and (plan.in_field or lane.vehicle.internal or lane.law.linearised):
             plan = plan._replace(options=("dopri5",))
         motion = collocation.Collocation if plan.options == ("gauss",) else integration.Integration
         return loop.from_queue(motion, queue, count, network, clock, plan)

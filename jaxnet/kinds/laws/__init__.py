@@ -17,6 +17,7 @@ class Law(Kind):
 
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     local: ClassVar[bool] = False  # whether neighbours tell no highest derivative, as q = y‴
+    linearised: ClassVar[bool] = False  # whether inputs are linear in the error of the state
     jacobi: ClassVar[bool] = (
         False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )
@@ -24,7 +25,7 @@ class Law(Kind):
     @property
     def solved(self) -> bool:
         """Return whether the law is solved for all vehicles together at every instant, as the theory asks."""
-        return not self.holds and not self.local
+        return not (self.holds or self.local or self.linearised)
 
     def exchange(
         self, last: VehicleVectors, demand: VehicleVectors, heard: Callable[[VehicleVectors], VehicleVectors]

@@ -59,7 +59,9 @@ class Loss(DrawsAtTicks):
         raise KindError(f"{self.kind}: a loss gives lost(self, messages, memory)")
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault if messages can be lost and the scenario has no ticks, or a defence announces."""
+        """Yield faults of messages that can be lost, if the scenario has no ticks, a defence announces, or
+        the law is linearised.
+        """
         if self.perfect():
             return
         if scenario.tick == 0:
@@ -67,3 +69,6 @@ class Loss(DrawsAtTicks):
         if scenario.defence.announcing():
             message = "a defence by announcements needs every message: give loss: none, or another defence"
             yield Fault(("channel.loss", "defence"), message)
+        if scenario.law.linearised:
+            message = f"under {scenario.law.kind} a vehicle has no drive to keep: give loss: none"
+            yield Fault(("channel.loss", "law"), message)

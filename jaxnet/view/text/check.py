@@ -1,6 +1,5 @@
 """The report of `jaxnet check`: cells, and the guarantees of each network. It needs no JAX."""
 
-import itertools
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import lru_cache
@@ -25,7 +24,7 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.fields import is_drawn, median
+from jaxnet.kinds.fields import median
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.model import safety
@@ -163,17 +162,18 @@ def guarantees(cells: Sequence[Cell]) -> str:
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
-    gains = [cell.scenario.gain for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)]
-    if gains and not any(map(is_drawn, itertools.chain(*gains))):
-        words = [*dict.fromkeys(map(decay_text, gains))]
+    ideal = [cell.scenario for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)]
+    if ideal and not any(scenario.draws_gain for scenario in ideal):
+        words = [*dict.fromkeys(map(decay_text, ideal))]
         words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
         rows["without attack"] = "; or ".join(words)
     return wrap_lines(network_text("guarantees", rows))
 
 
-def decay_text(gain: Sequence[float]) -> str:
-    """Return the paper's Lemma 1 with its constants, for one gain."""
-    factor, rate = exact.decay_constants(np.array(gain))
+def decay_text(scenario: Scenario) -> str:
+    """Return the paper's Lemma 1 with its constants, for the gain of a scenario."""
+    matrices = scenario.gain_matrices
+    factor, rate = exact.decay_constants(np.array(scenario.gain) if matrices is None else matrices)
     return f"‖η(t)‖ ≤ {factor:.3g} exp(-{rate:.3g} t) ‖η(0)‖ (Lemma 1)"
 
 
@@ -336,7 +336,8 @@ def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], n
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
     at_once = scenario.channel.loss.perfect() and scenario.channel.delay == 0
-    if not (scenario.law.solved and one_network and at_once and scenario.tick > 0):
+    plain = scenario.law.solved and not scenario.law.linearised and scenario.gain_matrices is None
+    if not (plain and one_network and at_once and scenario.tick > 0):
         return ""
     strength = errors.strength(scenario.gain)
     if strength is None:
@@ -402,6 +403,8 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     if not scenario.navigator.present:  # an eigenvalue of 1 belongs to agreement
         along = along[np.abs(along - 1) > 1e-9]
     left = law.left(along)
+    if scenario.gain_matrices is not None:
+        return f"{law.kind}: nothing is known of its stability where gains differ by axis"
     if left is None and not law.local:
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
@@ -649,7 +652,7 @@ def set_text(vehicles: Sequence[int]) -> str:
 def drawn_lines(cells: Sequence[Cell]) -> dict[str, str]:
     """Return lines on weights and gains that differ between lanes."""
     weights = [cell.number for cell in cells if cell.scenario.topology.differs()]
-    gain = [cell.number for cell in cells if any(map(is_drawn, cell.scenario.gain))]
+    gain = [cell.number for cell in cells if cell.scenario.draws_gain]
     lines = {}
     if weights:
         lines["weights"] = f"drawn in {cells_named(weights)}; what is said is of their medians"

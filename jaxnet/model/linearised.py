@@ -1,0 +1,46 @@
+"""Feedback of the state's error, linearised about the navigator (paper, section 3.3).
+
+    u = u_0 + ∂g/∂x (x - x_0) + ∂g/∂z (z - z_0)   at (x_0, z_0),      g(x, z) = ψ⁻¹ (z - P(y(x)) - σ(x))
+
+g gives the inputs of the exact law, z_0 = R(y_0), and x_0 and u_0 are the state and the inputs of a vehicle
+on the navigator's path. `K = ∂g/∂x`. The drive z - z_0 = L⁻¹ d is the attacks' effect.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxnet.model import control
+from jaxnet.model.lane import Lane
+from jaxnet.model.plane import Plane
+
+VehicleStates = Float[Array, "n m lanes"]
+
+
+def inputs_near_navigator(
+    lane: Lane, states: VehicleStates, navigator: Float[Array, "derivatives 2 lanes"], drive: Plane
+) -> Plane:
+    """Return the inputs (2, m, lanes) of vehicles with these states.
+
+    `navigator` are the navigator's jets, and `drive` is z - R(y_0) [m/s³] of each vehicle.
+    """
+    vehicle, order = lane.vehicle, len(lane.gain)
+    jets = tuple(jnp.broadcast_to(jet[:, None], drive.shape) for jet in navigator[: order + 1])
+    target = vehicle.state_of(jets[:order])
+
+    def exact(state: VehicleStates, z: Plane) -> Plane:
+        return vehicle.inputs_for(state, z - control.feedback(lane.gain, vehicle.output_jets(state)))
+
+    there, change = jax.jvp(
+        exact, (target, control.driven(lane.gain, jets)), (state_error(vehicle.units, states, target), drive)
+    )
+    return there + change
+
+
+def state_error(units: tuple[str, ...], states: VehicleStates, target: VehicleStates) -> VehicleStates:
+    """Return the states minus the target, with differences in radians of at most half a turn."""
+    error, turn = states - target, 2 * math.pi
+    angles = jnp.asarray([unit == "rad" for unit in units])[:, None, None]
+    return error - jnp.where(angles, turn * jnp.round(error / turn), 0.0)

@@ -1,0 +1,92 @@
+"""The driven robot as navigator: closed forms, the Lissajous figure, and its own derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxnet
+from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.navigators.driven import Driven
+from jaxnet.kinds.navigators.lissajous import Lissajous
+
+TIMES = np.linspace(0.0, 30.0, 301)
+WEAVING = Driven(speed=[15.0, 25.0, 5.0, -20.0], turn_rate=[0.4, -1.9, 3.0, 0.0], every=10.1, heading=1.0)
+
+
+def along_figure(every):
+    """A robot with the speed and turn rate of the figure eight at every so many seconds."""
+    times = np.arange(0.0, 30.0 + every, every)
+    position, velocity, acceleration, _ = Lissajous().jets(times)
+    speed = np.hypot(*velocity)
+    turn = (velocity[0] * acceleration[1] - velocity[1] * acceleration[0]) / speed**2
+    start = {"position": position[:, 0].tolist(), "heading": float(np.arctan2(*velocity[::-1, 0]))}
+    return Driven(speed=speed.tolist(), turn_rate=turn.tolist(), every=every, **start)
+
+
+def test_constant_inputs_give_a_circle():
+    given = Driven(speed=[12.0, 12.0], turn_rate=[-0.8, -0.8], every=30.0, position=[3.0, -4.0], heading=0.5)
+    angle = 0.5 - 0.8 * TIMES
+    radius = 12.0 / -0.8
+    expected = [3.0 + radius * (np.sin(angle) - np.sin(0.5)), -4.0 - radius * (np.cos(angle) - np.cos(0.5))]
+    found = given.jets(TIMES)
+    np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found[1], 12.0 * np.stack([np.cos(angle), np.sin(angle)]), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found[3], -(0.8**2) * found[1], rtol=0, atol=1e-11)
+
+
+def test_a_straight_line_with_constant_acceleration():
+    found = Driven(speed=[1.0, 61.0], turn_rate=[0.0, 0.0], every=30.0, heading=np.pi / 2).jets(TIMES)
+    np.testing.assert_allclose(found[0], [0.0 * TIMES, TIMES + TIMES**2], rtol=0, atol=1e-11)
+
+
+def test_the_figure_eight_comes_back_with_order_four():
+    figure = Lissajous().jets(TIMES)[0]
+    off = [np.abs(along_figure(every).jets(TIMES)[0] - figure).max() for every in (0.25, 0.125)]
+    assert off[1] < 1e-5
+    assert 12 < off[0] / off[1] < 24
+
+
+def test_jets_are_derivatives_across_pieces_and_lanes():
+    """Autodiff of the position; drawn for lanes, each with its time; the jerk has no jumps."""
+    derivatives = [lambda time: WEAVING.jets(time)[0]]
+    for _ in range(3):
+        derivatives.append(jax.jacfwd(derivatives[-1]))
+    times = np.array([0.1, 7.3, 9.9999, 12.0, 21.7, 29.0])
+    expected = np.stack([jax.vmap(each)(times).T for each in derivatives])
+    np.testing.assert_allclose(WEAVING.jets(times), expected, rtol=0, atol=1e-7)
+
+    class Alike:
+        """The draw of six lanes."""
+
+        def same(self, value):
+            return np.broadcast_to(value, (6, *np.shape(value)))
+
+    drawn = WEAVING.drawn(Alike(), "navigator")
+    for given in (times, np.stack([times, times[::-1]]), jnp.asarray(times)):
+        np.testing.assert_allclose(drawn.jets(given), WEAVING.jets(np.asarray(given)), rtol=0, atol=1e-12)
+    before, behind = (WEAVING.jets(np.array([10.1, 20.2]) + side) for side in (-1e-9, 1e-9))
+    np.testing.assert_allclose(before, behind, rtol=0, atol=1e-5)
+
+
+def test_a_fleet_tracks_the_robot():
+    """As it tracks the circle that a Lissajous figure gives."""
+    circle = {"amplitude": [40.0, 40.0], "frequency": [0.5, 0.5], "phase": [np.pi / 2, 0.0]}
+    robot = {"kind": "driven", "speed": [20.0] * 3, "turn_rate": [0.5] * 3, "every": 15.0}
+    robot |= {"position": [40.0, 0.0], "heading": np.pi / 2}
+    keys = {"engine": "exact", "horizon": 5.0, "tail": 5.0, "vehicle": "double_integrator"}
+    found = [jaxnet.simulate(keys | {"navigator": each}, samples=2).lanes for each in (circle, robot)]
+    np.testing.assert_allclose(found[1]["tail_max"], found[0]["tail_max"], rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("keys", "reason"),
+    [
+        ({"speed": [20.0, 20.0, 20.0]}, "as many values as speed, 3"),
+        ({"every": 20.0}, "ends at 20 s, before the horizon of 30 s"),
+        ({"speed": [20.0, -20.0]}, "slows to"),
+    ],
+)
+def test_paths_that_cannot_be_are_refused(keys, reason):
+    with pytest.raises((ValueError, KindError), match=reason):
+        jaxnet.load({"navigator": {"kind": "driven"} | keys})
