@@ -52,13 +52,13 @@ def first_history(lane: Lane, late: int, judged: bool) -> History:
 
 def has_come(lane: Lane, time: LaneTimes) -> Bool[Array, " lanes"]:
     """Return whether the first words have arrived at a tick."""
+    assert lane.delay is not None
     return time > lane.delay - lane.interval / 2
 
 
-def arriving(history: History, navigator: Float[Array, "derivatives 2 lanes"]) -> CarriedJets | None:
+def arriving(history: History, navigator: Float[Array, "derivatives 2 lanes"]) -> CarriedJets:
     """Return the late jets that arrive at a tick, relative to the navigator's jets now."""
-    if history.jets is None:
-        return None
+    assert history.jets is not None
     return tuple(jet[0] - now[:, None, None] for jet, now in zip(history.jets, navigator, strict=False))
 
 
@@ -79,6 +79,7 @@ def remember(
     Vehicles follow `drive` from now on, and `own` are their jets now, sensed with the errors `noise`. Links
     carry the jets `jets` now.
     """
+    assert lane.delay is not None
     gains = word_gains(lane.gain, lane.delay, plan.extrapolate)
     instants = time[None] + jnp.asarray(POINTS)[:, None] * lane.interval[None]
     told = jax.vmap(

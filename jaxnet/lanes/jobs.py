@@ -130,7 +130,7 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
         graph = scenario.topology
         weights = np.stack([weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1)
     attacked = np.stack([each[owners] for each in sets])
-    return Periods(draw.same(at), lanes_first(attacked), weights)
+    return Periods(draw.same(at), lanes_first(attacked), None if weights is None else as_array(weights))
 
 
 def weights_of(

@@ -1,6 +1,7 @@
 """Late words: how far behind a fleet ends, and the delay up to which it is stable (theorems.md O16)."""
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -33,4 +34,7 @@ def jerk_margin(weights: Weights, gain: LawGain) -> float:
         factor = 1 + sum(gain[k] * delay ** (order - k) / math.factorial(order - k) for k in range(order))
         return radius * factor - 1
 
-    return float(brentq(excess, 0.0, MOST_DELAY, xtol=1e-12)) if excess(MOST_DELAY) > 0 else math.inf
+    if excess(MOST_DELAY) <= 0:
+        return math.inf
+    margin: Any = brentq(excess, 0.0, MOST_DELAY, xtol=1e-12)
+    return float(margin)
