@@ -29,7 +29,19 @@ MODULES = sorted((ROOT / "jaxnet").rglob("*.py"))
 
 # Each room may import itself and the rooms before it (docs/architecture.md).
 ROOMS = [
-    *("model", "solvers", "outside", "kinds", "theory", "engine", "config", "lanes", "store", "statistics"),
+    *(
+        "model",
+        "solvers",
+        "outside",
+        "networks",
+        "kinds",
+        "theory",
+        "engine",
+        "config",
+        "lanes",
+        "store",
+        "statistics",
+    ),
     *("runs", "explore", "view", "film", "api", "cli"),
 ]
 

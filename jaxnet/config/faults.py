@@ -15,7 +15,7 @@ from jaxnet.theory import exact
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
 MOST_MULTIPLE = 1e8
 MOST_LATE = 200  # ticks by which words may be late
-MOST_TURN = 0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
+MOST_RATE = 0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
 LEAST_CHOICES = 100  # choices that a search tries at least
 
 
@@ -150,9 +150,6 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from world_faults(scenario)
     if scenario.channel.delay > 0:
         yield from delay_faults(scenario)
-    if scenario.attack.periods() and scenario.attack.splits() and len(scenario.topology.turns()) > 1:
-        message = "other vehicles cannot be attacked from given times on where networks take turns"
-        yield Fault(("attack.vehicles", "topology"), f"{message} and links are split")
 
 
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -174,8 +171,8 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)
-    elif scenario.channel.extrapolate != "none" and tick * fastest_rate(scenario) > MOST_TURN:
-        told = f"extrapolated words need ticks of at most {MOST_TURN:g} of the law's fastest time constant"
+    elif scenario.channel.extrapolate != "none" and tick * fastest_rate(scenario) > MOST_RATE:
+        told = f"extrapolated words need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
         yield Fault(("channel.extrapolate", "tick"), told)
     if not scenario.law.solved:
         yield Fault(

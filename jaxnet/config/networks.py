@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from jaxnet.config.document import ConfigError, Problem
 from jaxnet.kinds.graphs.edges import Edges, edges_of_network, network_label
 from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import Direction, number_nodes
-from jaxnet.kinds.networks.objects import label_of, object_network
+from jaxnet.networks import Direction, number_nodes
+from jaxnet.networks.objects import label_of, object_network
 
 
 def network(

@@ -12,10 +12,11 @@ from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of,
 from jaxnet.engine.batch import Inputs, Job
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
-from jaxnet.kinds.attacks import TICK_ROUNDING, AnyAttack, order_factors, signal_scale
+from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
+from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink
 from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
@@ -122,7 +123,7 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
     attack = scenario.attack
     if not attack.periods():
         return None
-    at = np.array([time * (1 - TICK_ROUNDING) for time, _ in attack.periods()])
+    at = np.array([time - TICK_ROUNDING for time, _ in attack.periods()])
     sets = [attack.on(vehicles).chosen(draw) for _, vehicles in attack.periods()]
     owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
     weights = None

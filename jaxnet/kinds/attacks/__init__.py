@@ -38,11 +38,11 @@ from jaxnet.kinds.shapes import (
     SignalSizes,
     SignalVectors,
 )
+from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges, sets_in_words
 
-TICK_ROUNDING = 1e-9  # relative, of a time over the tick
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 AttackedLinks = Literal["auto", "neighbour", "navigator"]
@@ -497,10 +497,13 @@ class Attack(AnyAttack):
             yield Fault(keys, f"a time for each of {len(changing.sets)} sets (got {len(at)})")
         if sorted(set(at)) != at:
             yield Fault(keys, f"must rise (got {at})")
+        if self.splits() and len(scenario.topology.turns()) > 1:
+            told = "split links carry the attack of the same vehicles all along where networks take turns"
+            yield Fault((*keys, "topology"), told)
         tick = scenario.tick
         if tick == 0:
             yield Fault((*keys, "tick"), "attacked vehicles change at ticks: give a tick")
-        elif odd := [time for time in at if abs(time / tick - round(time / tick)) > TICK_ROUNDING]:
+        elif odd := [time for time in at if abs(time - round(time / tick) * tick) > TICK_ROUNDING]:
             yield Fault((*keys, "tick"), f"must be multiples of tick = {tick:g} (got {odd[0]:g})")
         if self.sybils or self.strategic:
             yield Fault(

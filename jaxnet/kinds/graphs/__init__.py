@@ -15,12 +15,12 @@ from scipy import sparse
 
 from jaxnet.kinds.fields import MARK, Number, Record, Within, is_drawn, median, union_member, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError, unknown_vehicles
-from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph, hearing
 from jaxnet.model.graph import Digraph
 from jaxnet.model.patterns import Neighbours
 from jaxnet.model.strength import RowStrength, WeightsAsTheyAre, WithOwnWeight
+from jaxnet.networks import GREATEST_EDGE_WEIGHT
 
 LEAST_WEIGHT = 1e-15  # least relative weight of a link: below it 1 - w rounds to 1, and L is singular
 TRIES = 1000  # draws of a graph, until the navigator reaches every vehicle

@@ -11,11 +11,11 @@ from pydantic import Field
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
-from jaxnet.kinds.networks.objects import object_network
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
+from jaxnet.networks import GREATEST_EDGE_WEIGHT, NumberedNetwork, check_names, number_nodes
+from jaxnet.networks.objects import object_network
 
 NORMALISED = "whether the weights of a row are divided by their sum; false: law: local takes them as they are"
 

@@ -10,7 +10,10 @@ from upath import UPath
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.edges import NORMALISED, as_given, edge_faults, last_vehicle, size_faults
 from jaxnet.kinds.kind import Fault, KindError
-from jaxnet.kinds.networks import (
+from jaxnet.kinds.protocols import ScenarioView
+from jaxnet.model import graph
+from jaxnet.model.graph import Digraph
+from jaxnet.networks import (
     Direction,
     EdgeList,
     NumberedNetwork,
@@ -18,10 +21,7 @@ from jaxnet.kinds.networks import (
     parse_network,
     write_network,
 )
-from jaxnet.kinds.networks.files import read_network
-from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.model import graph
-from jaxnet.model.graph import Digraph
+from jaxnet.networks.files import read_network
 
 
 def check_content(content: str) -> str:

@@ -183,7 +183,7 @@ def test_drawn_attackers_and_listeners_have_their_own_too():
         ({"kind": "multisine", "frequency": [1.0, 1.0, 0.0, 1.0]}, "must be greater than 0"),
         ({"kind": "envelope", "of": {"kind": "chirp", "rate": [0.1]}}, "attack.of.rate: a list has"),
         ({"kind": "envelope", "of": "bias", "start": [0, 1, 2, 3], "stop": [6, 6, 6, 6]}, "before start"),
-        ({"magnitude": [1, 2, 3, 4]}, "attack.magnitude: must be a number"),
+        ({"magnitude": [1, 2, 3, 4]}, "attack.magnitude: must be one number"),
     ],
 )
 def test_what_cannot_be_is_said(attack, words):

@@ -2,11 +2,11 @@
 
 from upath import UPath
 
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import NamedNetwork
-from jaxnet.kinds.networks.graphml import read_graphml
-from jaxnet.kinds.networks.matrices import GivenMatrix, matrix_network, read_matrix_market, read_npy
-from jaxnet.kinds.networks.tables import read_text_table
+from jaxnet.networks import NamedNetwork
+from jaxnet.networks.graphml import read_graphml
+from jaxnet.networks.matrices import GivenMatrix, matrix_network, read_matrix_market, read_npy
+from jaxnet.networks.tables import read_text_table
+from jaxnet.outside.modules import KindError
 
 LARGEST_FILE = 50_000_000  # bytes
 

@@ -8,8 +8,7 @@ from textwrap import shorten
 
 import numpy as np
 
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import (
+from jaxnet.networks import (
     DECIMAL_NUMBER,
     NODE_NUMBER,
     LinkList,
@@ -17,7 +16,8 @@ from jaxnet.kinds.networks import (
     parse_number,
     parse_weight,
 )
-from jaxnet.kinds.networks.matrices import matrix_network
+from jaxnet.networks.matrices import matrix_network
+from jaxnet.outside.modules import KindError
 
 COMMENTS = ("#", "%")
 ATTRIBUTES = re.compile(r"(\S+)\s+(\S+)\s+(\{.*\})\s*")  # a row that networkx wrote

@@ -9,9 +9,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy import sparse
 
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
-from jaxnet.kinds.networks.matrices import matrix_network
+from jaxnet.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
+from jaxnet.networks.matrices import matrix_network
+from jaxnet.outside.modules import KindError
 
 
 @runtime_checkable

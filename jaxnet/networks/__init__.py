@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 from urllib.parse import quote, unquote
 
-from jaxnet.kinds.kind import KindError
 from jaxnet.model.wording import ranges
+from jaxnet.outside.modules import KindError
 
 GREATEST_EDGE_WEIGHT = 1e9  # weight of an edge
 DECIMAL_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)

@@ -5,9 +5,9 @@ import io
 import warnings
 from xml.parsers import expat
 
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import NODE_NUMBER, NamedNetwork
-from jaxnet.kinds.networks.objects import networkx_network
+from jaxnet.networks import NODE_NUMBER, NamedNetwork
+from jaxnet.networks.objects import networkx_network
+from jaxnet.outside.modules import KindError
 
 CALLED = ("name", "label", "id")  # attributes of a node that may name it
 FAULTS = (SyntaxError, ValueError, LookupError, TypeError, AttributeError, UserWarning, expat.ExpatError)

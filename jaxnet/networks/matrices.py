@@ -6,9 +6,9 @@ import numpy as np
 from scipy import sparse
 from scipy.io import mmread
 
-from jaxnet.kinds.kind import KindError
-from jaxnet.kinds.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
 from jaxnet.model import graph
+from jaxnet.networks import GREATEST_EDGE_WEIGHT, NamedNetwork
+from jaxnet.outside.modules import KindError
 
 GivenMatrix = np.ndarray | sparse.coo_array
 
