@@ -1,7 +1,7 @@
 """Wording of numbers, cells, kinds and things for text output."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 
 def ranges(numbers: Sequence[int]) -> str:
@@ -33,3 +33,9 @@ def counted(kinds: Counter[str]) -> str:
 def count(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural unless the number is 1."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def count_between(numbers: Collection[int], noun: str) -> str:
+    """Return the least and the greatest number with their noun: 256 to 864 lanes."""
+    least, most = min(numbers), max(numbers)
+    return f"{f'{least:,} to ' if least < most else ''}{count(most, noun)}"
