@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Collection, Sequence
 
+MOST_RUNS = 12  # of cells that are named
+
 
 def ranges(numbers: Sequence[int]) -> str:
     """Return numbers as text, with runs of three or more abbreviated: 1-3, 5."""
@@ -16,8 +18,11 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def cells_named(numbers: Sequence[int]) -> str:
-    """Return the name of cells by their numbers: cell 0, cells 0-3."""
-    return f"cell{'s' if len(numbers) > 1 else ''} {ranges(numbers)}"
+    """Return the name of cells by their numbers: cell 0, cells 0-3, and 100 cells (2, 5, 8, …) of too many."""
+    runs = ranges(numbers).split(", ")
+    if len(runs) > MOST_RUNS:
+        return f"{len(numbers)} cells ({', '.join(runs[:3])}, …)"
+    return f"cell{'s' if len(numbers) > 1 else ''} {', '.join(runs)}"
 
 
 def plural_s(who: str) -> str:
