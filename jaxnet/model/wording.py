@@ -18,7 +18,7 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def cells_named(numbers: Sequence[int]) -> str:
-    """Return the name of cells by their numbers: cell 0, cells 0-3, and 100 cells (2, 5, 8, …) of too many."""
+    """Return the name of cells by their numbers: cell 0, cells 0-3, or of many 100 cells (2, 5, …)."""
     runs = ranges(numbers).split(", ")
     if len(runs) > MOST_RUNS:
         return f"{len(numbers)} cells ({', '.join(runs[:3])}, …)"
