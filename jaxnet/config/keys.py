@@ -366,7 +366,7 @@ class SearchSettings(Record):
 class Criterion(Record):
     """The criterion that ends the sampling of a cell."""
 
-    half_width: float = Field(gt=0, lt=0.5, description="of the widest interval over the cells")
+    half_width: float = Field(gt=0, lt=0.5, description="of the interval of each cell")
     of: Literal["unrecovered"] = Field(default="unrecovered", description="the share whose interval it is")
     confidence: float = Field(default=0.95, gt=0, lt=1, description="of all intervals of a cell together")
     at_most: int = Field(default=100_000, ge=1, lt=2**32, description="samples, whatever the intervals are")

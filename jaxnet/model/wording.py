@@ -1,7 +1,9 @@
 """Wording of numbers, cells, kinds and things for text output."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+
+MOST_RUNS = 12  # of cells that are named
 
 
 def ranges(numbers: Sequence[int]) -> str:
@@ -16,8 +18,11 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def cells_named(numbers: Sequence[int]) -> str:
-    """Return the name of cells by their numbers: cell 0, cells 0-3."""
-    return f"cell{'s' if len(numbers) > 1 else ''} {ranges(numbers)}"
+    """Return the name of cells by their numbers: cell 0, cells 0-3, or of many 100 cells (2, 5, …)."""
+    runs = ranges(numbers).split(", ")
+    if len(runs) > MOST_RUNS:
+        return f"{len(numbers)} cells ({', '.join(runs[:3])}, …)"
+    return f"cell{'s' if len(numbers) > 1 else ''} {', '.join(runs)}"
 
 
 def plural_s(who: str) -> str:
@@ -47,3 +52,9 @@ def sets_in_words(times: Sequence[float], sets: Sequence[Sequence[int]]) -> str:
     names = [*first, *(ranges(sorted(each)) or "nobody" for each in sets)]
     until = [f"{name} until {time:g} s" for name, time in zip(names, times[not first :], strict=False)]
     return ", then ".join([*until, names[-1]])
+
+
+def count_between(numbers: Collection[int], noun: str) -> str:
+    """Return the least and the greatest number with their noun: 256 to 864 lanes."""
+    least, most = min(numbers), max(numbers)
+    return f"{f'{least:,} to ' if least < most else ''}{count(most, noun)}"

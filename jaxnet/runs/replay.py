@@ -49,7 +49,8 @@ def replay(results: Results, cell: int, sample: int, engine: str | None = None) 
 def refuse_unknown(results: Results, cell: int, sample: int) -> None:
     """Raise FolderError if a study has no such lane."""
     results.need_run()
-    cells, samples = len(results.study.cells), results.manifest["samples"]
+    cells = len(results.study.cells)
+    samples = results.samples[cell] if cell < cells else max(results.samples)
     if cell >= cells or sample >= samples:
         raise FolderError(
             f"{results.place} has cells 0 to {cells - 1} and samples 0 to {samples - 1} (got cell {cell},"

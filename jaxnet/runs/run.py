@@ -20,6 +20,7 @@ from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.lanes.jobs import job, source_of
+from jaxnet.model.wording import count
 from jaxnet.runs import shards
 from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
@@ -33,6 +34,7 @@ from jaxnet.store.folder import (
     describe_kinds,
     digest,
     modules_of,
+    samples_of_cells,
     versions,
 )
 from jaxnet.store.layout import Shard
@@ -71,24 +73,38 @@ class Run:
 
     def whole(self) -> bool:
         """Simulate the missing lanes, and write the tables and arrays; return whether lanes were missing."""
-        looks = looks_of(self.study.samples, self.before.get("samples", 0))
-        tally = self.tally(len(self.cells) * looks[-1])
+        there = samples_of_cells(self.before, len(self.cells))
+        looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
+        tally = self.tally(sum(ahead[-1] for ahead in looks))
         self.folder.remove_torn()
         self.folder.write_study(self.study)
-        simulated = samples = 0
-        for look in looks:
-            tally.aim = len(self.cells) * look
-            new = layout.shards_of(self.cells, look, self.size)[len(self.cells) * (samples // self.size) :]
-            self.begin(look)
-            simulated += self.simulate(new, self.work(self.prepare(look)), tally)
-            samples = look
-            if isinstance(self.study.samples, keys.Sequential):
-                until = self.study.samples.until
-                half = recovery.widest_half_interval(tally.counts, self.cells, look, until)
-                if half <= until.half_width:
-                    break
-                tally.last_look = f"± {half:.2g} at {look:,} samples a cell, ± {until.half_width:g} is asked"
+        simulated, samples = 0, [0] * len(self.cells)
+        while any(looks):
+            before = samples
+            samples = [ahead[0] if ahead else end for ahead, end in zip(looks, before, strict=True)]
+            tally.aim = sum(samples)
+            shards = layout.shards_of(self.cells, samples, self.size)
+            new = [shard for shard in shards if shard.samples.stop > before[shard.cell.number]]
+            self.begin(samples)
+            simulated += self.simulate(new, self.work(self.prepare(max(samples))), tally)
+            looks = self.looks_ahead([ahead[1:] for ahead in looks], samples, tally)
         return self.finish(samples, simulated)
+
+    def looks_ahead(
+        self, looks: Sequence[list[int]], samples: Sequence[int], tally: Tally
+    ) -> Sequence[list[int]]:
+        """Return the looks that each cell has ahead: none where its interval is narrow enough."""
+        if not isinstance(self.study.samples, keys.Sequential):
+            return looks
+        until = self.study.samples.until
+        halves = recovery.half_intervals(tally.counts, self.cells, samples, until)
+        wide = [number for number, half in enumerate(halves) if half > until.half_width and looks[number]]
+        if wide:
+            tally.last_look = (
+                f"± {halves[wide].max():.2g}, ± {until.half_width:g} is asked;"
+                f" {len(wide)} of {count(len(self.cells), 'cell')} {'go' if len(wide) > 1 else 'goes'} on"
+            )
+        return [ahead if number in wide else [] for number, ahead in enumerate(looks)]
 
     def part(self, number: int, of: int) -> tuple[int, int, int]:
         """Simulate the missing lanes of shards `number`, `number + of`, …
@@ -98,13 +114,14 @@ class Run:
         """
         if isinstance(self.study.samples, keys.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
-        mine = layout.shards_of(self.cells, self.study.samples, self.size)[number::of]
+        samples = [self.study.samples] * len(self.cells)
+        mine = layout.shards_of(self.cells, samples, self.size)[number::of]
         tally = self.tally(sum(len(shard.samples) for shard in mine))
         simulated = self.simulate(mine, self.work(None), tally)
         return len(mine), simulated, tally.failed
 
-    def about(self, samples: int) -> dict[str, object]:
-        """Return the entries of the manifest that describe the finished folder."""
+    def about(self, samples: Sequence[int]) -> dict[str, object]:
+        """Return the manifest's entries on the finished folder; `samples` are the numbers of the cells."""
         return {
             "hash": digest(self.study),
             "seed": self.study.seed,
@@ -114,15 +131,16 @@ class Run:
             "device": jax.devices()[0].device_kind,
             "chunk": self.machine.chunk,
             "cells": len(self.cells),
-            "samples": samples,
+            "samples": max(samples),
+            "cell_samples": list(samples) if min(samples) < max(samples) else None,
             "shard_size": self.size,
             "save": to_plain(self.study.save),
         }
 
-    def begin(self, samples: int) -> None:
+    def begin(self, samples: Sequence[int]) -> None:
         """Write the manifest's description of the folder before the simulation."""
         about, before = self.about(samples), self.folder.manifest
-        same = all(before.get(entry) == about[entry] for entry in ("save", "samples"))
+        same = all(before.get(entry) == about[entry] for entry in ("save", "samples", "cell_samples"))
         self.folder.write_manifest(**about, finished=same and before["finished"])
 
     def prepare(self, samples: int) -> dict[str, str]:
@@ -190,7 +208,7 @@ class Run:
             )
         self.folder.clear((*taken, "cells.csv"))
 
-    def finish(self, samples: int, simulated: int) -> bool:
+    def finish(self, samples: Sequence[int], simulated: int) -> bool:
         """Write the chosen trajectories and the tables of all rows; return whether anything was missing."""
         missing = simulated > 0 or not self.folder.manifest["finished"]
         every = layout.shards_of(self.cells, samples, self.size)
@@ -244,7 +262,7 @@ class Run:
 
 
 def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:
-    """Return the numbers of samples a cell after which a run tests its stopping rule; `there` samples exist.
+    """Return the numbers of samples after which a run tests if a cell has enough; `there` samples exist.
 
     A study with a fixed number of samples has one look.
     """

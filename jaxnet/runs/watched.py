@@ -102,7 +102,7 @@ def replayed_lanes(results: Results) -> Iterator[Watched]:
         named = re.fullmatch(r"cell-(\d+)-sample-(\d+)(?:-(\w+))?", path.stem)
         if named is None or int(named[1]) >= len(results.study.cells):
             continue
-        if int(named[2]) < results.manifest["samples"]:
+        if int(named[2]) < results.samples[int(named[1])]:
             yield Watched(int(named[1]), int(named[2]), "replayed", named[3], path)
 
 

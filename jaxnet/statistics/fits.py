@@ -150,9 +150,8 @@ def greatest_slope(results: Results, cells: dict[int, float], metric: str) -> fl
 
     The slope is infinite where theory gives no bound.
     """
-    samples = range(results.manifest["samples"])
     slopes = [
-        ceilings(results.study.config, results.study.cells[cell], samples)[metric] / size
+        ceilings(results.study.config, results.study.cells[cell], range(results.samples[cell]))[metric] / size
         for cell, size in cells.items()
     ]
     return float(np.max(slopes))

@@ -92,7 +92,9 @@ def attack_size(cell: Cell) -> float:
 
 
 def clopper_pearson(
-    successes: Int[np.ndarray, "*n"], trials: Int[np.ndarray, "*n"], confidence: float
+    successes: Int[np.ndarray, "*n"],
+    trials: Int[np.ndarray, "*n"],
+    confidence: float | Float[np.ndarray, "*n"],
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
     """Return both ends of the exact interval of a share; 0 and 1 without a trial."""
     tail = (1.0 - confidence) / 2
@@ -152,16 +154,16 @@ def confidence_told(samples: int | Sequential) -> float:
     return samples.until.confidence if isinstance(samples, Sequential) else CONFIDENCE
 
 
-def widest_half_interval(
-    counts: RecoveryCounts, cells: Sequence[Cell], samples: int, criterion: Criterion
-) -> float:
-    """Return half the widest interval of the attacked cells, for the study's stopping rule.
+def half_intervals(
+    counts: RecoveryCounts, cells: Sequence[Cell], samples: Sequence[int], criterion: Criterion
+) -> Float[np.ndarray, " cells"]:
+    """Return half of each cell's interval, for the study's stopping rule; `samples` are those of the cells.
 
-    `samples` is the number of samples per cell. Cells without a lane that ended are left out.
+    The half is 0 for a cell without an attack or without a lane that ended.
     """
-    low, high = clopper_pearson(*counts, confidence_at(look_of(samples), criterion.confidence))
-    counted = attacked_mask(cells) & (counts.ended > 0)
-    return float((high - low)[counted].max(initial=0.0)) / 2
+    sure = np.array([confidence_at(look_of(each), criterion.confidence) for each in samples])
+    low, high = clopper_pearson(*counts, sure)
+    return np.where(attacked_mask(cells) & (counts.ended > 0), high - low, 0.0) / 2
 
 
 def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
@@ -169,7 +171,9 @@ def attacked_mask(cells: Sequence[Cell]) -> Bool[np.ndarray, " cells"]:
     return np.array([attack_size(cell) > 0 for cell in cells])
 
 
-def unrecovered_columns(counts: RecoveryCounts, cells: Sequence[Cell], confidence: float) -> pd.DataFrame:
+def unrecovered_columns(
+    counts: RecoveryCounts, cells: Sequence[Cell], confidence: float | Float[np.ndarray, " cells"]
+) -> pd.DataFrame:
     """Return columns of `cells.csv`; not-a-number without an attack or without a lane that ended."""
     low, high = clopper_pearson(*counts, confidence)
     counted = attacked_mask(cells) & (counts.ended > 0)

@@ -28,33 +28,33 @@ UNBOUNDED = -np.inf, np.inf
 
 
 def summarise(
-    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, samples: int
+    folder: Folder, shards: Sequence[Shard], cells: Sequence[Cell], study: Config, samples: Sequence[int]
 ) -> pd.DataFrame:
     """Return `cells.csv`: swept keys, lanes, ok, failed, and statistics of the tail errors over ok lanes.
 
     With `recovery` the table also has the share unrecovered, and without a navigator the share of lanes in
-    the hull. `samples` is the number of samples per cell that
-    all shards have.
+    the hull. `samples` are the numbers of samples of the cells.
     """
     table, counts, metrics = [], recovery.zero_counts(cells), summarised_metrics(study)
-    confidence = recovery.confidence_of(study.samples, samples)
+    sure = np.array([recovery.confidence_of(study.samples, each) for each in samples])
     for number, lanes in rows.scan_cells(folder, shards, ("sample", "status", *metrics)):
         ok: Any = lanes[lanes["status"] == "ok"]
         row = {**cells[number].labels, "lanes": len(lanes), "ok": len(ok), "failed": len(lanes) - len(ok)}
         ranges = ranges_of(study, cells[number], ok["sample"].tolist())
         drawn = independent_units(study, ok["sample"].to_numpy())
         for metric in metrics:
-            found = metric_statistics(ok[metric].to_numpy(), ranges.get(metric, UNBOUNDED), drawn, confidence)
+            within = ranges.get(metric, UNBOUNDED)
+            found = metric_statistics(ok[metric].to_numpy(), within, drawn, float(sure[number]))
             row |= {f"{metric}_{name}": value for name, value in found.items()}
         if any(cell.scenario.leaderless for cell in cells):
-            row |= hull_share(cells[number], ok["outside"].to_numpy(), confidence)
+            row |= hull_share(cells[number], ok["outside"].to_numpy(), float(sure[number]))
         table.append(row)
         if study.recovery is not None:
             counts.add(cells[number], ok[cells[number].scenario.judged].to_numpy(), study.recovery)
     cells_table = pd.DataFrame(table)
     if study.recovery is None:
         return cells_table
-    return cells_table.join(recovery.unrecovered_columns(counts, cells, confidence))
+    return cells_table.join(recovery.unrecovered_columns(counts, cells, sure))
 
 
 def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, MetricRange]:

@@ -12,7 +12,7 @@ from jaxtyping import Int
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.kinds.fields import is_drawn
-from jaxnet.model.wording import count, counted
+from jaxnet.model.wording import count_between, counted
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
 from jaxnet.statistics.groups import Label
@@ -95,8 +95,7 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     """Return notes below a heat map: lanes per tile, width of the intervals, and failed lanes."""
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & found[metric].notna()]
-    least, most = int(known["ok"].min()), int(known["ok"].max())
-    words = [f"{f'{least:,} to ' if least < most else ''}{count(most, 'lane')} a tile"]
+    words = [f"{count_between(known['ok'].astype(int).tolist(), 'lane')} a tile"]
     if metric == "unrecovered":
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)

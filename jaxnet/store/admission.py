@@ -64,9 +64,9 @@ def admit_made(folder: Folder, manifest: Manifest) -> None:
 
     Raises FolderError if the folder holds files made of other rows, or cannot be written.
     """
-    rows_of = {entry: manifest[entry] for entry in ("hash", "samples")} | {
-        "jaxnet": manifest["versions"]["jaxnet"]
-    }
+    entries = ("hash", "samples", "cell_samples")
+    rows_of = {entry: manifest[entry] for entry in entries if manifest.get(entry) is not None}
+    rows_of["jaxnet"] = manifest["versions"]["jaxnet"]
     file = folder.path / DERIVED_FROM
     if file.exists():
         try:

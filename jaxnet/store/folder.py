@@ -72,7 +72,8 @@ class Manifest(TypedDict):
     device: str
     chunk: int | None  # lanes side by side; None suits the engine
     cells: int
-    samples: int  # of each cell
+    samples: int  # of each cell; where these numbers differ, the greatest
+    cell_samples: list[int] | None  # of each cell where these numbers differ, else None
     shard_size: int  # samples of a whole shard
     save: dict[str, object]
     finished: bool
@@ -134,6 +135,11 @@ def modules_of(config: Config) -> dict[str, Provenance]:
 def describe_kinds(config: Config) -> dict[str, dict[str, object]]:
     """Return the manifest's description of the kinds from outside that a config names."""
     return describe_outside(config.scope.known, config.scope.named_in(to_plain(config)))
+
+
+def samples_of_cells(manifest: Manifest, cells: int) -> list[int]:
+    """Return the number of samples of each of so many cells that a manifest describes; 0 before a run."""
+    return manifest.get("cell_samples") or [manifest.get("samples", 0)] * cells
 
 
 def versions() -> dict[str, str]:
@@ -225,9 +231,20 @@ def wrong_entries(found: object) -> Iterator[str]:
             yield f"{name} is {json.dumps(value)[:60]}"
     if found.get("shard_size") == 0:
         yield "shard_size is 0"
+    if not are_samples(found.get("cell_samples"), found):
+        yield f"cell_samples is {json.dumps(found['cell_samples'])[:60]}"
     for name, made in found.get("modules", {}).items():
         if not has_type(made, {"file": str, "sha256": str}):
             yield f"modules.{name} is {json.dumps(made)[:60]}"
+
+
+def are_samples(numbers: object, manifest: dict[str, Any]) -> bool:
+    """Return whether an entry is None, or the number of samples of each cell, at most `samples`."""
+    if numbers is None:
+        return True
+    if not isinstance(numbers, list) or len(numbers) != manifest.get("cells"):
+        return False
+    return all(type(each) is int and 0 < each <= manifest.get("samples", 0) for each in numbers)
 
 
 def has_type(value: object, kind: type | dict[str, type]) -> bool:

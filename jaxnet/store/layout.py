@@ -106,20 +106,20 @@ class Shard(NamedTuple):
     samples: range
 
 
-def shards_of(cells: Sequence[Cell], samples: int, size: int) -> list[Shard]:
-    """Return all shards of a study: the first samples of every cell, then the next samples of every cell."""
-    blocks = enumerate(range(0, samples, size))
-    return [
-        Shard(block * len(cells) + cell.number, cell, range(start, min(start + size, samples)))
-        for block, start in blocks
-        for cell in cells
-    ]
+def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[Shard]:
+    """Return all shards of a study: the first samples of every cell, then the next samples of every cell.
+
+    `samples` are the numbers of samples of the cells.
+    """
+    numbers = range(-(-max(samples) // size) * len(cells))
+    shards = (shard_of(cells, samples, size, number) for number in numbers)
+    return [shard for shard in shards if shard.samples]
 
 
-def shard_of(cells: Sequence[Cell], samples: int, size: int, number: int) -> Shard:
-    """Return the shard of a number; a shard beyond the study has no samples."""
+def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
+    """Return the shard of a number; a shard beyond the samples of its cell has none."""
     block, cell = divmod(number, len(cells))
-    return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples)))
+    return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples[cell])))
 
 
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:

@@ -16,7 +16,7 @@ from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules, refuse_edited
-from jaxnet.store.folder import Folder, FolderError, Manifest
+from jaxnet.store.folder import Folder, FolderError, Manifest, samples_of_cells
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError
 
@@ -218,12 +218,17 @@ class Results:
         return None
 
     @cached_property
+    def samples(self) -> list[int]:
+        """Number of samples of each cell: they differ where cells end by a criterion."""
+        return samples_of_cells(self.manifest, len(self.study.cells))
+
+    @cached_property
     def shards(self) -> list[Shard]:
         """Shards whose rows are in the folder."""
         names = (path.name for path in self.path.glob("lanes/*.parquet"))
         there = {number for name in names if (number := rows.shard_number(name)) is not None}
-        samples, size, cells = self.manifest["samples"], self.manifest["shard_size"], self.study.cells
-        shards = (layout.shard_of(cells, samples, size, number) for number in sorted(there))
+        size, cells = self.manifest["shard_size"], self.study.cells
+        shards = (layout.shard_of(cells, self.samples, size, number) for number in sorted(there))
         return [shard for shard in shards if shard.samples]
 
     @cached_property

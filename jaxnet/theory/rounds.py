@@ -20,6 +20,7 @@ from jaxnet.theory.response import LawGain
 LEAST_TICK, MOST_TICK = 1e-6, 10.0  # [s]
 RATIO = 1.05  # of a tick to the one before it in the search
 HALVINGS = 40
+LoopMatrices = Complex[np.ndarray, "loops s s"]
 ANGLES = np.exp(1j * np.pi * np.linspace(0, 1, 65))  # points of the upper unit circle
 
 
@@ -32,9 +33,14 @@ def eigenvalues(weights: Weights) -> Complex[np.ndarray, " some"]:
 def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> float:
     """Return the factor of the slowest motion at each tick, the greatest over all μ: stable below 1.
 
-    With M the loop's matrix and s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps
-    its precision for short ticks.
+    With s the eigenvalues of `(M - 1)/h`, the factor is `|1 + h s|`. This form keeps its precision for short
+    ticks.
     """
+    return float(np.abs(1 + tick * np.linalg.eigvals(loop_rates(mu, gain, tick))).max())
+
+
+def loop_rates(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> LoopMatrices:
+    """Return `(M - 1)/h` for each μ, with M the matrix of (E, Ė, …, q) from one tick to the next."""
     mu, h, r = np.atleast_1d(np.asarray(mu, complex)), tick, len(gain)
     integrators, entry = held_rates(r, h)
     wanted = -(1 - mu)[:, None] * gain
@@ -42,7 +48,31 @@ def growth(mu: np.ndarray | complex | float, gain: LawGain, tick: float) -> floa
     rates[:, :r, :r] = integrators + entry[:, None] * wanted[:, None]
     rates[:, :r, r] = entry * mu[:, None]
     rates[:, r, :r], rates[:, r, r] = wanted / h, (mu - 1) / h
-    return float(np.abs(1 + h * np.linalg.eigvals(rates)).max())
+    return rates
+
+
+def mean_square_growth(mu: np.ndarray, gain: LawGain, tick: float, lost: float) -> float:
+    """Return the root-mean-square growth at each tick where all messages of a tick are lost together.
+
+    A tick is lost with the probability `lost`, independently. Vehicles then hold their q, which is the loop N
+    of μ = 1. The second moments grow by the greatest eigenvalue of `(1 - p) M⊗M̄ + p N⊗N̄` over all μ.
+    """
+    size = (len(gain) + 1) ** 2
+    loops = np.eye(len(gain) + 1) + tick * loop_rates(np.append(mu, 1.0), gain, tick)
+    squares = np.einsum("nij,nkl->nikjl", loops, loops.conj()).reshape(-1, size, size)
+    moments = (1 - lost) * squares[:-1] + lost * squares[-1]
+    return float(np.sqrt(np.abs(np.linalg.eigvals(moments)).max()))
+
+
+def critical_loss(mu: np.ndarray, gain: LawGain, tick: float) -> float:
+    """Return the probability of loss above which second moments grow; 0 if they grow without any loss."""
+    low, high = 0.0, 1.0
+    if mean_square_growth(mu, gain, tick, low) >= 1:
+        return 0.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if mean_square_growth(mu, gain, tick, middle) < 1 else (low, middle)
+    return low
 
 
 def local_growth(eigenvalues: np.ndarray, gain: LawGain, tick: float) -> float:

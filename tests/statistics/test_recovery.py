@@ -115,58 +115,67 @@ def until(half_width, at_most=1000):
     return {"until": {"half_width": half_width, "of": "unrecovered", "at_most": at_most}}
 
 
-def test_a_run_stops_when_the_widest_interval_is_narrow_enough(tmp_path, small_shards):
-    """All cells alike, at the first look that meets it; rows are those of any run."""
-    results = jaxnet.run(systems.study(samples=until(0.1), **keys()), tmp_path / "until")
-    samples = results.manifest["samples"]
-    assert results.cells["lanes"].tolist() == [samples] * 3
-    fixed = jaxnet.run(systems.study(samples=samples, **keys()), tmp_path / "fixed")
-    pd.testing.assert_frame_equal(results.lanes, fixed.lanes, check_exact=True)
+LOOKS = [50, 75, 113, 169, 254, 380, 570]  # each half as many more
 
-    def widest(first, look):
-        rows = fixed.lanes[fixed.lanes["sample"] < first]
-        over = rows["tail_mean"] > rows["attack.magnitude"]
-        counts = [over.groupby(rows["cell"]).sum().to_numpy(), rows.groupby("cell").size().to_numpy()]
-        low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(look, 0.95))
-        return (high - low)[1:].max() / 2
 
-    at = [50, 75, 113, 169, 254, 380, 570]  # each half as many more
-    looks = at.index(samples) + 1
-    assert looks > 1
-    enough = [widest(first, look) <= 0.1 for look, first in enumerate(at[:looks], 1)]
-    assert enough == [False] * (looks - 1) + [True]
-    files = sorted(path.name for path in (results.path / "lanes").iterdir())
-    assert files == [f"{number:05d}.parquet" for number in range(3 * -(-samples // 60))]
-    told = results.cells["unrecovered_high"] - results.cells["unrecovered_low"]
-    assert told.max() / 2 == pytest.approx(widest(samples, looks))
+def test_a_cell_stops_when_its_interval_is_narrow_enough(tmp_path, small_shards):
+    """Each cell at the first look that meets the criterion; rows are those of any run."""
+    given = {**keys(), "sweep": {"attack.magnitude": [0.0, 60.0, 40.0]}, "save": {"errors": True}}
+    results = jaxnet.run(systems.study(samples=until(0.1), **given), tmp_path / "until")
+    samples = results.samples
+    assert results.cells["lanes"].tolist() == samples == results.manifest["cell_samples"]
+    assert results.manifest["samples"] == max(samples)
+    assert samples[0] == 50  # nothing is asked of a cell without an attack
+    assert len({*samples}) == 3
+    fixed = jaxnet.run(systems.study(samples=max(samples), **given), tmp_path / "fixed")
+    assert fixed.samples == [max(samples)] * 3
+    kept = fixed.lanes[fixed.lanes["sample"] < np.array(samples)[fixed.lanes["cell"]]]
+    pd.testing.assert_frame_equal(results.lanes, kept.reset_index(drop=True), check_exact=True)
+    for cell in (1, 2):
+        rows, looks = fixed.lanes[fixed.lanes["cell"] == cell], LOOKS.index(samples[cell]) + 1
+        over = (rows["tail_mean"] > rows["attack.magnitude"]).to_numpy()
+        ends = [
+            stats.binomtest(int(over[:first].sum()), first).proportion_ci(1 - 0.05 / (look * (look + 1)))
+            for look, first in enumerate(LOOKS[:looks], 1)
+        ]
+        assert [(end.high - end.low) / 2 <= 0.1 for end in ends] == [False] * (looks - 1) + [True]
+        told = results.cells.loc[cell, ["unrecovered_low", "unrecovered_high"]].tolist()
+        assert told == pytest.approx([*ends[-1]])
+    stored, there = results.errors["tracking"], np.array(samples)[:, None] > np.arange(max(samples))
+    assert np.array_equal(~np.isnan(stored.values).any(axis=2), there)
+    assert jaxnet.open(results.path).row(0, samples[0]) is None
+    with pytest.raises(FolderError, match=f"samples 0 to {samples[0] - 1} "):
+        results.replay(0, samples[0])
 
 
 def test_it_goes_on_where_it_was_and_ends_at_the_most_allowed(tmp_path, small_shards):
     """A narrower interval extends the run; one that is too narrow ends at the most allowed."""
     first = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
-    few, before = first.manifest["samples"], first.lanes
+    few, before = first.samples, first.lanes
     again = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
-    assert again.manifest["samples"] == few
+    assert again.samples == few
     more = jaxnet.run(systems.study(samples=until(0.01, at_most=340), **keys()), tmp_path / "out")
-    assert more.manifest["samples"] == 340 > few
+    assert more.samples[1:] == [340, 340] > few[1:]
     rows = more.lanes
-    kept = rows[rows["sample"] < few].reset_index(drop=True)
+    kept = rows[rows["sample"] < np.array(few)[rows["cell"]]].reset_index(drop=True)
     pd.testing.assert_frame_equal(kept, before, check_exact=True)
     wider = jaxnet.run(systems.study(samples=until(0.2), **keys()), tmp_path / "out")
-    assert (wider.manifest["samples"], len(wider.lanes)) == (340, 1020)
+    assert (wider.samples, len(wider.lanes)) == (more.samples, sum(more.samples))
+    fixed = jaxnet.run(systems.study(samples=10, **keys()), tmp_path / "out")
+    assert fixed.samples == [340] * 3
 
 
 def test_a_run_cut_off_in_the_midst_of_a_look_ends_like_any_other(tmp_path, small_shards):
     """Also where only some cells have their shard of the last look."""
     whole = jaxnet.run(systems.study(samples=until(0.1), **keys()), tmp_path / "out")
-    rows, samples = whole.lanes, whole.manifest["samples"]
+    rows, samples = whole.lanes, whole.samples
     sorted((whole.path / "lanes").glob("*.parquet"))[-1].unlink()
     Folder(whole.path).write_manifest(finished=False)
     (whole.path / "cells.csv").unlink()
     with pytest.raises(FolderError, match="unfinished run"):
         _ = jaxnet.open(whole.path).cells
     again = jaxnet.run(systems.study(samples=until(0.1), **keys()), tmp_path / "out")
-    assert again.manifest["samples"] == samples
+    assert again.samples == samples
     pd.testing.assert_frame_equal(again.lanes, rows, check_exact=True)
 
 
@@ -198,7 +207,7 @@ def test_the_last_interval_of_a_run_covers(share):
     @functools.cache  # for few counts are ever new
     def widest(failed, ended):
         counts = recovery.RecoveryCounts(np.array([failed]), np.array([ended]))
-        return recovery.widest_half_interval(counts, cells, ended, criterion)
+        return recovery.half_intervals(counts, cells, [ended], criterion)[0]
 
     for _ in range(1000):
         failed = ended = 0
@@ -254,6 +263,5 @@ def test_one_half_width_is_half_a_width():
     counts = recovery.RecoveryCounts(np.array([50]), np.array([1000]))
     low, high = recovery.clopper_pearson(*counts, recovery.confidence_at(5, 0.95))
     half = float(high[0] - low[0]) / 2
-    assert recovery.widest_half_interval(
-        counts, cells, 1000, config.Criterion(half_width=0.1)
-    ) == pytest.approx(half)
+    halves = recovery.half_intervals(counts, cells, [1000], config.Criterion(half_width=0.1))
+    assert halves == pytest.approx([half])

@@ -104,3 +104,33 @@ def test_ticks_up_to_the_greatest_are_stable():
             ticks = most * np.array([0.01, 0.3, 0.7, 0.9999, 1.0001])
             stable = [rounds.spectral_radius(weights, GAIN, tick, number) < 1 for tick in ticks]
             assert stable == [True, True, True, True, False]
+
+
+def test_known_losses_of_whole_ticks():
+    """Of one round on the ring and on stars, found by two independent programs."""
+    ring, star = rounds.eigenvalues(RING), np.zeros(1)
+    assert rounds.mean_square_growth(ring, GAIN, 0.02, 0.3) == pytest.approx(0.988181, abs=5e-7)
+    assert rounds.mean_square_growth(ring, GAIN, 0.02, 0.5) == pytest.approx(1.008875, abs=5e-7)
+    assert rounds.critical_loss(ring, GAIN, 0.02) == pytest.approx(0.413127, abs=5e-7)
+    assert rounds.critical_loss(ring, GAIN, 0.05) == 0.0  # one round is unstable
+    known = {0.02: 0.922509, 0.05: 0.817195, 0.1: 0.666681, 0.2: 0.438192}
+    for tick, critical in known.items():
+        assert rounds.critical_loss(star, GAIN, tick) == pytest.approx(critical, abs=5e-7)
+
+
+@pytest.mark.parametrize("lost", [0.2, 0.6])
+def test_second_moments_grow_as_those_of_a_plain_program(lost):
+    """Two vehicles of order 2 that hear each other: means of squares over 200,000 random histories."""
+    weights = np.array([[0.5, 0.0, 0.5], [0.3, 0.7, 0.0]])
+    gain, tick, random = np.array([2.0, 1.5]), 0.4, np.random.default_rng(0)
+    position, velocity, jerk = random.normal(size=(3, 200_000, 2))
+    sizes = []
+    for _ in range(24):
+        wanted = -(gain[0] * position + gain[1] * velocity) @ (np.eye(2) - weights[:, 1:]).T
+        heard = random.random((200_000, 1)) >= lost
+        jerk = np.where(heard, jerk @ weights[:, 1:].T + wanted, jerk)
+        position, velocity = position + tick * velocity + tick**2 / 2 * jerk, velocity + tick * jerk
+        sizes.append((position**2 + velocity**2 + jerk**2).mean())
+    grown = (sizes[-1] / sizes[9]) ** (1 / 28)
+    known = rounds.mean_square_growth(rounds.eigenvalues(weights), gain, tick, lost)
+    assert grown == pytest.approx(known, rel=0.03)

@@ -639,6 +639,8 @@ def test_cells_are_named_by_how_many_they_are(html):
         "cells 0, 1",
         "cells 0-3, 7",
     ]
+    assert wording.cells_named([*range(0, 24, 2)]) == "cells 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22"
+    assert wording.cells_named([*range(0, 200, 2)]) == "100 cells (0, 2, 4, …)"
     text = section(html, "run")
     assert "star, cells 0-2\n" in text
     assert not re.search(r"cells \d+\n", text)

@@ -41,11 +41,7 @@ def tails_figure(results: Results, cells: Sequence[Cell], width: float = style.F
     panel.set_xscale("log")
     panel.autoscale_view()
     multiples.log_ticks(panel.xaxis)
-    dot = (
-        "one dot per lane"
-        if results.manifest["samples"] <= MOST_DOTS
-        else f"{MOST_DOTS:,} dots evenly by rank"
-    )
+    dot = "one dot per lane" if max(results.samples) <= MOST_DOTS else f"{MOST_DOTS:,} dots evenly by rank"
     panel.set_xlabel(multiples.axis_name(JUDGED_WORDS[metric], width))
     told = [f"{dot}; median and 5 to 95 %", *[SPREAD_WORDS] * (metric == "spread")]
     below = f"values below {LOG_FLOOR:g} m are drawn there"

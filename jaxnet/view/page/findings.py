@@ -10,7 +10,7 @@ import pandas as pd
 
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import is_kind, key_name, labels_title, value_name
-from jaxnet.model.wording import count, counted
+from jaxnet.model.wording import count, count_between, counted
 from jaxnet.statistics import recovery
 from jaxnet.statistics.curves import BOUND_NAMES, Curve, cell_magnitudes, failed_kinds, unrecovered_shares
 from jaxnet.store.results import Results
@@ -235,7 +235,7 @@ def violated_sentences(results: Results) -> list[str]:
 
 def certainty_sentence(results: Results) -> str:
     """State the number of lanes of a cell, and the interval of the worst cell's mean."""
-    samples = f"Each cell has {count(results.manifest['samples'], 'lane')}"
+    samples = f"Each cell has {count_between(results.samples, 'lane')}"
     errors, _ = errors_per_size(results)
     if errors.empty:
         return f"{samples}."

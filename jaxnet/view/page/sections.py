@@ -11,6 +11,7 @@ import pandas as pd
 from jaxnet.config.cells import is_leaderless, judged_metric
 from jaxnet.config.naming import key_name, quantity, value_alone
 from jaxnet.explore.courses import search_courses
+from jaxnet.model.wording import count_between
 from jaxnet.runs.replay import worst_of_cells
 from jaxnet.runs.watched import MOST_REPLAYED
 from jaxnet.statistics.axes import choose_axes
@@ -115,7 +116,7 @@ def run_section(results: Results) -> Section:
         {}
         if not results.has_run
         else {
-            "samples": f"{manifest['samples']:,} of each cell",
+            "samples": f"{count_between(results.samples, 'lane')} of each cell",
             "device": manifest["device"],
             "wall time": f"{manifest['wall_seconds']:.4g} s",
         }

@@ -4,7 +4,7 @@ import pandas as pd
 from upath import UPath
 
 from jaxnet.store import search
-from jaxnet.store.folder import Manifest
+from jaxnet.store.folder import Manifest, samples_of_cells
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import table_text
 
@@ -31,7 +31,7 @@ def folder_row(path: UPath, manifest: Manifest) -> dict[str, object]:
     lanes = manifest["lanes"] if finished else {"ok": "-", "failed": "-"}
     return {
         "cells": cells or "-",
-        "lanes": cells * manifest["samples"] if cells else "-",
+        "lanes": sum(samples_of_cells(manifest, cells)) if cells else "-",
         "ok": lanes["ok"],
         "failed": lanes["failed"],
         "": "finished" if finished else analyses or "unfinished",

@@ -11,7 +11,7 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config, Sequential
-from jaxnet.model.wording import cells_named, count
+from jaxnet.model.wording import cells_named, count, count_between
 from jaxnet.statistics import recovery
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.choice import Where
@@ -209,7 +209,7 @@ def missing_end_lines(shown: Sequence[Column]) -> list[str]:
 def setting_note(results: Results) -> str:
     """Return samples, horizon and tail of a study, for a table that leaves the folder."""
     study = results.study
-    samples = f"{count(results.manifest['samples'], 'lane')} a cell"
+    samples = f"{count_between(results.samples, 'lane')} a cell"
     horizons = sorted({cell.scenario.horizon for cell in study.cells})
     tails = sorted({cell.scenario.tail for cell in study.cells})
     told = (" or ".join(f"{each:g}" for each in values) for values in (horizons, tails))
@@ -282,14 +282,15 @@ def stop_reason(results: Results) -> str:
     if not isinstance(samples, Sequential):
         return ""
     cells: Any = results.cells
-    half = (cells["unrecovered_high"] - cells["unrecovered_low"]).max() / 2
-    words = f"stopped after {results.manifest['samples']} samples a cell: "
-    if np.isnan(half):
+    halves = (cells["unrecovered_high"] - cells["unrecovered_low"]) / 2
+    words = f"stopped after {count_between(results.samples, 'sample')} a cell: "
+    if halves.isna().all():
         words += "no attacked lane came to its end"
     else:
-        why = "narrow enough" if half <= samples.until.half_width else "and no more samples are allowed"
+        wide = int((halves > samples.until.half_width).sum())
+        why = f"and no more samples are allowed ({count(wide, 'cell')})" if wide else "narrow enough"
         share = recovery.share_name(results.study.cells)
-        words += f"the widest interval of the share {share} is ± {half:.2g}, {why}"
+        words += f"the widest interval of the share {share} is ± {halves.max():.2g}, {why}"
     return f"\n{fill(words, terminal_width())}"
 
 
