@@ -126,7 +126,7 @@ def periods_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> Periods |
     at = np.array([time - TICK_ROUNDING for time, _ in attack.periods()])
     sets = [attack.on(vehicles).chosen(draw) for _, vehicles in attack.periods()]
     owners = hearing.of_transmitters(sources).T.ravel() if attack.by_link() else slice(None)
-    weights = None
+    weights: Any = None
     if attack.splits():
         graph = scenario.topology
         weights = np.stack([weights_of(scenario, draw, sources, graph, each) for each in sets], axis=1)

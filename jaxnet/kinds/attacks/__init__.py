@@ -367,7 +367,7 @@ class Attack(AnyAttack):
         """Return the key `vehicles` if vehicles change; nobody is attacked before the first time."""
         if not isinstance(self.vehicles, ChangingVehicles):
             return []
-        found = [*zip(self.vehicles.at, self.vehicles.sets, strict=True)]
+        found = [*zip(self.vehicles.at, self.vehicles.sets, strict=False)]
         return found if found[0][0] == 0 else [(0.0, []), *found]
 
     def chosen(self, draw: LaneDraw) -> np.ndarray:

@@ -475,6 +475,7 @@ def attack_line(scenario: Scenario, facts: certificate.Certificate) -> str:
     else:
         how = "in what they transmit"
     instead = ", in place of what is sent" if attack.replaces() else ""
+    instead += ", and they move as they tell" if attack.as_told() else ""
     among = "" if attack.targets() else " of all that may be drawn"
     among = " of all that are ever attacked" if attack.periods() else among
     links = count(len(facts.attacked_links), "link")
