@@ -213,6 +213,28 @@ def test_the_guarantee_is_of_the_rule_in_use(words):
     assert [each for each in RULES if each in told] == list(RULES)[:2]
 
 
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        (
+            {"law": "rounds", "channel": {"loss": {"kind": "bernoulli", "probability": 0.5, "of": "all"}}},
+            "UNSTABLE in mean square, deviations times 1.0089 at each tick; stable up to a loss of 0.4131",
+        ),
+        ({"channel": {"delay": 0.1}}, "vehicles end late by 1 s"),
+        ({"channel": {"delay": 0.1}, "topology": "path"}, "vehicles end late by 0.1 to 1.2 s"),
+        (
+            {"channel": {"delay": 0.04, "extrapolate": "jerk"}},
+            "unstable: the delay must be below 0.0363729 s",
+        ),
+    ],
+)
+def test_what_is_known_of_lost_and_late_words_is_told(keys, told):
+    """Figures of two independent programs for the ring, and i τ for the path."""
+    cells = systems.study(**{"topology": "cyclic", "defence": "none", "tick": 0.02, **keys}).cells
+    lines = check.world_lines(cells[0].scenario)
+    assert told in lines["delay" if "delay" in keys["channel"] else "channel"]
+
+
 def one_line(text):
     """A text without breaks of lines."""
     return " ".join(text.split())

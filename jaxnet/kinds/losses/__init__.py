@@ -37,6 +37,13 @@ class Loss(DrawsAtTicks):
         """Return whether no message is ever lost."""
         return False
 
+    def of_whole_ticks(self) -> float | None:
+        """Return the probability with which all messages of a tick are lost together.
+
+        None if messages are lost otherwise, or if ticks depend on each other.
+        """
+        return None
+
     def start(self, messages: Messages) -> Memory:
         """Return the memory before the first tick: any pytree of arrays with lanes last; by default None."""
         return None

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from jaxnet.kinds.fields import Number, Within
+from jaxnet.kinds.fields import Number, Within, is_drawn
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.shapes import Memory, SlotMask
 from jaxnet.kinds.ticks import DrawsTogether
@@ -29,6 +29,10 @@ class Bernoulli(DrawsTogether, Loss):
     def perfect(self) -> bool:
         """Return whether the probability is 0."""
         return self.probability == 0
+
+    def of_whole_ticks(self) -> float | None:
+        """Return the probability if all messages of a tick are lost together."""
+        return float(self.probability) if self.of == "all" and not is_drawn(self.probability) else None
 
     def draws(self) -> bool:
         """Return whether a message may be lost, because every loss is drawn."""

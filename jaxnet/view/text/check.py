@@ -299,7 +299,8 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
         known = steady_text(scenario, scenario.sensing, lambda: np.ones(1))
         lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds{known}"
     if not scenario.channel.loss.perfect():
-        lines["channel"] = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
+        lost = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
+        lines["channel"] = lost + lost_text(scenario)
     if not scenario.channel.noise.exact():
         known = ""
         if not scenario.defence.decides and scenario.vehicles <= certificate.MOST_INVERTED:
@@ -309,6 +310,31 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
     if scenario.channel.delay > 0:
         lines["delay"] = f"words are {scenario.channel.delay:g} s late; no bound holds{late_text(scenario)}"
     return lines
+
+
+def lost_text(scenario: Scenario) -> str:
+    """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
+    lost = scenario.channel.loss.of_whole_ticks()
+    if (
+        lost is None
+        or not scenario.law.holds
+        or scenario.defence.decides
+        or scenario.gain_matrices is not None
+    ):
+        return ""
+    if scenario.attack.replaces() or scenario.vehicles > certificate.MOST_INVERTED:
+        return ""
+    left = scenario.law.left(rounds.eigenvalues(dense(scenario_graph(scenario))))
+    if left is None:
+        return ""
+    gain = np.array([median(each) for each in scenario.gain])
+    grown, most = (
+        rounds.mean_square_growth(left, gain, scenario.tick, lost),
+        rounds.critical_loss(left, gain, scenario.tick),
+    )
+    state = "stable" if grown < 1 else "UNSTABLE"
+    told = f"{state} in mean square, deviations times {grown:.4f} at each tick"
+    return f"; {told}; stable up to a loss of {most:.4f}" if most else f"; {told}"
 
 
 def late_text(scenario: Scenario) -> str:
