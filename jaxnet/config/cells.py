@@ -367,17 +367,23 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
     """Return the labels of one key's swept values in tables: all numbers, or all text.
 
     A kind is labelled by its `label`, or by its name with the keys that tell it apart from others of that
-    name.
+    name; a record, such as a channel, by its `label` or its keys.
     """
     if key not in KINDS and key not in INNER_KINDS:
         if all(isinstance(value, int | float) for value in listed):
             fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
             return listed if fits else list(map(float, listed))  # integers in columns have 64 bits
-        return [value if isinstance(value, str) else wording.value_text(value) for value in listed]
+        return [own_label(value) or wording.value_text(value) for value in listed]
     family = INNER_KINDS.get(key, key)
     kinds = [full_kind(family, with_kind(family, value)) for value in listed]
     telling = telling_keys(kinds)
     return [kind_label(kind, telling) for kind in kinds]
+
+
+def own_label(value: Plain) -> str:
+    """Return text itself, or the `label` of a mapping; "" of another value."""
+    told = value.get("label") if isinstance(value, dict) else value
+    return told if isinstance(told, str) else ""
 
 
 def telling_keys(kinds: list[Plain]) -> dict[str, list[object]]:
@@ -406,8 +412,8 @@ def kind_label(kind: Plain, telling: Mapping[str, list[object]]) -> str:
     """Return the label of one swept kind: its own label, or its name with the keys that tell it apart."""
     if not isinstance(kind, dict) or "kind" not in kind:
         return wording.shorten_value(kind)
-    if isinstance(kind.get("label"), str):
-        return kind["label"]
+    if own := own_label(kind):
+        return own
     keys = telling[wording.value_text(kind["kind"])]
     words = [f"{key}={wording.shorten_value(value)}" for key, value in kind.items() if key in keys]
     name = str(kind["kind"]).rpartition(":")[2]

@@ -65,6 +65,7 @@ class Initial(Record):
 class Channel(Record):
     """What happens to messages on their way. Attacks act before the channel."""
 
+    label: str | None = Field(default=None, description="what tables call it where it is swept")
     loss: Annotated[Loss, KindOf("loss"), Field(description="which messages are lost")] = NoLoss()
     missing: Literal["drop", "hold", "extrapolate"] = Field(
         default="drop",
