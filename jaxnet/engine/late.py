@@ -24,9 +24,8 @@ from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Vectors
 
-DEGREES = (
-    8  # coefficients of a polynomial; a harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size
-)
+# Coefficients of a polynomial. A harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size.
+DEGREES = 8
 POINTS = (1 - np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)) / 2  # Chebyshev's, on a tick of length 1
 TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
