@@ -143,7 +143,7 @@ KINDS = [
         "→topology: ring",
         "topology|topology.kind",
         "one of circulant, complete, cyclic, edges, erdos_renyi, figure1, file, grid, lattice, path,"
-        ' random_regular, small_world, star, or module:Class (got "ring")',
+        ' random_regular, small_world, star, switching, or module:Class (got "ring")',
     ),
     Bad("→topology: 3", "topology", "(got 3)"),
     Bad("→topology: []", "topology", "(got [])"),
@@ -158,7 +158,9 @@ KINDS = [
         "did you mean 'cyclic'?",
     ),
     Bad("topology: {→kind: [star]}", "topology.kind", '(got ["star"])'),
-    Bad("topology: {→kind: true}", "topology.kind", "small_world, star, or module:Class (got true)"),
+    Bad(
+        "topology: {→kind: true}", "topology.kind", "small_world, star, switching, or module:Class (got true)"
+    ),
     Bad("topology: {→kind:}", "topology.kind", "(got null)"),
     Bad("topology: {kind: star, →navigator_weight: 0.1}", "topology.navigator_weight", "unknown"),
     Bad("topology: {→navigator_weight: 0}", "topology.navigator_weight", "greater than 0 (got 0)"),

@@ -32,7 +32,7 @@ def test_what_is_written_loads(tmp_path, family, name):
 
 def test_kinds_are_offered_by_the_registry(monkeypatch):
     """A new one too, and not those that need more than a name."""
-    needing = {"circulant", "edges", "file", "grid"}
+    needing = {"circulant", "edges", "file", "grid", "switching"}
     assert set(registry.kind_names("topology")) - set(starter.kinds_without_keys("topology")) == needing
     names, find = registry.kind_names, registry.find
     monkeypatch.setattr(registry, "kind_names", lambda family: [*names(family), "theirs"])
@@ -46,9 +46,8 @@ def test_comments_are_those_of_the_models():
     """Units and meanings; lines that are too long have them above."""
     text = starter.starter_config("s.yaml", {})
     assert "  frequency: 0.7                # [rad/s], of the turning\n" in text
-    assert (
-        "  # [m, m/s, m/s², m/s³], ā, the bound on the signal and its three derivatives\n  magnitude" in text
-    )
+    above = "falsified each on its own also a list, one for each order from 0; orders beyond it are true"
+    assert f"  #   {above}\n  magnitude: 5.0\n" in text
     assert max(map(len, text.splitlines())) <= starter.LINE_LENGTH
 
 

@@ -208,7 +208,7 @@ def test_sensor_errors_of_single_integrators_have_the_variance_of_their_flow():
 
 
 def test_gains_follow_the_order():
-    """Binomial gains cell by cell; other lengths are refused, and attacks without a fourth derivative."""
+    """Binomial gains cell by cell; other lengths are refused."""
     keys = {"engine": "exact", "attack": "none", "sweep": {"vehicle": [*VEHICLES.values(), "car"]}}
     study = jaxnet.load(keys)
     assert [cell.scenario.gain for cell in study.cells] == [[1], [1, 2], [1, 3, 3]]
@@ -222,8 +222,6 @@ def test_gains_follow_the_order():
         jaxnet.load({"vehicle": "double_integrator", "engine": "exact", "attack": {"orders": [0]}})
     with pytest.raises(jaxnet.ConfigError, match="do not determine the state of look_ahead: give"):
         jaxnet.load({"vehicle": "look_ahead", "engine": "exact"})
-    with pytest.raises(jaxnet.ConfigError, match="chirp has derivatives up to 3, planar_quadrotor"):
-        jaxnet.load({"vehicle": "planar_quadrotor", "attack": "chirp"})
     for gain in ([10, 4, 6, 4], [1, 4, 6, {"uniform": [0.1, 4]}]):
         with pytest.raises(jaxnet.ConfigError, match="gain: unstable"):
             jaxnet.load({"vehicle": "planar_quadrotor", "gain": gain})

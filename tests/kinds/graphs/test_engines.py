@@ -33,6 +33,7 @@ TOPOLOGIES = {
     "random_regular": "{kind: random_regular, redraw: true, degree: 3}",
     "small_world": "{kind: small_world, redraw: true}",
     "file": "{kind: file, path: edges.csv}",
+    "switching": "{kind: switching, every: 0.5, networks: [complete, {kind: lattice, neighbours: 2}]}",
 }
 TRUSTED = {"lattice": "{share: 0.5}", "circulant": "none", "complete": "{nearest: 2}", "grid": "{nearest: 1}"}
 OLDER = {"star", "cyclic", "path", "figure1", "edges"}
