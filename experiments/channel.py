@@ -8,7 +8,7 @@ Run it with `jaxnet run configs/channel.yaml`, then `python experiments/channel.
 
 import itertools
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import pandas as pd
@@ -28,7 +28,7 @@ WORDS = {"none": "no defence", "trusted_trim": "trimming", "w_msr": "W-MSR", "tr
 
 def table(cells: pd.DataFrame) -> pd.DataFrame:
     """Mean error over the tail [m] with its interval; a row for each network, defence, channel and attack."""
-    found = cells[[*COLUMNS, "ok", "failed", "tail_mean_mean", "tail_mean_low", "tail_mean_high"]]
+    found: Any = cells[[*COLUMNS, "ok", "failed", "tail_mean_mean", "tail_mean_low", "tail_mean_high"]]
     return found.rename(columns=lambda name: name.removeprefix("tail_mean_"))
 
 
@@ -49,7 +49,7 @@ def draw(found: pd.DataFrame) -> None:
         drawn.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.45 / size[1]))
         for (row, weight), (column, kind) in itertools.product(enumerate(weights), enumerate(kinds)):
             panel = grid[row, column]
-            mine = found[(found[NETWORK[0]] == kind) & (found[NETWORK[1]] == weight)]
+            mine: Any = found[(found[NETWORK[0]] == kind) & (found[NETWORK[1]] == weight)]
             draw_network(panel, mine, channels)
             panel.set_title(f"{NAMES.get(kind, kind)}, {weight:g} on the navigator", fontsize=7.5, pad=3)
         for panel in grid[:, 0]:
@@ -68,7 +68,7 @@ def draw_network(panel: "Axes", mine: pd.DataFrame, channels: list[str]) -> None
     for n, ((defence, rows), look) in enumerate(zip(defences, style.SERIES_STYLES, strict=False)):
         for attacked, each in rows.groupby("attack.magnitude"):
             places = [channels.index(channel) + (n - 1.5) / 6 for channel in each["channel"]]
-            label = WORDS.get(defence, defence) if attacked else None
+            label = WORDS.get(str(defence), str(defence)) if attacked else None
             marks = {"marker": "os^D"[n], "markersize": 3.5, "linestyle": "", "clip_on": False}
             marks |= {"color": look["color"], "markerfacecolor": look["color"] if attacked else "white"}
             panel.plot(places, each["mean"].clip(lower=FLOOR), label=label, **marks)
