@@ -45,7 +45,7 @@ def solve_response(
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
-        new, residual = response_vectors(drive, network)
+        new, residual = response_vectors(drive, network, late=lane.delay is not None)
         if drive.known is None:
             cut = ~(residual < CONNECTED)
         else:
@@ -55,16 +55,19 @@ def solve_response(
     return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
 
 
-def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
+def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vectors, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where vehicles sense with errors or words are known before, the vectors of further functions follow
-    (`signal.WithNavigator`, `signal.WithPowers`).
+    Where words are `late`, none is live: L is the identity, and the distance is None. Where vehicles sense
+    with errors or words are known before, the vectors of further functions follow (`signal.WithNavigator`,
+    `signal.WithPowers`).
     """
     weights, vectors = drive.weights, drive.vectors
     axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
     each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     attack = jnp.stack([*each, *kept_columns(drive)])  # (B, 2, m, few)
+    if late:
+        return attack.transpose(1, 2, 0, 3), None
     right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
     solution, residual = network.solver.solve(network.hearing, weights, right)
     response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
