@@ -76,9 +76,9 @@ class WithPowers(NamedTuple):
     since: Numbers  # [s], (lanes,)
 
     def basis(self, time: Numbers) -> Basis:
-        """Return all functions with three derivatives: (4, B + n, lanes)."""
+        """Return all functions with the derivatives that the signal has: (derivatives, B + n, lanes)."""
         xp, functions = time.__array_namespace__(), self.signal.basis(time)
-        return xp.concatenate([functions, self.powers(time)], axis=1)
+        return xp.concatenate([functions, up_to(len(functions) - 1, self.powers, time)], axis=1)
 
     def powers(self, time: Numbers) -> Basis:
         """Return the functions p_k with three derivatives: (4, n, lanes)."""

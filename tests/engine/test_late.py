@@ -8,6 +8,7 @@ from jaxnet.config.document import ConfigError
 from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
+from jaxnet.kinds.graphs.star import Star
 from tests import reference, systems
 from tests.engine.test_channel import (
     KEYS,
@@ -35,13 +36,26 @@ def factors(weights, frequency, delay):
 
 
 @pytest.mark.parametrize(
-    ("graph", "known"),
-    [(Cyclic(), (19.649121, 18.697850)), (Path(), (23.942441, None))],
-    ids=["ring", "path"],
+    ("graph", "vehicle", "known"),
+    [
+        (Cyclic(), "two_wheeled", (19.649121, 18.697850)),
+        (Path(), "two_wheeled", (23.942441, None)),
+        (Star(), "planar_quadrotor", (1.999967, 1.999867)),
+        (Path(), "single_integrator", (23.942441, None)),
+    ],
 )
-def test_a_figure_eight_is_off_as_the_closed_form_says(graph, known):
-    """The path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each axis."""
-    given = {"topology": graph.kind, "channel": {"delay": 0.1}, "tick": 0.1, "output_step": 0.5}
+def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, known):
+    """The path 100 sin 0.2 t, 50 sin 0.4 t [m] and words 0.1 s late: the last vehicle, along each axis.
+
+    Neither the order of the vehicles nor the gain matters.
+    """
+    given = {
+        "vehicle": vehicle,
+        "topology": graph.kind,
+        "channel": {"delay": 0.1},
+        "tick": 0.1,
+        "output_step": 0.5,
+    }
     outcome = systems.simulate(systems.lanes(systems.study(horizon=100.0, **given, **QUIET), 1))
     assert (outcome.status == Status.ok).all()
     time = np.arange(201) * 0.5

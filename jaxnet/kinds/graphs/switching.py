@@ -85,7 +85,7 @@ class Switching(DrawsAtTicks, Graph):
         return graph.of_matrix(total / len(each))
 
     def turns(self) -> list[Graph]:
-        """Return the networks."""
+        """Return the networks in the order of the config."""
         return self.networks
 
     def number(self, time: LaneTimes, networks: int) -> AnyCounts:
