@@ -155,11 +155,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law or gain does not know what words become on their way."""
     channel, networks = scenario.channel, len(scenario.topology.turns())
-    known = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
-    if scenario.law.linearised and not (known and networks == 1):
-        told = "linearised knows no noise, delay or stand-in of words, and one network"
-        yield Fault(("law", "channel"), told)
-    if scenario.gain_matrices is not None and not known:
+    if scenario.law.linearised and not (channel.noise.exact() and networks == 1):
+        yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
+    plain = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
+    if scenario.gain_matrices is not None and not plain:
         yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
 
 

@@ -170,6 +170,9 @@ def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders
         ({"channel": {"delay": 0.1}, "law": "rounds"}, "law: exact only"),
         ({"channel": {"delay": 0.1, "missing": "hold"}}, "a lost word is dropped"),
         ({"channel": {"delay": -0.1}}, "must be at least 0"),
+        ({"channel": {"delay": 0.1}, "law": "linearised"}, "law: exact only"),
+        ({"channel": {"noise": {"position": 0.1}}, "law": "linearised"}, "no noise of words"),
+        ({"channel": {"delay": 0.1}, "gain": [[1, 3, 3], [1, 3, 4]]}, "a number for each order"),
     ],
     ids=str,
 )

@@ -362,7 +362,7 @@ def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], n
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
     at_once = scenario.channel.loss.perfect() and scenario.channel.delay == 0
-    plain = scenario.law.solved and not scenario.law.linearised and scenario.gain_matrices is None
+    plain = scenario.law.solved and scenario.gain_matrices is None
     if not (plain and one_network and at_once and scenario.tick > 0):
         return ""
     strength = errors.strength(scenario.gain)
