@@ -8,11 +8,11 @@ from jaxtyping import Array, Float
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
-from jaxnet.engine.subset import LaneIndices, for_each, picked, put
+from jaxnet.engine.subset import LaneIndices, Row, for_each, for_rows, picked, put
 from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, VehicleFlags
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
-from jaxnet.solvers.choice import solved_at_once
+from jaxnet.solvers.choice import solved_at_once, solved_in_a_row
 from jaxnet.solvers.solver import System
 
 
@@ -31,7 +31,7 @@ def solve_response(
     `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
     vehicles, the solver may update the response near them. Defences that weigh, attackers that choose
     vectors, sensors with errors and lost messages change more rows at every tick, and so does a change of the
-    attacked vehicles.
+    attacked vehicles. A channel with errors, losses or delays changes nearly all lanes at every tick.
     """
     decision = decided.decision
     changing = decided.vectors, decided.noise, decided.coasting, decided.link_noise
@@ -41,7 +41,7 @@ def solve_response(
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
 
-    def some(few: LaneIndices, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
+    def some(few: LaneIndices | Row, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
@@ -52,7 +52,10 @@ def solve_response(
             cut = tick.disconnected(part, network, chosen, plan)
         return put(response, few, new), put(cut_off, few, cut)
 
-    return for_each(flagged, solved_at_once(lane.initial.shape[1]), some, (response, cut_off))
+    vehicles, carry = lane.initial.shape[1], (response, cut_off)
+    if decided.reception is not None or decided.link_noise is not None:
+        return for_rows(flagged, solved_in_a_row(vehicles), some, carry)
+    return for_each(flagged, solved_at_once(vehicles), some, carry)
 
 
 def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vectors, Any]:
@@ -60,25 +63,26 @@ def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vector
 
     Where words are `late`, none is live: L is the identity, and the distance is None. Where vehicles sense
     with errors or words are known before, the vectors of further functions follow (`signal.WithNavigator`,
-    `signal.WithPowers`).
+    `signal.WithPowers`): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
     """
-    weights, vectors = drive.weights, drive.vectors
-    axes, m, functions = len(weights), weights.shape[2], vectors.shape[2]
-    each = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
-    attack = jnp.stack([*each, *kept_columns(drive)])  # (B, 2, m, few)
-    if late:
-        return attack.transpose(1, 2, 0, 3), None
-    right = attack.reshape(-1, axes, m, attack.shape[-1]).transpose(2, 0, 1, 3)
-    solution, residual = network.solver.solve(network.hearing, weights, right)
-    response = solution.transpose(1, 2, 0, 3).reshape(attack.shape)
+    weights, vectors, known = drive.weights, drive.vectors, drive.known
+    functions = vectors.shape[2]
+    attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
+    if known is not None:
+        attack += list(jnp.moveaxis(known.drive, 1, 0))
+    each = jnp.stack(attack)  # (B, 2, m, few)
+    right = each.reshape(-1, len(weights), *each.shape[2:])  # (columns, axes, m, few)
+    if known is not None:
+        right = jnp.concatenate([right, jnp.broadcast_to(-known.share, right.shape[1:])[None]])
+    residual = None
+    if not late:
+        solution, residual = network.solver.solve(network.hearing, weights, right.transpose(2, 0, 1, 3))
+        right = solution.transpose(1, 2, 0, 3)
+    response = right[: 2 * len(each) // len(weights)].reshape(each.shape)
+    nothing = jnp.zeros_like(each[0, 0])
+    if known is not None:
+        share = jnp.stack([jnp.stack([right[-1, 0], nothing]), jnp.stack([nothing, right[-1, -1]])])
+        response = jnp.concatenate([response[: functions + 1], share, response[functions + 1 :]])
+    elif drive.noise is not None:
+        response = jnp.concatenate([response, jnp.zeros((3, *each.shape[1:]))])
     return response.transpose(1, 2, 0, 3), residual
-
-
-def kept_columns(drive: Drive) -> list[Float[Array, "2 m few"]]:
-    """Return the right-hand sides of known words: `L_r x = z - share R(y_0)`, as x is relative to R(y_0)."""
-    if drive.known is None:
-        nothing = jnp.zeros((2, *drive.weights.shape[2:]))
-        return [] if drive.noise is None else [nothing] * 3
-    share, nothing = -drive.known.share, jnp.zeros_like(drive.known.share[0])
-    constant, *powers = jnp.moveaxis(drive.known.drive, 1, 0)
-    return [constant, jnp.stack([share[0], nothing]), jnp.stack([nothing, share[-1]]), *powers]

@@ -24,6 +24,7 @@ LEAST_BLOCKS = 8  # fewer blocks are no faster than one dense matrix
 LARGEST_BLOCK = 96  # vehicles; iteration is faster than larger blocks
 LEAST_WINDOWED = 528  # blocks; below, a whole solve is as fast as windows
 SOLVED, SOLVED_OF_LARGE = 16, 4  # lanes that the exact engine solves at once
+SOLVED_IN_A_ROW = 64  # lanes that the exact engine solves at once where nearly all lanes change
 LARGE_TO_SOLVE = 128  # vehicles; from here on, padding lanes cost more than another pass
 FACTORISED, FACTORISED_OF_LARGE = 16, 2  # lanes that the nonlinear engine factorises at once
 LARGE_TO_FACTORISE = 24  # vehicles; from here on, padding lanes cost more than another pass
@@ -78,6 +79,11 @@ def near_each_other(sources: Sources) -> tuple[np.ndarray, np.ndarray, int]:
 def solved_at_once(vehicles: int) -> int:
     """Return the number of lanes that the exact engine solves at once."""
     return SOLVED if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
+
+
+def solved_in_a_row(vehicles: int) -> int:
+    """Return the number of lanes that the exact engine solves at once where nearly all lanes change."""
+    return SOLVED_IN_A_ROW if vehicles < LARGE_TO_SOLVE else SOLVED_OF_LARGE
 
 
 def factorised_at_once(vehicles: int) -> int:
