@@ -4,7 +4,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
