@@ -77,7 +77,7 @@ settings.load_profile("jaxnet")
 
 gc.set_threshold(200_000, 50, 1000)  # programs are traced into millions of objects, which stay
 
-MOST_MAPPINGS = 32_000  # of memory; a file of tests adds some thousands
+MOST_MAPPINGS = 20_000  # of memory; a file of tests adds some thousands
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
