@@ -7,6 +7,9 @@ import shutil
 import tempfile
 from pathlib import Path
 
+# Matrices are small: threads of BLAS would only wait for each other. Workers of xdist inherit this.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 os.environ.setdefault("JAX_ENABLE_X64", "true")
 os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
 os.environ.setdefault("JAX_NUMPY_RANK_PROMOTION", "raise")

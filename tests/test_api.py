@@ -371,12 +371,16 @@ def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeyp
 
 @pytest.mark.parametrize("name", sorted({*every.FIGURE_NAMES} - NOT_HERE))
 def test_a_notebook_shows_every_figure(results, name):
-    """Without pyplot and on a screen's scale; one that is saved by hand has the resolution for print."""
+    """Without pyplot and on a screen's scale."""
     figure = getattr(results.plot, name)()
     width, _ = figure.get_size_inches()
     assert width_of(figure._repr_png_()) == int(100 * width)
+
+
+def test_a_figure_that_is_saved_by_hand_has_the_resolution_for_print(results):
+    figure = results.plot.tails()
     figure.savefig(content := io.BytesIO())
-    assert width_of(content.getvalue()) == int(300 * width)
+    assert width_of(content.getvalue()) == int(300 * figure.get_size_inches()[0])
 
 
 def width_of(png: bytes) -> int:

@@ -21,7 +21,8 @@ from jaxnet.cli import errors, main
 from jaxnet.store.folder import Folder
 from jaxnet.view import figures
 
-SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "attack": "none", "defence": "none"}
+SMALL = {"name": "small", "samples": 2, "horizon": 1.0, "tail": 0.5, "engine": "exact"}
+SMALL |= {"attack": "none", "defence": "none"}
 COMMANDS = [
     *("init", "check", "run", "schema", "list", "show", "fit", "report", "figure"),
     *("replay", "animate", "compare", "export"),
@@ -203,7 +204,7 @@ def test_report_draws_the_figures(finished, monkeypatch):
 
 def test_failed_lanes_are_named_and_strict_says_so(config, tmp_path):
     """Status 0, or 3 if asked; the message has the command that replays the lane."""
-    words = ("run", config, "engine.max_steps=1", "--out", tmp_path / "out")
+    words = ("run", config, "engine={kind: nonlinear, max_steps: 1}", "--out", tmp_path / "out")
     done = jaxnet_does(*words)
     assert done.exit_code == 0
     assert "failed: cell 0, sample 1: max_steps" in done.stderr

@@ -207,7 +207,8 @@ from jaxnet.kinds.defences import Defence
 class Mine(Defence):
     def decide(self, own, received, last, memory, around):
         return last | True, memory
-keys = {"vehicles": 3, "horizon": 1.0, "tail": 0.5, "samples": 2, "attack": {"vehicles": [1]}}
+keys = {"vehicles": 3, "horizon": 1.0, "tail": 0.5, "samples": 2, "engine": "exact"}
+keys["attack"] = {"vehicles": [1]}
 first = jaxnet.run({**keys, "defence": Mine()}, out="out").lanes.status.tolist()
 print(first == jaxnet.open("out").lanes.status.tolist() == ["ok"] * 2)
 class Mine(Defence):

@@ -38,11 +38,11 @@ def test_the_step_limit_is_a_limit(solver):
     """Also where one step ends one interval; the step that reaches the horizon may be the last allowed."""
     easy = {"solver": solver, "rtol": 1e-3, "atol": 1e-3}
     keys = {"attack": "none", "defence": "none", "initial": {"speed": 20.0}, "horizon": 20.0, "tail": 1.0}
-    needed = int(systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1)).steps[0])
+    needed = int(systems.simulate(systems.lanes(systems.study(engine=easy, **keys), 1, ())).steps[0])
     assert needed > 2
     for limit, status in ((needed, Status.ok), (needed - 1, Status.max_steps), (1, Status.max_steps)):
         given = systems.study(engine={"max_steps": limit, **easy}, **keys)
-        outcome = systems.simulate(systems.lanes(given, 1))
+        outcome = systems.simulate(systems.lanes(given, 1, ()))
         assert (outcome.status[0], outcome.steps[0]) == (status, limit)
 
 
@@ -120,24 +120,6 @@ def test_numbers_never_compile_anew(engine):
     assert not [name for name in compiled if "backend_compile" in name]
 
 
-def test_a_defence_that_cuts_vehicles_off_is_disconnected():
-    """2 and 3 trust each other more than 1, their only way to the navigator."""
-    graph = {
-        "kind": "edges",
-        "edges": [
-            *([1, 0, 1], [2, 1, 1], [2, 3, 1], [2, 4, 1], [3, 2, 1], [3, 1, 1], [3, 4, 1]),
-            *([4, 2, 1], [4, 3, 1]),
-        ],
-    }
-    defence = {"kind": "trusted_trim", "theta": {2: 1, 3: 1}, "trusted": {2: [3], 3: [2]}}
-    given = systems.study(topology=graph, vehicles=4, defence=defence, attack="none", horizon=10.0, tail=1.0)
-    outcome = systems.simulate(systems.lanes(given, 16))
-    cut = outcome.status == Status.disconnected
-    assert cut.any()
-    assert set(outcome.status.tolist()) <= {Status.ok, Status.disconnected}
-    assert np.isnan(outcome.metrics["tail_mean"][cut]).all()
-
-
 def test_metrics_are_those_of_the_stored_trajectory():
     """Each number by its definition, from states and weights at output times."""
     one = systems.lanes(systems.study(**SHORT), 4)
@@ -163,11 +145,10 @@ def test_metrics_are_those_of_the_stored_trajectory():
         np.testing.assert_allclose(outcome.series["disagreement"][number], apart.mean(axis=1), rtol=1e-12)
 
 
-@pytest.mark.parametrize("solver", ["tsit5", "dopri8"])
-def test_other_solvers_agree(solver):
+def test_another_solver_agrees():
     """A choice of solver changes the steps, not the answer."""
     keys = {"attack": "none", "defence": "none", **SHORT}
-    ours = systems.simulate(systems.lanes(systems.study(engine={"solver": solver}, **keys), 2))
+    ours = systems.simulate(systems.lanes(systems.study(engine={"solver": "tsit5"}, **keys), 2))
     theirs = systems.simulate(systems.lanes(systems.study(**keys), 2))
     np.testing.assert_allclose(ours.series["state"][..., :2], theirs.series["state"][..., :2], atol=1e-5)
     assert not np.array_equal(ours.steps, theirs.steps)
@@ -178,6 +159,6 @@ def test_numbers_beyond_all_bounds_are_nonfinite(engine):
     """An attack that overflows leaves no lane that calls itself ok."""
     attack = {"kind": "rotating", "magnitude": 1e308}
     given = systems.study(engine=engine, attack=attack, defence="none", **SHORT)
-    outcome = systems.simulate(systems.lanes(given, 2))
+    outcome = systems.simulate(systems.lanes(given, 2, ()))
     assert outcome.status.tolist() == [Status.nonfinite] * 2
     assert np.isnan(outcome.metrics["tail_mean"]).all()

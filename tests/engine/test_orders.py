@@ -47,9 +47,8 @@ def paths(**keys):
     [
         ("single_integrator", "exact"),
         ("double_integrator", "rounds"),
-        *(("unicycle", law) for law in ("exact", "rounds", "local")),
+        ("unicycle", "local"),
         ("planar_quadrotor", "exact"),
-        ("planar_quadrotor", "local"),
     ],
 )
 def test_the_nonlinear_engine_agrees_with_the_exact_one(vehicle, law):
@@ -61,10 +60,7 @@ def test_the_nonlinear_engine_agrees_with_the_exact_one(vehicle, law):
     np.testing.assert_allclose(ours["min_speed"], theirs["min_speed"], rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "other"),
-    [("unicycle", "exact"), ("planar_quadrotor", "exact"), ("look_ahead", "nonlinear")],
-)
+@pytest.mark.parametrize(("vehicle", "other"), [("planar_quadrotor", "exact"), ("look_ahead", "nonlinear")])
 def test_the_stacked_engine_agrees_with_another(vehicle, other):
     """The dense system with 2m unknowns, with trimming, noise of the sensors and lost messages."""
     keys = {"defence": "w_msr", "topology": "complete", "sensing": {"kind": "gaussian", "position": 0.1}}
@@ -81,7 +77,7 @@ def test_runge_kutta_steps_agree_with_the_exact_engine():
     np.testing.assert_allclose(steps, exact, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("vehicle", ["single_integrator", "unicycle", "planar_quadrotor"])
+@pytest.mark.parametrize("vehicle", ["single_integrator", "planar_quadrotor"])
 def test_static_gains_do_not_depend_on_the_order(vehicle):
     """3.0000 in the mean and 3.1034 for the worst on the ring, 11/6 and 4 on the path."""
     keys = {"vehicle": vehicle, "defence": "none", "horizon": 60.0, "samples": 2}

@@ -91,10 +91,8 @@ def random_digraph(seed):
 
 GRAPHS = {  # each with a tick and rounds that are stable, and others that are not
     "ring": ({"topology": "cyclic"}, (0.05, 2), (0.05, 1)),
-    "path": ({"topology": "path"}, (0.2, 1), (0.7, 1)),
     "figure1": (SMALL, (0.2, 1), (0.4, 1)),
     "digraph": ({"topology": random_digraph(0), "vehicles": 7}, (0.05, 2), (0.2, 1)),
-    "another": ({"topology": random_digraph(1), "vehicles": 7}, (0.05, 1), (0.4, 2)),
 }
 
 
@@ -207,12 +205,11 @@ class Withdrawn(Defence):
         return (around.time < 0.5)[None, None] | (around.sources != 0)[:, :, None], memory
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
-def test_who_is_cut_off_has_failed(engine):
+def test_who_is_cut_off_has_failed():
     """As with the law itself, though rounds know nothing of it: from the tick on at which it happens."""
     keys = {"topology": {"kind": "cyclic", "navigator": [1]}, "defence": {"kind": f"{__name__}:Withdrawn"}}
     law = {"kind": "rounds", "rounds": 6}
-    outcome = systems.simulate(systems.lanes(systems.study(engine=engine, law=law, **keys, **KEYS), 1))
+    outcome = systems.simulate(systems.lanes(systems.study(engine="exact", law=law, **keys, **KEYS), 1))
     assert outcome.status == [Status.disconnected]
     told = np.isfinite(outcome.series["tracking"][0])
     assert told[:10].all()

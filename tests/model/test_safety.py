@@ -74,7 +74,7 @@ def numbers(mask):
     return set(np.flatnonzero(mask) + 1)
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", range(60))
 def test_it_is_the_greatest_set_that_meets_the_assumptions(seed):
     """Found by trying all 32 sets; a union of two such sets is one, so that there is a greatest."""
     heard, attacked, trusted, theta = given = scenario(seed)

@@ -35,7 +35,7 @@ def exactly(number):
     return RobustnessBracket(number, number)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_the_greatest_r_is_what_enumeration_gives(seed):
     heard = digraph(seed)
     assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))
@@ -54,7 +54,7 @@ def test_the_greatest_s_is_what_enumeration_gives(seed):
     assert total_bracket(heard, known, LONG) == exactly(most_total(found))
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_bounds_by_degree_are_bounds(seed):
     low, high = degree_bracket(digraph(seed))
     assert low <= len(robustness(digraph(seed))) <= high
@@ -65,7 +65,7 @@ def test_the_complete_graph_is_known_by_its_degree(n):
     assert robustness_bracket(~np.eye(n, dtype=bool), 0.0) == exactly((n + 1) // 2)
 
 
-@pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 13) for k in range(1, n)])
+@pytest.mark.parametrize(("n", "k"), [(n, k) for n in range(3, 11) for k in range(1, n)])
 def test_circulant_digraphs_are_as_robust_as_enumerated(n, k):
     heard = circulant(n, k)
     assert robustness_bracket(heard, LONG) == exactly(len(robustness(heard)))

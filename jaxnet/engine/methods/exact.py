@@ -1,11 +1,16 @@
 """The exact engine as a config names it (see `engine.propagation`)."""
 
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jaxnet.engine.methods import Clock, Engine, Inputs, LaneCount, LaneGainRows, Network, Outcome, Plan
 from jaxnet.kinds.protocols import LaneDraw
+
+if TYPE_CHECKING:
+    from jaxtyping import Array
+else:
+    Array = Any  # jaxtyping's own imports JAX, which takes longer than a config that is read
 
 
 class Flow(NamedTuple):

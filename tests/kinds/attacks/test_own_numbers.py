@@ -18,27 +18,25 @@ from tests.engine.test_exactness import navigator_at
 ATTACKED = [2, 5, 8, 11]
 OWN = [0.7, 1.4, 0.3, 2.0]
 KEYS = {"defence": "none", "horizon": 12.0, "tail": 1.0}
-ENGINES = [("exact", 1e-9), ("nonlinear", 1e-5)]
 
 
-def states(attack, engine, samples=2):
+def states(attack, samples=2):
     """States of lanes over time."""
-    outcome = systems.simulate(systems.lanes(systems.study(attack=attack, engine=engine, **KEYS), samples))
+    outcome = systems.simulate(systems.lanes(systems.study(attack=attack, engine="exact", **KEYS), samples))
     assert (outcome.status == 0).all()
     return outcome.series["state"][..., :2]
 
 
-@pytest.mark.parametrize(("engine", "accuracy"), ENGINES)
-def test_attackers_superpose(engine, accuracy):
+def test_attackers_superpose():
     """What four of own frequencies do is the sum of what each does alone (theorems.md O2)."""
     attack = {"kind": "sinusoid", "magnitude": 3.0, "direction": {"uniform": [0, 3]}}
-    silent = states(attack | {"magnitude": 0.0, "frequency": 1.0}, engine)
+    silent = states(attack | {"magnitude": 0.0, "frequency": 1.0})
     alone = [
-        states(attack | {"vehicles": [j], "frequency": w}, engine) - silent
+        states(attack | {"vehicles": [j], "frequency": w}) - silent
         for j, w in zip(ATTACKED, OWN, strict=True)
     ]
-    together = states(attack | {"frequency": OWN}, engine)
-    assert np.abs(together - silent - np.sum(alone, axis=0)).max() <= accuracy
+    together = states(attack | {"frequency": OWN})
+    assert np.abs(together - silent - np.sum(alone, axis=0)).max() <= 1e-9
     assert np.abs(alone).max() > 1
 
 
@@ -54,7 +52,7 @@ def jets_by_hand(w, phase, magnitude, times):
     return np.stack([derivatives.real, derivatives.imag], axis=-1)
 
 
-@pytest.mark.parametrize(("engine", "accuracy"), ENGINES)
+@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
 def test_lanes_are_exact_with_frequencies_drawn_for_each(engine, accuracy):
     """As the plain program, whose attackers turn by numbers that belong to them."""
     frequency = Uniform(uniform=[-2.0, 2.0])

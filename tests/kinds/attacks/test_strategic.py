@@ -29,20 +29,6 @@ def test_a_mimic_whom_nobody_drops_is_a_bias():
     assert np.abs(ended["mimic"] - ended["bias"]).max() < 1e-9
 
 
-def test_both_engines_choose_alike():
-    """On the trimmed ring, for as long as no choice is nearly tied: positions to 1e-5 m over 6 s."""
-    keys = {**CLOCK, "horizon": 6.0, "output_step": 0.1}
-    ended = []
-    for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12}):
-        study = systems.study(attack={"kind": "mimic", "magnitude": 8.0}, engine=engine, **keys)
-        outcome = systems.simulate(systems.lanes(study, 3))
-        assert (outcome.status == 0).all()
-        ended.append(outcome)
-    exact, nonlinear = ended
-    assert np.abs(exact.series["state"][..., :2] - nonlinear.series["state"][..., :2]).max() < 1e-5
-    np.testing.assert_allclose(exact.series["attack"], nonlinear.series["attack"], rtol=0, atol=1e-9)
-
-
 def test_a_magnitude_may_be_drawn():
     """Each lane is the one with that number, which is seen in what attackers say."""
     keys = {**CLOCK, "horizon": 6.0, "engine": "exact"}

@@ -27,6 +27,7 @@ def test_both_engines_agree_on_every_rule(name):
     )
     assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]
     assert exact.unheard.tolist() == nonlinear.unheard.tolist()
+    assert exact.switches.tolist() == nonlinear.switches.tolist()
     positions = (outcome.series["state"][..., :2] for outcome in (exact, nonlinear))
     assert np.abs(np.subtract(*positions)).max() <= 1e-6
     np.testing.assert_allclose(exact.series["kept"], nonlinear.series["kept"], rtol=0, atol=1e-8)

@@ -1,4 +1,4 @@
-"""W-MSR: the rule of the paper in plain loops, both engines alike, and no bound told."""
+"""W-MSR: the rule of the paper in plain loops, and no bound told."""
 
 import numpy as np
 import pandas as pd
@@ -47,22 +47,6 @@ def test_it_is_the_rule_of_the_paper(f):
             for axis in (0, 1):
                 known = retained(own[axis, i, lane], received[axis, :, i, lane].tolist(), candidates, f)
                 assert decision[axis, :, i, lane].tolist() == known
-
-
-def test_both_engines_agree():
-    """States to 1e-6 and the same switches, and somebody is dropped on one axis alone."""
-    topology = {"kind": "random_regular", "degree": 5, "seed": 2}
-    keys = {"defence": "w_msr", "topology": topology, "horizon": 5.0, "tail": 1.0, "output_step": 0.05}
-    exact, nonlinear = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2))
-        for engine in ("exact", {"kind": "nonlinear", "rtol": 1e-10, "atol": 1e-12})
-    )
-    assert exact.status.tolist() == nonlinear.status.tolist() == [0, 0]
-    np.testing.assert_array_equal(exact.switches, nonlinear.switches)
-    assert exact.switches.min() > 0
-    positions = (outcome.series["state"][..., :2] for outcome in (exact, nonlinear))
-    assert np.abs(np.subtract(*positions)).max() <= 1e-6
-    np.testing.assert_allclose(exact.series["kept"], nonlinear.series["kept"], rtol=0, atol=1e-12)
 
 
 def test_no_bound_is_told():

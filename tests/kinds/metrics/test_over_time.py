@@ -35,7 +35,7 @@ OWN += ("EFFORT", "LATE_EFFORT", "SUMMED", "HARDEST")
 def test_sums_and_integrals_are_those_of_the_trajectory(engine):
     """Lanes in lockstep and lanes from a queue; the tail of 0.5 s has six output times."""
     study = systems.study(engine=engine, metrics=[f"{__name__}:{name}" for name in OWN], **KEYS)
-    outcome = systems.simulate(systems.lanes(study, 3))
+    outcome = systems.simulate(systems.lanes(study, 3, ("inputs",)))
     found = outcome.metrics
     assert found["two_in_all"] == pytest.approx(2.0 * 2.0)
     assert found["two_late"] == pytest.approx(2.0 * 0.5)
