@@ -29,12 +29,12 @@ class Course(NamedTuple):
 
 
 def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
-    """Yield the course of each of these cells."""
+    """Yield the course of each of these cells whose search has ended."""
     settings = results.study.config.search
     assert settings is not None
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))
     is_share = settings.maximise == "unrecovered"
-    for cell in cells:
+    for cell in (each for each in cells if each.number in bounds):
         progress: Any = generations[generations["cell"] == cell.number]
         lanes, best = progress["lanes"].to_numpy(float), progress["best"].to_numpy(float)
         thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1

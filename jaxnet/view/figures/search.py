@@ -27,7 +27,7 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
     Values far below the greatest are drawn at the lower end, so that no panel is empty.
     """
     greatest = np.nanmax([LOG_FLOOR, *(np.nanmax([*each.best, *each.random_best]) for each in found)])
-    least = greatest / AXIS_RANGE
+    least = max(greatest / AXIS_RANGE, LOG_FLOOR)
     labels = [each.cell.labels for each in found]
     drawn, panels = multiples.panel_grid(labels, "lanes", words, width)
     for panel, each in zip(panels, found, strict=True):
@@ -46,7 +46,7 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
         panel.set_yscale("log")
     top = max(panel.get_ylim()[1] for panel in panels)
     panels[0].set_ylim(0.7 * least, top)
-    if any(np.min(each.best) < least for each in found):
+    if any(np.min(each.best) <= least for each in found):
         multiples.write_note(drawn, f"values below {least:.1g} are drawn there")
     multiples.log_ticks(panels[0].yaxis)
     known = [entry for panel in panels for entry in zip(*panel.get_legend_handles_labels(), strict=True)]
@@ -57,14 +57,15 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
 
 
 def bounds_figure(table: pd.DataFrame, cells: Sequence[Cell], words: str, width: float) -> Figure:
-    """Draw a row per cell: random lanes, the choice found, its late value, and the bound."""
+    """Draw a row per cell of the table: random lanes, the choice found, its late value, and the bound."""
+    there, cells = len(cells), [cell for cell in cells if cell.number in set(table["cell"])]
     labels = [cell.labels for cell in cells]
     shown = multiples.rows_fitting(labels, width, MOST_PANELS)
     rows = table.set_index("cell").loc[[cell.number for cell in cells[:shown]]]
     drawn, panel = multiples.named_rows(labels[:shown], width)
     marks = {name: look for name, look in SEARCH_MARKS.items() if name in rows}
     greatest = max(LOG_FLOOR, np.nan_to_num(rows[[*marks]].to_numpy(dtype=float)).max())
-    least = greatest / AXIS_RANGE
+    least = max(greatest / AXIS_RANGE, LOG_FLOOR)
     for name, look in marks.items():
         panel.plot(rows[name].clip(lower=least), range(shown), linestyle="none", label=name, **look)
     panel.set_xscale("log")
@@ -74,5 +75,5 @@ def bounds_figure(table: pd.DataFrame, cells: Sequence[Cell], words: str, width:
     multiples.log_ticks(panel.xaxis)
     panel.set_xlabel(words)
     drawn.legend(loc="outside lower center", ncols=4)
-    multiples.write_left_out(drawn, (shown, len(cells), "cells"), where="worst.csv")
+    multiples.write_left_out(drawn, (shown, there, "cells"), where="worst.csv")
     return drawn
