@@ -26,7 +26,8 @@ def course_figure(found: Sequence[Course], there: int, words: str, width: float)
 
     Values far below the greatest are drawn at the lower end, so that no panel is empty.
     """
-    greatest = np.nanmax([LOG_FLOOR, *(np.nanmax([*each.best, *each.random_best]) for each in found)])
+    drawn_values = (value for each in found for value in (*each.best, *each.random_best))
+    greatest = np.nanmax([LOG_FLOOR, *drawn_values])
     least = max(greatest / AXIS_RANGE, LOG_FLOOR)
     labels = [each.cell.labels for each in found]
     drawn, panels = multiples.panel_grid(labels, "lanes", words, width)
@@ -64,7 +65,7 @@ def bounds_figure(table: pd.DataFrame, cells: Sequence[Cell], words: str, width:
     rows = table.set_index("cell").loc[[cell.number for cell in cells[:shown]]]
     drawn, panel = multiples.named_rows(labels[:shown], width)
     marks = {name: look for name, look in SEARCH_MARKS.items() if name in rows}
-    greatest = max(LOG_FLOOR, np.nan_to_num(rows[[*marks]].to_numpy(dtype=float)).max())
+    greatest = max(LOG_FLOOR, np.nan_to_num(rows[[*marks]].to_numpy(dtype=float), posinf=0.0).max())
     least = max(greatest / AXIS_RANGE, LOG_FLOOR)
     for name, look in marks.items():
         panel.plot(rows[name].clip(lower=least), range(shown), linestyle="none", label=name, **look)
