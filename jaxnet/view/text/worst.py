@@ -2,6 +2,7 @@
 
 from textwrap import fill
 
+import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
@@ -77,7 +78,7 @@ def worst_rows(results: Results) -> pd.DataFrame:
         "fresh least 5 %": found["fresh_low"] / size,
         "nonlinear": found["nonlinear"] / size,
     }
-    if found["bound"].isna().all():
+    if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
         per = {name: values for name, values in per.items() if "bound" not in name}
     who = {"cell": found["cell"], **found[labels], "attacked": found["attacked"]}
     return pd.DataFrame({**who, **per, "lanes": found["lanes"]})
