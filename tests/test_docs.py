@@ -248,7 +248,7 @@ def test_the_tables_of_keys_are_current():
     whole = json.loads(schema_text())
     spelled = {"Uniform", "Normal", "DiscreteChoice", "Linspace", "Geomspace", "Samples", "WorstLanes"}
     spelled |= {"DrawnVehicles", "Apiece", "Shared", "NearestSources", "ShareOfLinks", "ShareOfVehicles"}
-    spelled |= {"ChosenVehicles", "ChangingVehicles", "EachIn", "Sequential"}
+    spelled |= {"ChosenVehicles", "ChangingVehicles", "EachIn", "Sequential", "VehicleGains"}
     models = [whole, *(model for name, model in whole["$defs"].items() if name not in spelled)]
     for model in models:
         for key, node in model.get("properties", {}).items():

@@ -149,6 +149,7 @@ REFERENCES = {
     "EachPosition": "a list of places",
     "AxisGains": "a list for each axis",
     "MatrixGains": "a list of 2 × 2 matrices",
+    "VehicleGains": "{vehicles: a list for each}",
     "EachIn": "{each: [a, b]}",
     "Linspace": "{linspace: [a, b, n]}",
     "Geomspace": "{geomspace: [a, b, n]}",

@@ -246,8 +246,12 @@ def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
     """Yield faults of gains that are matrices: an unstable closed loop, or an engine that lacks them."""
     eigenvalues = np.linalg.eigvals(exact.companion(matrices))
     if not eigenvalues.real.max() < 0:
-        got = shorten_value(scenario.gain)
+        eigenvalues, got = eigenvalues.reshape(-1, eigenvalues.shape[-1]), shorten_value(scenario.gain)
+        eigenvalues = eigenvalues[eigenvalues.real.max(axis=1).argmax()]
         yield Fault(("gain",), f"unstable: eigenvalues {eigenvalue_text(eigenvalues)} (got {got})")
+    if scenario.own_gains is not None:
+        yield from own_gain_faults(scenario, len(scenario.own_gains))
+        return
     coasts = scenario.defence.coasts() or not scenario.channel.loss.perfect()
     alone = coasts or not scenario.sensing.exact() or not scenario.attack.consistent()
     if scenario.law.solved and scenario.engine.by_functions and alone:
@@ -255,6 +259,24 @@ def matrix_faults(scenario: Scenario, matrices: np.ndarray) -> Iterator[Fault]:
             f"the {scenario.engine.kind} engine takes gains by axis only without errors of sensors, losses,"
         )
         yield Fault(("gain", "engine"), f"{message} isolated: coast, and attacks of some orders alone")
+
+
+def own_gain_faults(scenario: Scenario, given: int) -> Iterator[Fault]:
+    """Yield faults of gains of each vehicle: their number, or what cannot follow them."""
+    if given != scenario.vehicles:
+        message = f"must be {scenario.vehicles}, one for each vehicle (got {given})"
+        yield Fault(("gain.vehicles", "vehicles"), message)
+    if not scenario.law.solved or scenario.law.linearised:
+        yield Fault(("gain", "law"), "gains of each vehicle need law: exact")
+    if scenario.engine.by_functions:
+        message = f"the {scenario.engine.kind} engine moves all vehicles by one flow, that of one gain:"
+        yield Fault(("gain", "engine"), f"{message} give engine: nonlinear")
+    networks = len(scenario.topology.turns())
+    if scenario.defence.coasts() or networks > 1 or not scenario.channel.loss.perfect():
+        message = "gains of each vehicle need words that all arrive, one network and isolated: fail"
+        yield Fault(("gain", "channel"), message)
+    if scenario.defence.announcing():
+        yield Fault(("gain", "defence.score"), "sources announce R of one gain: give another score")
 
 
 def eigenvalue_text(eigenvalues: np.ndarray) -> str:

@@ -29,6 +29,7 @@ from jaxnet.kinds.fields import (
     Positive,
     Record,
     Uniform,
+    VehicleGains,
     is_drawn,
     ordered,
     union_member,
@@ -133,7 +134,7 @@ class Scenario(Record):
         default=[1.0, 3.0, 3.0],
         description="k0, k1, …: of the law, on ε, ε̇, …, as many as the vehicle's order; binomial by default:"
         " [1], [1, 2], [1, 3, 3] or [1, 4, 6, 4]; or two lists, one for each axis; or for each order a 2 × 2"
-        " matrix, which couples the axes",
+        " matrix, which couples the axes; or {vehicles: [...]}, a list for each vehicle",
     )
     law: Annotated[Law, KindOf("law"), Field(description="how the law is solved")] = ExactLaw()
     attack: Annotated[AnyAttack, KindOf("attack"), Field(description="what is false in what is heard")] = (
@@ -154,13 +155,18 @@ class Scenario(Record):
 
     @property
     def gain_matrices(self) -> np.ndarray | None:
-        """The gain as 2 × 2 matrices (r, 2, 2); None where it is a number for each order."""
+        """The gain as 2 × 2 matrices, (r, 2, 2) or (m, r, 2, 2); None where it is a number for each order."""
         return None if isinstance(self.gain, list) else self.gain.matrices()
+
+    @property
+    def own_gains(self) -> np.ndarray | None:
+        """The gains of each vehicle (m, r); None where all vehicles have the same."""
+        return np.array(self.gain.vehicles) if isinstance(self.gain, VehicleGains) else None
 
     @property
     def order_of_gain(self) -> int:
         """The order r of vehicles with this gain."""
-        return len(self.gain if self.gain_matrices is None else self.gain_matrices)
+        return len(self.gain) if self.gain_matrices is None else self.gain_matrices.shape[-3]
 
     @property
     def draws_gain(self) -> bool:

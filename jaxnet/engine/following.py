@@ -146,7 +146,7 @@ def law_jerk(
     """Return the jerk that the law asks for, solved from the received jets with the weights in force.
 
     `own` are the jets that vehicles sense of themselves. `start` is a first guess of the jerk. A local law is
-    evaluated, not solved.
+    evaluated, not solved. With gains of each vehicle the law is `-P_i(ε_i) = -P(ε_i) - (P_i - P)(ε_i)`.
     """
     vectors = tick.attack_vectors(lane, decided)
     if lane.law.local:
@@ -157,7 +157,20 @@ def law_jerk(
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if followed.known is not None:
         demand = demand + followed.known.at(now.time)
+    if lane.gain_apart is not None:
+        heard = heard_means(network, followed.weights, now, own, signal.jets(vectors, now.basis))
+        demand = demand - sum(
+            each[None] * (a - b) for each, a, b in zip(lane.gain_apart, own, heard, strict=True)
+        )
     return network.solver.apply(network.hearing, followed.factors, demand, start)
+
+
+def heard_means(
+    network: Network, weights: AxisWeights, now: Signals, own: Jets, signals: Jets
+) -> list[Float[Array, "2 m lanes"]]:
+    """Return the weighted means of the received jets below the order, `Σ_j w_ij (y_j + a_ij)` and so on."""
+    sources = [jnp.concatenate([a[:, None], b], axis=1) for a, b in zip(now.navigator, own, strict=False)]
+    return [network.hearing.mean(weights, *both) for both in zip(sources, signals, strict=False)]
 
 
 def linearised_inputs(

@@ -75,6 +75,14 @@ class Local(Held):
         demand = tick.followed_demand(lane, self.network, drive, own, self.navigator(state), state.basis)
         return demand + control.feedback(lane.gain, own)
 
+    def later(
+        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
+    ) -> PropagationState:
+        """Return the state a span [s] later, in the tick that began at `since` [s]."""
+        time, drive = state.time + span, self.drive(state, decided)
+        jets, _ = after_span(self.lane, self.network, drive, state.jets, state.time, span)
+        return state._replace(jets=jets, time=time, basis=self.lane.basis(time))
+
     def advance(
         self, state: PropagationState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[PropagationState, Code, LaneFlags]:
@@ -83,6 +91,7 @@ class Local(Held):
         drive, span = self.drive(state, decided), time - state.time
         jets, _ = after_span(lane, network, drive, state.jets, state.time, span)
         now = state._replace(jets=jets, time=time, basis=lane.basis(time))
+        now, status = self.with_inner(state, decided, now, status)
         arrived = jnp.ones_like(state.straight)
         if not lane.vehicle.singular:
             return now, status, arrived

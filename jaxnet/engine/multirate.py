@@ -59,11 +59,11 @@ def suits(lane: Lane, plan: Plan) -> bool:
     """Return whether vehicles of these lanes may step alone.
 
     Vehicles that decide inside the vector field may not, because the received signals then jump. Vehicles
-    whose kind has parameters vehicle by vehicle may not either, nor vehicles under a linearised law, which
-    asks for no `z - P(y)`.
+    whose kind has parameters vehicle by vehicle may not either, nor vehicles under a linearised law or with
+    gains of their own, which ask for no `z - P(y)`.
     """
     of_lanes = all(jnp.ndim(leaf) == 1 for leaf in jax.tree.leaves(lane.vehicle))
-    asks = of_lanes and not plan.in_field and not lane.law.linearised
+    asks = of_lanes and not plan.in_field and not lane.law.linearised and lane.gain_apart is None
     return choice.few_step_alone(lane.initial.shape[1]) and asks
 
 

@@ -26,18 +26,23 @@ import jax.numpy as jnp
 from jax.lax import optimization_barrier as barrier
 from jaxtyping import Array, Float
 
-from jaxnet.engine import between, response, standstill, tick
+from jaxnet.engine import between, inner, response, standstill, tick
 from jaxnet.engine.flow import (
     Effect,
+    Responses,
     Transition,
+    brief,
+    brief_responses,
     held_input,
     impulse_responses,
+    longest,
     of_integrators,
     passed_on,
     propagate,
 )
+from jaxnet.engine.inner import Inner
 from jaxnet.engine.loop import Batch, LaneFlags, Motion, PerVehicle, Tick, Ticks
-from jaxnet.engine.status import Code
+from jaxnet.engine.status import Code, Status, fail
 from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
@@ -57,6 +62,7 @@ class PropagationState(NamedTuple):
     effect: Effect | None  # g now, with two derivatives; None where g = β
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
     noise: Jets | None  # errors of the sensed jets until the next tick
+    inner: Inner | None = None  # what the outputs leave undetermined; None where they determine all states
 
 
 class Propagation(Motion[PropagationState]):
@@ -80,7 +86,8 @@ class Propagation(Motion[PropagationState]):
 
     def states(self, state: PropagationState) -> States:
         """Return the vehicles' states (n, m, lanes)."""
-        return self.lane.vehicle.state_of(self.outputs(state))
+        vehicle, own = self.lane.vehicle, self.outputs(state)
+        return vehicle.state_of(own) if state.inner is None else vehicle.state_with(own, state.inner.states)
 
     def pace(self, state: PropagationState, decided: DecisionState) -> tuple[PerVehicle, PerVehicle]:
         """Return speed [m/s] and turn rate [rad/s], (m, lanes), of the jets where these tell them."""
@@ -90,11 +97,15 @@ class Propagation(Motion[PropagationState]):
 
     def lead(self, state: PropagationState, decided: DecisionState) -> tuple[Plane, Plane]:
         """Return the vehicles' lead, which is 0 where they are singular, and its derivative."""
+        return standstill.lead(self.lane.vehicle, self.all_jets(state, decided))
+
+    def all_jets(self, state: PropagationState, decided: DecisionState) -> Jets:
+        """Return y with its derivatives up to the order."""
         own = self.outputs(state)
         jerk = self.drive_now(state, decided) - control.feedback(
             self.lane.gain, tick.sensed(own, decided.noise)
         )
-        return standstill.lead(self.lane.vehicle, (*own, jerk))
+        return *own, jerk
 
     def outputs(self, state: PropagationState) -> Jets:
         """Return y with its derivatives below the order."""
@@ -109,18 +120,44 @@ class Propagation(Motion[PropagationState]):
         """
         raise NotImplementedError
 
+    def later(
+        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
+    ) -> PropagationState:
+        """Return the state a span [s] later, at most `longest`, in the tick that began at `since` [s]."""
+        raise NotImplementedError
+
+    @property
+    def longest(self) -> Instants:
+        """Return the longest span [s] of `later`."""
+        return longest(self.lane.gain)
+
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         raise NotImplementedError
+
+    def with_inner(
+        self, before: PropagationState, decided: DecisionState, now: PropagationState, status: Code
+    ) -> tuple[PropagationState, Code]:
+        """Return the state now, with what the outputs leave undetermined, from the state at the last tick."""
+        if before.inner is None:
+            return now, status
+        span = now.time - before.time
+        found, stuck = inner.carried(self, before, decided, span, status == Status.ok)
+        return now._replace(inner=found), fail(status, Status.max_steps, stuck)
+
+    def moved(
+        self, state: PropagationState, flow: Transition, forcing: Effect, now: PropagationState
+    ) -> PropagationState:
+        """Return the state that follows from Φ, f and the state with later functions (`over_tick`)."""
+        moved = signal.jets(self.forced(state), forcing)
+        return now._replace(jets=plane.plus(propagate(flow, now.jets), moved))
 
     def advance(
         self, state: PropagationState, decided: DecisionState, ticks: Ticks, status: Code
     ) -> tuple[PropagationState, Code, LaneFlags]:
         """Return the state at the next tick; lanes are singular where a vehicle stands still on the way."""
-        flow, forcing, now = self.over_tick(state, self.instant(ticks + 1))
-        moved = signal.jets(self.forced(state), forcing)
-        now = now._replace(jets=plane.plus(propagate(flow, now.jets), moved))
-
+        now = self.moved(state, *self.over_tick(state, self.instant(ticks + 1)))
+        now, status = self.with_inner(state, decided, now, status)
         if not self.lane.vehicle.singular:
             return now, status, jnp.ones_like(now.straight)
 
@@ -158,6 +195,7 @@ class Solved(Propagation):
             effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
             noise=tick.sense(lane, (jnp.zeros_like(lane.initial[:2]),) * 3, time),
+            inner=inner.inner_at_start(lane, self.clock.interval),
         )
 
     def driven_since(self, time: Instants) -> Lane:
@@ -222,12 +260,33 @@ class Solved(Propagation):
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        driven = self.driven_since(state.time)
-        flow, basis = self.numbers.flow, barrier(driven.basis(time))
+        given = self.clock.interval, self.numbers.flow, self.responses
+        return self.over(state, time, self.driven_since(state.time), *given)
+
+    def later(
+        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
+    ) -> PropagationState:
+        """Return the state a span [s] later, at most `longest`, in the tick that began at `since` [s]."""
+        gain, time = self.lane.gain, state.time + span
+        responses = None if state.effect is None else brief_responses(gain, span)
+        given = span, brief(gain, span), responses
+        return self.moved(state, *self.over(state, time, self.driven_since(since), *given))
+
+    def over(
+        self,
+        state: PropagationState,
+        time: Instants,
+        driven: Lane,
+        span: Float[Array, "*lanes"],
+        flow: Transition,
+        responses: Responses | None,
+    ) -> tuple[Transition, Effect, PropagationState]:
+        """Return Φ, f, and the state with the functions at a time, which is a span [s] later."""
+        basis = barrier(driven.basis(time))
         before, effect = state.basis, None
-        if state.effect is not None and self.responses is not None:
-            interval, before = self.clock.interval, state.effect
-            effect = barrier(passed_on(before, flow, self.responses, driven, state.time, interval))
+        if state.effect is not None and responses is not None:
+            before = state.effect
+            effect = barrier(passed_on(before, flow, responses, driven, state.time, span))
         now = basis if effect is None else effect
         there = state._replace(time=time, basis=basis, effect=effect)
         if control.is_matrix(self.lane.gain):  # Φ does not act on functions alone
@@ -255,7 +314,8 @@ class Held(Propagation):
         jets = lane.vehicle.output_jets(lane.initial)
         vectors = jnp.zeros_like(jets[0])[:, :, None]
         straight, basis = jnp.ones(time.shape, bool), lane.basis(time)
-        return PropagationState(jets, vectors, time, basis, None, straight, None)
+        within = inner.inner_at_start(lane, self.clock.interval)
+        return PropagationState(jets, vectors, time, basis, None, straight, None, within)
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its derivatives below the order now."""
@@ -292,8 +352,20 @@ class Held(Propagation):
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
         interval = jnp.broadcast_to(self.clock.interval, time.shape)
+        return self.over(state, time, interval)
+
+    def later(
+        self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
+    ) -> PropagationState:
+        """Return the state a span [s] later, in the tick that began at `since` [s]."""
+        return self.moved(state, *self.over(state, state.time + span, span))
+
+    def over(
+        self, state: PropagationState, time: Instants, span: Instants
+    ) -> tuple[Transition, Effect, PropagationState]:
+        """Return Φ, f, and the state with the functions at a time, which is a span [s] later."""
         basis = barrier(self.lane.basis(time))
-        flow, forcing = (make(interval, len(state.jets)) for make in (of_integrators, held_input))
+        flow, forcing = (make(span, len(state.jets)) for make in (of_integrators, held_input))
         return flow, forcing, state._replace(time=time, basis=basis)
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:

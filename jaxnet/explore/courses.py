@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxnet.config.cells import Cell
+from jaxnet.statistics.curves import LOG_FLOOR
 from jaxnet.store import rows
 from jaxnet.store.results import Results
 
@@ -14,7 +15,10 @@ MOST_POINTS = 200  # of a line
 
 
 class Course(NamedTuple):
-    """Greatest value so far, by the number of lanes, in a search and among random lanes."""
+    """Greatest value so far, by the number of lanes, in a search and among random lanes.
+
+    Values are LOG_FLOOR at least, as their axes are logarithmic.
+    """
 
     cell: Cell
     lanes: Float[np.ndarray, " generations"]
@@ -25,12 +29,12 @@ class Course(NamedTuple):
 
 
 def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
-    """Yield the course of each of these cells."""
+    """Yield the course of each of these cells whose search has ended."""
     settings = results.study.config.search
     assert settings is not None
     generations, bounds = results.searched, dict(results.worst[["cell", "bound"]].to_numpy(float))
     is_share = settings.maximise == "unrecovered"
-    for cell in cells:
+    for cell in (each for each in cells if each.number in bounds):
         progress: Any = generations[generations["cell"] == cell.number]
         lanes, best = progress["lanes"].to_numpy(float), progress["best"].to_numpy(float)
         thinned = np.unique(np.geomspace(1, len(lanes), MOST_POINTS).round().astype(int)) - 1
@@ -38,9 +42,8 @@ def search_courses(results: Results, cells: Sequence[Cell]) -> Iterator[Course]:
         places = np.unique(np.geomspace(1, max(1, len(random)), MOST_POINTS).round().astype(int))[
             : len(random)
         ]
-        yield Course(
-            cell, lanes[thinned], best[thinned], places.astype(float), random[places - 1], bounds[cell.number]
-        )
+        best, random_best = (np.maximum(each, LOG_FLOOR) for each in (best[thinned], random[places - 1]))
+        yield Course(cell, lanes[thinned], best, places.astype(float), random_best, bounds[cell.number])
 
 
 def random_course(results: Results, cell: int, metric: str) -> Float[np.ndarray, " lanes"]:

@@ -50,7 +50,7 @@ def ordered(bounds: list[float]) -> list[float]:
 def equally_long(lists: list[list[float]]) -> list[list[float]]:
     """Return the lists; raise ValueError unless they have the same length."""
     if len({len(each) for each in lists}) > 1:
-        raise ValueError("both axes have as many gains")
+        raise ValueError("each list must have as many numbers as the other lists")
     return lists
 
 
@@ -250,10 +250,24 @@ class MatrixGains(
         return np.array(self.root)
 
 
+class VehicleGains(Record):
+    """Gains of each vehicle: a list for each, in the order of their numbers."""
+
+    vehicles: Annotated[list[Annotated[list[float], Len(1, 4)]], Len(1), AfterValidator(equally_long)] = (
+        Field(description="k0, k1, … of each vehicle, with which it judges and follows what it hears")
+    )
+
+    def matrices(self) -> np.ndarray:
+        """Return the diagonal matrix of each vehicle and order, (m, r, 2, 2)."""
+        return np.array(self.vehicles)[:, :, None, None] * np.eye(2)
+
+
 def gain_tag(value: object) -> str:
     """Return the tag of gains, by how deep the lists are."""
-    if isinstance(value, AxisGains | MatrixGains):
+    if isinstance(value, AxisGains | MatrixGains | VehicleGains):
         return MARK + type(value).__name__
+    if isinstance(value, dict):
+        return MARK + "VehicleGains"
     depth = 0
     while isinstance(value, list) and value:
         value, depth = value[0], depth + 1
@@ -261,12 +275,13 @@ def gain_tag(value: object) -> str:
 
 
 if TYPE_CHECKING:
-    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis or as matrices
+    Gains = Any  # k0, k1, …: a list of numbers, or gains by axis, as matrices, or by vehicle
 else:
     Gains = Annotated[
         Annotated[Annotated[list[Number], Len(1, 4)], union_member("list")]
         | Annotated[AxisGains, union_member("AxisGains")]
-        | Annotated[MatrixGains, union_member("MatrixGains")],
+        | Annotated[MatrixGains, union_member("MatrixGains")]
+        | Annotated[VehicleGains, union_member("VehicleGains")],
         Discriminator(gain_tag),
     ]
 

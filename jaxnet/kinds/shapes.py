@@ -26,6 +26,7 @@ VehicleMask = Bool[Any, "m *lanes"]
 VehicleJets = tuple[VehicleVectors, ...]  # position, velocity, …: as many as the order
 StackedJets = Float[Any, "r 2 m *lanes"]  # those of `VehicleJets` as one array
 VehicleState = Float[Any, "n m *lanes"]
+InnerState = Float[Any, "k m *lanes"]  # states that the output's jets leave open
 VehicleInput = Float[Any, "2 m *lanes"]
 AxisMatrices = Float[Any, "2 2 m *lanes"]  # by axis and column
 

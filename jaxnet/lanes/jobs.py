@@ -47,7 +47,11 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
-    gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
+    own = scenario.own_gains
+    if own is not None:
+        gain = draw.same(own[0])
+    else:
+        gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
     lanes = Lane(
         initial=lanes_first(start),
         weights=weights,
@@ -69,6 +73,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         turns=turns_of(scenario, draw, sources),
         delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
         periods=periods_of(scenario, draw, sources),
+        gain_apart=None if own is None else draw.same((own - own[0]).T),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(

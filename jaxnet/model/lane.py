@@ -55,6 +55,7 @@ class Lane(NamedTuple):
     turns: Turns | None = None  # None where one network is always in force
     delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
     periods: Periods | None = None  # None where the same vehicles are attacked all along
+    gain_apart: Float[Array, "r m *lanes"] | None = None  # each vehicle's own gains minus `gain`; None: 0
 
     @property
     def lossy(self) -> bool:

@@ -36,7 +36,7 @@ def gap_of_theory(scenario: Scenario, known: Situation) -> str:
     if differs_by_lane(scenario):
         return "networks, weights or gains are drawn for each lane"
     if scenario.gain_matrices is not None:
-        return "gains differ by axis, or couple the axes"
+        return "gains differ by axis or vehicle, or couple the axes"
     if not scenario.attack.bounded:
         return "ā does not bound the attack"
     if scenario.attack.identities() > 1:

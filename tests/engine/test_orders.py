@@ -216,8 +216,6 @@ def test_gains_follow_the_order():
         jaxnet.load({"engine": "exact", "vehicle": "single_integrator", "gain": [-1]})
     with pytest.raises(jaxnet.ConfigError, match="a choice of orders needs a vehicle of order 3"):
         jaxnet.load({"vehicle": "double_integrator", "engine": "exact", "attack": {"orders": [0]}})
-    with pytest.raises(jaxnet.ConfigError, match="do not determine the state of look_ahead: give"):
-        jaxnet.load({"vehicle": "look_ahead", "engine": "exact"})
     for gain in ([10, 4, 6, 4], [1, 4, 6, {"uniform": [0.1, 4]}]):
         with pytest.raises(jaxnet.ConfigError, match="gain: unstable"):
             jaxnet.load({"vehicle": "planar_quadrotor", "gain": gain})

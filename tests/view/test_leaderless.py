@@ -18,8 +18,9 @@ from jaxnet.store.folder import FolderError
 from jaxnet.view import columns, page
 from jaxnet.view.figures import every
 from jaxnet.view.page.networks import networks_html
+from jaxnet.view.page.sections import search_section
 from jaxnet.view.page.trajectories import headings
-from jaxnet.view.text import check, comparison, tables
+from jaxnet.view.text import check, comparison, tables, worst
 from tests.view.test_page import read_through, section
 
 DEAF = [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (3, 2), (4, 2)]  # links that are not there
@@ -216,3 +217,25 @@ def test_the_page_says_nothing_of_errors(browser, results):
     assert "Distance of each vehicle from the mean of those not attacked" in words
     left = words.replace("navigator\nno navigator", "")
     assert [left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)] == []
+
+
+def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path):
+    """The spread is told in metres; a panel is not empty where vehicles agree."""
+    attack = {"kind": "own_path", "vehicles": [2], "centre": [30, 0], "frequency": {"uniform": [0.1, 1]}}
+    over = {"over": {"attack.frequency": [0.1, 1]}, "maximise": "spread", "budget": 100, "until": 1.0}
+    keys = KEYS | {"attack": attack, "sweep": {"defence": ["none", "w_msr"]}, "search": over, "save": {}}
+    results = jaxnet.search(keys, tmp_path / "out", progress=False)
+    told = worst.search_text(results)
+    assert "the worst spread [m]; late" in told
+    assert not re.search("ā|bound", told)
+    rows, found = worst.worst_rows(results), results.worst
+    np.testing.assert_array_equal(rows["found"], found["found"])
+    assert "bound" not in str(search_section(results))
+    for name in ("search", "search_worst"):
+        drawn = getattr(every.Plots(results), name)()
+        assert not any("bound" in words.get_text() for words in drawn.findobj(Text))
+        for panel in drawn.axes:
+            heights = np.concatenate([line.get_data()[name == "search"] for line in panel.get_lines()])
+            assert np.isfinite(np.log(heights)).all()
+    under_way = every.search.bounds_figure(rows.head(1), results.study.cells, "spread", 3.5)
+    assert any("1 of 2 cells are drawn" in words.get_text() for words in under_way.findobj(Text))

@@ -37,7 +37,6 @@ class Engine(Kind):
     shard: ClassVar[int] = 512  # lanes whose rows make one file: about a second of work
     accuracy: ClassVar[float] = 1e-5  # [m] bound on the error at default tolerances
     in_field: ClassVar[bool] = False  # whether vehicles can decide inside the vector field (`tick: 0`)
-    integrates: ClassVar[bool] = True  # whether the engine integrates states, also those no output determines
     by_functions: ClassVar[bool] = False  # whether all drives are functions of time alike on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
@@ -68,9 +67,6 @@ class Engine(Kind):
         if scenario.law.linearised and not self.linearises:
             message = f"the {self.kind} engine moves vehicles by the law's exact linearisation, which"
             yield Fault(("engine", "law"), f"{message} {scenario.law.kind} lacks: give engine: nonlinear")
-        if scenario.vehicle.internal and not self.integrates:
-            message = f"the {self.kind} engine finds states from outputs, which do not determine the state of"
-            yield Fault(("engine", "vehicle"), f"{message} {scenario.vehicle.kind}: give engine: nonlinear")
         if scenario.defence.decides and scenario.tick == 0 and not self.in_field:
             yield Fault(("engine", "tick"), f"the {self.kind} engine decides at ticks only: give a tick")
 

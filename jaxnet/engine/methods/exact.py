@@ -28,7 +28,6 @@ class Exact(Engine):
     shard: ClassVar[int] = 4096
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
-    integrates: ClassVar[bool] = False
     by_functions: ClassVar[bool] = True
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:

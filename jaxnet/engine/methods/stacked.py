@@ -288,6 +288,8 @@ def lane_field(
             error = jnp.where((each == 0).all(axis=0)[None, None], 0.0, error)
         if known is not None:
             highest = highest + known.at(time)
+        if lane.gain_apart is not None:
+            highest = highest - (lane.gain_apart[:, None] * error).sum(axis=0)
         if alone.law.local:
             graph, highest, error = (
                 jnp.zeros_like(graph),

@@ -45,7 +45,8 @@ class Neighbourhood(NamedTuple):
     - `sources` (slots, m): number of the source, 0 is the navigator
     - `weights` (slots, m, lanes): weights of the graph
     - `trusted` (slots, m): whether the listener trusts the source
-    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices
+    - `gain` (r, lanes): gains of ε, ε̇, …; (r, 2, 2, lanes) where these are matrices; those of vehicle 1
+      where each vehicle has its own
     - `time` (lanes,): time [s]
     - `shared`: the result of the defence's `shared`
     - `announced` (2, slots, m, lanes): announcement of each slot's source, attacked or not

@@ -6,13 +6,16 @@ determine each other, and `y^(r) = σ + ψ u` for an input u with two components
 and JAX.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.protocols import ScenarioView
 from jaxnet.kinds.shapes import (
     AxisMatrices,
+    InnerState,
+    LaneNumbers,
     StackedJets,
     VehicleInput,
     VehicleJets,
@@ -25,11 +28,15 @@ from jaxnet.model.circle import circle
 HEADING, SPEED = 2, 3
 MOST_ORDER = 4  # of vehicles
 
+GAUSS = math.sqrt(0.15)  # distance of the outer of three Gauss–Legendre nodes on [0, 1] from the middle
+OUTPUT_PLACES = (0.0, 0.5 - GAUSS, 0.5, 0.5 + GAUSS, 1.0)  # shares of a step at which outputs are known
+
 
 class Vehicle(Kind):
     """A vehicle model, of order three and singular at speed 0 unless a subclass says otherwise.
 
-    A subclass gives every method except `start`, `margin` and `lead`.
+    A subclass gives every method except `start`, `margin` and `lead`. An `internal` one gives `inner`,
+    `state_with` and `inner_after` instead of `state_of`.
 
     Examples
     --------
@@ -41,7 +48,7 @@ class Vehicle(Kind):
 
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
     singular: ClassVar[int] = 1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
-    internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state undetermined
+    internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state open
     states: ClassVar[tuple[str, ...]]  # names; those of a wheeled robot begin with x, y, heading, speed
     units: ClassVar[tuple[str, ...]]
     inputs: ClassVar[tuple[str, str]] = ("u1", "u2")  # names
@@ -85,6 +92,24 @@ class Vehicle(Kind):
         velocity.
         """
         raise KindError(f"{self.kind}: a vehicle gives state_of(self, jets)")
+
+    def inner(self, state: VehicleState) -> InnerState:
+        """Return the inner states (k, m, lanes), which the output's jets leave open."""
+        raise KindError(f"{self.kind}: an internal vehicle gives inner(self, state)")
+
+    def state_with(self, jets: VehicleJets, inner: InnerState) -> VehicleState:
+        """Return the state of a vehicle with these output jets and inner states."""
+        raise KindError(f"{self.kind}: an internal vehicle gives state_with(self, jets, inner)")
+
+    def inner_after(
+        self, inner: InnerState, jets: Sequence[VehicleJets], span: LaneNumbers
+    ) -> tuple[InnerState, VehicleNumbers]:
+        """Return the inner states a span [s] later, and an estimate (m, lanes) of their error.
+
+        `jets` are those of the output at each of `OUTPUT_PLACES` in the span, up to the derivative of order
+        r. The error shrinks with the fifth power of the span, at least.
+        """
+        raise KindError(f"{self.kind}: an internal vehicle gives inner_after(self, inner, jets, span)")
 
     def pace(self, state: VehicleState, inputs: VehicleInput) -> tuple[VehicleNumbers, VehicleNumbers]:
         """Return the speed [m/s] and the turn rate [rad/s], each (m, lanes), from state and inputs."""

@@ -217,7 +217,7 @@ class Plots:
     def search(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw the best value against the number of lanes, for a search and for random lanes."""
         cells, width = cells_and_width(self.results, where, column)
-        refuse_unsearched(self.results)
+        refuse_unsearched(self.results, cells)
         words = worst.metric_with_unit(self.results)
         shown = cells[: multiples.panels_fitting([cell.labels for cell in cells], width)]
         return search.course_figure(list(search_courses(self.results, shown)), len(cells), words, width)
@@ -226,7 +226,7 @@ class Plots:
     def search_worst(self, where: Where | None = None, column: str = "two", *, note: bool = True) -> Figure:
         """Draw a row per cell: the worst choice found, the worst of random lanes, and the bound."""
         cells, width = cells_and_width(self.results, where, column)
-        refuse_unsearched(self.results)
+        refuse_unsearched(self.results, cells)
         words = f"worst {worst.maximised_text(self.results)}"
         return search.bounds_figure(worst.worst_rows(self.results), cells, words, width)
 
@@ -244,10 +244,12 @@ class Plots:
         return parts_of_variance(self.results, "unrecovered", *cells_and_width(self.results, where, column))
 
 
-def refuse_unsearched(results: Results) -> None:
-    """Raise LackingError if the folder holds no results of a search."""
+def refuse_unsearched(results: Results, cells: Sequence[Cell]) -> None:
+    """Raise LackingError if the folder holds no results of a search of any of these cells."""
     if results.study.config.search is None or not (results.path / "worst.csv").exists():
         raise LackingError(f"{results.place} has no worst.csv: jaxnet search CONFIG makes it")
+    if not set(results.worst["cell"]) & {cell.number for cell in cells}:
+        raise LackingError(f"{results.place}: no search of these cells has ended: jaxnet search goes on")
 
 
 def cells_and_width(results: Results, where: Where | None, column: str) -> tuple[list[Cell], float]:

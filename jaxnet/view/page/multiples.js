@@ -163,9 +163,9 @@ const SEARCH_LINE = { color: "--blue", width: 2, dash: "solid", shape: "hv" };
 const RANDOM_LINE = { color: "--red", width: 1.6, dash: "5px,3px", shape: "hv" };
 const BOUND_LINE = { color: "--black", width: 1.4, dash: "2px,2px" };
 const searches = {
-  curves: () => [
+  curves: (given) => [
     { name: "search", look: { line: SEARCH_LINE } }, { name: "random lanes", look: { line: RANDOM_LINE } },
-    { name: "bound", look: { line: BOUND_LINE } },
+    ...(given.panels.some((each) => each.bound !== null) ? [{ name: "bound", look: { line: BOUND_LINE } }] : []),
   ],
   figure(given, [panel]) {
     const lanes = given.panels.flatMap((each) => [...each.lanes, ...each.random_lanes]);

@@ -278,12 +278,13 @@ def search_section(results: Results) -> Section | None:
         return Section("search", name, "<p>Not searched for yet: <code>jaxnet search CONFIG</code></p>")
     rows = worst.worst_rows(results)
     chosen = ", ".join(f"<code>{escape(key)}</code>" for key in asked.over)
+    bound = " the bound of theory where known," if "bound" in rows else ""
     note = (
         f"<p>{escape(worst.maximised_text(results))}, over {chosen}. Found: the choice at the horizon. Late:"
         f" the same choice at {worst.late_times(results)}, where what is transient has died away. Greatest:"
-        " any choice at the horizon. Then the greatest of as many random lanes, the bound of theory if one is"
-        " known, and the same choice from 10,000 other starts, and by the nonlinear engine. Below, the best"
-        " until then, by lanes; Lanes in motion shows what was found.</p>"
+        f" any choice at the horizon. Then the greatest of as many random lanes,{bound} and the same choice"
+        " from 10,000 other starts, and by the nonlinear engine. Below, the best until then, by lanes; Lanes"
+        " in motion shows what was found.</p>"
         f"<p>{escape(sentence_case(worst.starts_text(results)))}.</p>"
     )
     drawn = plots.searches_data(

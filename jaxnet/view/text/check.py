@@ -35,7 +35,7 @@ from jaxnet.model.wording import cells_named, count, plural_s, ranges
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store import layout
-from jaxnet.theory import announced, certificate, delay, exact, integer, noise, robustness, rounds
+from jaxnet.theory import announced, certificate, delay, exact, integer, noise, response, robustness, rounds
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
@@ -172,9 +172,14 @@ def guarantees(cells: Sequence[Cell]) -> str:
 
 def decay_text(scenario: Scenario) -> str:
     """Return the paper's Lemma 1 with its constants, for the gain of a scenario."""
-    matrices = scenario.gain_matrices
-    factor, rate = exact.decay_constants(np.array(scenario.gain) if matrices is None else matrices)
-    return f"‖η(t)‖ ≤ {factor:.3g} exp(-{rate:.3g} t) ‖η(0)‖ (Lemma 1)"
+    matrices, own = scenario.gain_matrices, scenario.own_gains
+    alike = [np.array(scenario.gain) if matrices is None else matrices]
+    factors, rates = zip(*map(exact.decay_constants, alike if own is None else own), strict=True)
+    line = f"‖η(t)‖ ≤ {max(factors):.3g} exp(-{min(rates):.3g} t) ‖η(0)‖ (Lemma 1)"
+    if own is None:
+        return line
+    norms = [response.impulse_norm(each) for each in own]
+    return f"{line}; ‖h_i‖₁ of the vehicles from {min(norms):.3g} to {max(norms):.3g}"
 
 
 class NetworkKeys:

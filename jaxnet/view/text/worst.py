@@ -2,8 +2,10 @@
 
 from textwrap import fill
 
+import numpy as np
 import pandas as pd
 
+from jaxnet.config.cells import is_leaderless
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
 
@@ -38,8 +40,9 @@ def late_times(results: Results) -> str:
 
 
 def maximised_text(results: Results) -> str:
-    """Return the maximised metric and its scale."""
-    return metric_with_unit(results).replace(" [m]", ", per ā")
+    """Return the maximised metric and its scale: ā for lengths, unless there is no navigator."""
+    words = metric_with_unit(results)
+    return words if is_leaderless(results.study.cells) else words.replace(" [m]", ", per ā")
 
 
 def metric_with_unit(results: Results) -> str:
@@ -57,9 +60,13 @@ def metric_unit(results: Results) -> str:
 
 
 def worst_rows(results: Results) -> pd.DataFrame:
-    """Return the results of a search, a row per cell; lengths are per ā where ā is known and not 0."""
+    """Return the results of a search, a row per cell; lengths are per ā where ā is known and not 0.
+
+    Without a navigator lengths are in metres. Bounds are left out where none is known.
+    """
     found, labels = results.worst, list(results.study.cells[0].labels)
-    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if metric_unit(results) == "m" else 1.0
+    scaled = metric_unit(results) == "m" and not is_leaderless(results.study.cells)
+    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if scaled else 1.0
     per = {
         "found": found["found"] / size,
         "late": found["late"] / size,
@@ -71,5 +78,7 @@ def worst_rows(results: Results) -> pd.DataFrame:
         "fresh least 5 %": found["fresh_low"] / size,
         "nonlinear": found["nonlinear"] / size,
     }
+    if not np.isfinite(found["bound"].to_numpy(dtype=float)).any():
+        per = {name: values for name, values in per.items() if "bound" not in name}
     who = {"cell": found["cell"], **found[labels], "attacked": found["attacked"]}
     return pd.DataFrame({**who, **per, "lanes": found["lanes"]})

@@ -1,7 +1,10 @@
 """The point ahead of a unicycle: flat in every state, and its heading follows where the point goes."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -31,11 +34,17 @@ KEYS = {"vehicles": 1, "topology": "star", "attack": "none", "defence": "none", 
 KEYS |= {"vehicle": {"kind": "look_ahead", "ahead": 0.7}, "gain": [1.5], "save": {"trajectories": "all"}}
 
 
+def states_of(results):
+    """States by sample, time and vehicle."""
+    assert (results.lanes["status"] == "ok").all()
+    return results.trajectories["states"].sel(cell=0).values
+
+
 def test_the_heading_follows_a_plain_integration():
     """`q = ẏ_0 - k0 (y - y_0)`, `ṗ = (h·q) h` and `θ̇ = n·q / l` by a Runge–Kutta method in the test."""
-    results = jaxnet.simulate({**KEYS, "engine": "nonlinear", "samples": 2}, progress=False)
+    results = jaxnet.simulate({**KEYS, "engine": "exact", "samples": 2}, progress=False)
     path = results.study.config.navigator.jets
-    data = results.trajectories["states"].sel(cell=0).values[..., 0, :]
+    data = states_of(results)[..., 0, :]
 
     def rates(time, state):
         heading = np.array([np.cos(state[2]), np.sin(state[2])])
@@ -45,7 +54,57 @@ def test_the_heading_follows_a_plain_integration():
 
     times = results.trajectories["time"].values
     for states in data:
-        known = solve_ivp(rates, (0, 4), states[0], t_eval=times, rtol=1e-10, atol=1e-10, method="DOP853")
+        known = solve_ivp(rates, (0, 4), states[0], t_eval=times, rtol=1e-11, atol=1e-11, method="DOP853")
         apart = states - known.y.T
-        np.testing.assert_allclose(apart[:, :2], 0.0, atol=1e-5)
-        np.testing.assert_allclose(np.sin(apart[:, 2] / 2), 0.0, atol=1e-5)  # headings are told in (-π, π]
+        np.testing.assert_allclose(apart[:, :2], 0.0, atol=1e-7)
+        # headings are told in (-π, π]
+        np.testing.assert_allclose(np.sin(apart[:, 2] / 2), 0.0, atol=1e-7)
+
+
+def test_a_constant_velocity_turns_the_heading_as_the_closed_form():
+    """`tan(θ/2) = tan(θ(0)/2) exp(-v t / l)` for a point that moves along x with speed v; θ = π stays.
+
+    The point starts on the navigator, so E = 0. l is short: the heading turns by up to exp(-250) in a tick.
+    """
+    headings, speed, ahead = [0.4, -1.6, 3.1, -math.pi], 5.0, 0.02
+    keys = KEYS | {"engine": "exact", "horizon": 1.0, "tail": 0.5, "output_step": 0.05, "samples": 1}
+    keys |= {"vehicle": {"kind": "look_ahead", "ahead": ahead}}
+    places = [[[-ahead * math.cos(each), -ahead * math.sin(each)]] for each in headings]
+    keys["sweep"] = {"initial.heading": headings, "initial.position": places}
+    keys["navigator"] = {"kind": "driven", "speed": [speed] * 4, "turn_rate": [0.0] * 4}
+    results = jaxnet.simulate(keys, progress=False)
+    of_cell = results.trajectories["states"].values[:, 0, :, 0]
+    states, times = of_cell[::5].swapaxes(0, 1), results.trajectories["time"].values
+    turned = 2 * np.arctan(np.tan(np.array(headings) / 2) * np.exp(-speed * times[:, None] / ahead))
+    off = np.sin((states[..., 2] - turned) / 2)
+    np.testing.assert_allclose(off[:, :3], 0.0, atol=1e-9)
+    point = states[..., :2] + ahead * np.stack([np.cos(states[..., 2]), np.sin(states[..., 2])], axis=-1)
+    np.testing.assert_allclose(point - np.array([speed, 0.0]) * times[:, None, None], 0.0, atol=1e-9)
+
+
+FLEET = KEYS | {"vehicles": 4, "topology": "complete", "horizon": 3.0, "tick": 0.1, "samples": 2}
+FLEET["attack"] = {"kind": "rotating", "vehicles": [2], "magnitude": 5.0, "frequency": 1.7}
+SENSING = {"sensing": {"kind": "gaussian", "position": 0.1}}
+TIGHT = {"kind": "nonlinear", "solver": "dopri8", "rtol": 1e-11, "atol": 1e-11}
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"law": "rounds"},
+        {"law": {"kind": "local", "hold": False}, "defence": {"kind": "w_msr", "F": 1}},
+        {"channel": {"missing": "extrapolate", "loss": {"kind": "bernoulli", "probability": 0.3}}, **SENSING},
+        {"attack": {"kind": "spoof", "vehicles": [2], "magnitude": [5.0, 2.0]}},
+    ],
+    ids=["rounds", "local", "channel", "spoof"],
+)
+def test_engines_agree(keys):
+    """In every state, and in speeds and turn rates at output times, for every way that outputs move."""
+    exact, nonlinear = (
+        jaxnet.simulate(FLEET | keys | {"engine": engine}, progress=False) for engine in ("exact", TIGHT)
+    )
+    apart = states_of(exact) - states_of(nonlinear)
+    np.testing.assert_allclose(apart[..., :2], 0.0, atol=1e-7)
+    np.testing.assert_allclose(np.sin(apart[..., 2] / 2), 0.0, atol=1e-7)
+    for name in ("tail_mean", "min_speed"):
+        np.testing.assert_allclose(exact.lanes[name], nonlinear.lanes[name], atol=1e-6)

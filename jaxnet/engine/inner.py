@@ -1,0 +1,64 @@
+"""States that outputs leave undetermined, integrated from tick to tick along the outputs' exact motion.
+
+The vehicle steps these states over an interval from the jets at places in it, and tells the step's error.
+The lanes are the last axis of every array. Each lane has its own steps.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxnet.engine import stepper
+from jaxnet.engine.subset import select
+from jaxnet.engine.tick import Instants, LaneFlags
+from jaxnet.kinds.vehicles import OUTPUT_PLACES
+from jaxnet.model.lane import Lane
+
+TOLERANCE = 1e-7  # of a step's error, as the vehicle estimates it
+ORDER = 5  # of that error in the step's length
+MOST_ATTEMPTS = 10_000  # of a tick, refused ones included
+
+
+class Inner(NamedTuple):
+    """The states that outputs leave undetermined, and the next step."""
+
+    states: Float[Array, "k m lanes"]
+    step: Instants  # [s]
+
+
+def inner_at_start(lane: Lane, interval: Any) -> Inner | None:
+    """Return the states at t = 0; None where the outputs determine all states."""
+    if not lane.vehicle.internal:
+        return None
+    return Inner(lane.vehicle.inner(lane.initial), jnp.broadcast_to(interval, lane.attack_scale.shape))
+
+
+def carried(
+    motion: Any, state: Any, decided: Any, span: Instants, moves: LaneFlags
+) -> tuple[Inner, LaneFlags]:
+    """Return the states a span [s] later, and the lanes among `moves` that took more than MOST_ATTEMPTS."""
+    vehicle, since = motion.lane.vehicle, state.time
+
+    def under_way(carry: Any) -> Bool[Array, ""]:
+        _, passed, number = carry
+        return (passed < span).any() & (number < MOST_ATTEMPTS)
+
+    def attempt(carry: Any) -> Any:
+        now, passed, number = carry
+        end = stepper.towards(span, passed, jnp.minimum(now.inner.step, motion.longest))
+        step = end - passed
+        there = [now, *[motion.later(now, decided, place * step, since) for place in OUTPUT_PLACES[1:]]]
+        found, error = vehicle.inner_after(
+            now.inner.states, [motion.all_jets(each, decided) for each in there], step
+        )
+        error = (error / TOLERANCE).max(axis=0)
+        kept = (passed < span) & ~(error >= 1.0)  # a lane whose numbers are not finite goes on
+        step = jnp.where(passed < span, stepper.next_step(step, error, ORDER), now.inner.step)
+        now = select(kept, there[-1]._replace(inner=Inner(found, step)), now)
+        return now._replace(inner=Inner(now.inner.states, step)), jnp.where(kept, end, passed), number + 1
+
+    start = state, jnp.where(moves, 0.0, span), jnp.asarray(0)
+    now, passed, _ = jax.lax.while_loop(under_way, attempt, start)
+    return now.inner, passed < span
