@@ -144,9 +144,8 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         yield from kind_faults(key, getattr(scenario, key), scenario)
     yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
     yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
-    if scenario.channel.missing != "drop" and not scenario.law.solved:
-        message = "drop is all that a law can do whose vehicles hold a derivative or know only jets"
-        yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
+    if scenario.channel.missing != "drop" or scenario.channel.delay > 0:
+        yield from old_word_faults(scenario)
     yield from world_faults(scenario)
     if scenario.channel.delay > 0:
         yield from delay_faults(scenario)
@@ -162,6 +161,25 @@ def world_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
 
 
+def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield a fault where a law cannot use words that are late or heard before."""
+    channel, law = scenario.channel, scenario.law
+    keys = tuple(
+        key
+        for key, given in {"missing": channel.missing != "drop", "delay": channel.delay > 0}.items()
+        if given
+    )
+    keys = tuple(f"channel.{key}" for key in keys)
+    if law.linearised:
+        yield Fault((*keys, "law"), f"{law.kind} knows live words alone: give another law")
+    elif law.exchanges() > 1:
+        told = "a law by exchanges makes one at a tick where words are late or stand in: give law.rounds: 1"
+        yield Fault((*keys, "law.rounds"), f"{told} (got {law.exchanges()})")
+    if law.local and channel.delay > 0 and channel.extrapolate == "jerk":
+        told = "neighbours tell no highest derivative under a local law: give none or jets"
+        yield Fault(("channel.extrapolate", "law"), told)
+
+
 def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield faults of a delay of words."""
     delay, tick = scenario.channel.delay, scenario.tick
@@ -170,19 +188,21 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)
-    elif scenario.channel.extrapolate != "none" and tick * fastest_rate(scenario) > MOST_RATE:
-        told = f"extrapolated words need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
-        yield Fault(("channel.extrapolate", "tick"), told)
-    if not scenario.law.solved:
-        yield Fault(
-            ("channel.delay", "law"), f"words are late under law: exact only (got {scenario.law.kind})"
-        )
-    if scenario.channel.missing != "drop":
-        told = f"a lost word is dropped where words are late (got {scenario.channel.missing})"
+    elif tells_motion(scenario) and tick * fastest_rate(scenario) > MOST_RATE:
+        told = f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
+        yield Fault(("channel.extrapolate", "tick", "law"), told)
+    if scenario.channel.missing == "extrapolate":
+        told = "a lost word is dropped or held where words are late: give drop or hold"
         yield Fault(("channel.missing", "channel.delay"), told)
     if scenario.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
         yield Fault(("channel.delay", "defence"), told)
+
+
+def tells_motion(scenario: Scenario) -> bool:
+    """Return whether late words are power series of the vehicles' motion over a tick."""
+    law = scenario.law
+    return not law.holds and (law.local or scenario.channel.extrapolate != "none")
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

@@ -10,6 +10,7 @@ from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
+from jaxnet.engine.late import SteadyDelay
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
@@ -67,7 +68,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         noise=None if noise.exact() else tree(noise.drawn(draw, "channel.noise")),
         strength=strength_of(scenario, weights, scenario.topology),
         turns=turns_of(scenario, draw, sources),
-        delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
+        delay=SteadyDelay(draw.same(scenario.channel.delay)) if scenario.channel.delay > 0 else None,
         periods=periods_of(scenario, draw, sources),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))

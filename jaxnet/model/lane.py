@@ -53,7 +53,7 @@ class Lane(NamedTuple):
     noise: Any = None  # None where words arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
-    delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
+    delay: Any = None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
     periods: Periods | None = None  # None where the same vehicles are attacked all along
 
     @property
