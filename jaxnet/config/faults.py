@@ -144,10 +144,10 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         yield from kind_faults(key, getattr(scenario, key), scenario)
     yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
     yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
-    if scenario.channel.missing != "drop" or scenario.channel.delay > 0:
+    if scenario.channel.missing != "drop" or scenario.channel.late:
         yield from old_word_faults(scenario)
     yield from world_faults(scenario)
-    if scenario.channel.delay > 0:
+    if scenario.channel.late:
         yield from delay_faults(scenario)
 
 
@@ -156,7 +156,7 @@ def world_faults(scenario: Scenario) -> Iterator[Fault]:
     channel, networks = scenario.channel, len(scenario.topology.turns())
     if scenario.law.linearised and not (channel.noise.exact() and networks == 1):
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
-    plain = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
+    plain = channel.noise.exact() and not channel.late and channel.missing == "drop"
     if scenario.gain_matrices is not None and not plain:
         yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
 
@@ -165,9 +165,7 @@ def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law cannot use words that are late or heard before."""
     channel, law = scenario.channel, scenario.law
     keys = tuple(
-        key
-        for key, given in {"missing": channel.missing != "drop", "delay": channel.delay > 0}.items()
-        if given
+        key for key, given in {"missing": channel.missing != "drop", "delay": channel.late}.items() if given
     )
     keys = tuple(f"channel.{key}" for key in keys)
     if law.linearised:
@@ -175,7 +173,7 @@ def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
     elif law.exchanges() > 1:
         told = "a law by exchanges makes one at a tick where words are late or stand in: give law.rounds: 1"
         yield Fault((*keys, "law.rounds"), f"{told} (got {law.exchanges()})")
-    if law.local and channel.delay > 0 and channel.extrapolate == "jerk":
+    if law.local and channel.late and channel.extrapolate == "jerk":
         told = "neighbours tell no highest derivative under a local law: give none or jets"
         yield Fault(("channel.extrapolate", "law"), told)
 
@@ -185,6 +183,11 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     delay, tick = scenario.channel.delay, scenario.tick
     if tick == 0:
         yield Fault(("channel.delay", "tick"), "words are late by whole ticks: give a tick")
+    elif is_drawn(delay):
+        low, high = value_range(delay)
+        if not tick / 2 <= low <= high <= MOST_LATE * tick:
+            told = f"a drawn delay is at least half a tick, {tick / 2:.12g} s, and at most {MOST_LATE} ticks"
+            yield Fault(("channel.delay", "tick"), f"{told} (got {shorten_value(delay)})")
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.shapes import LaneTimes
@@ -97,7 +97,7 @@ class DrawnDelay(NamedTuple):
 
     def seconds(self, ticks: LinkNumbers, interval: LaneTimes) -> Float[Array, "slots m lanes"]:
         """Return the delay of the messages of a tick [s]."""
-        return ticks * interval[None, None]
+        return ticks.astype(float) * interval[None, None]
 
     def arrival(self, history: History, time: LaneTimes, interval: LaneTimes) -> Arrival:
         """Return the messages that arrive at a tick."""
@@ -124,7 +124,7 @@ def first_history(lane: Lane, late: int, judged: bool) -> History:
     links = lane.weights.shape
     nothing, words = jnp.zeros((late, 2, *links)), jnp.zeros((late, 2, degrees(lane), *links))
     drawn = lane.delay.draw(jnp.zeros(links[-1]), links[:-1])
-    ticks = None if drawn is None else jnp.full((late, *links), NEVER)
+    ticks = None if drawn is None else jnp.full((late, *links), NEVER, int)
     return History(words, (nothing,) * len(lane.gain) if judged else None, ticks)
 
 
@@ -206,7 +206,7 @@ def remember(
 
 def word_gains(
     gain: Float[Array, "r lanes"], delay: Float[Array, "*links lanes"], extrapolate: str
-) -> Float[Array, "derivatives *links lanes"]:
+) -> Float[Array, "derivatives *some lanes"]:
     """Return the factors of y, ẏ, …, y^(r) in a word: those of R, or of R after the delay by Taylor.
 
     `jets` continues the derivatives below r, `jerk` also the r-th.
@@ -254,6 +254,6 @@ def coefficients(
     return jnp.tensordot(jnp.asarray(TO_COEFFICIENTS), values, 1) * scale
 
 
-def push(queue: Float[Array, "d *some"], last: Float[Array, "*some"]) -> Float[Array, "d *some"]:
+def push(queue: Shaped[Array, "d *some"], last: Shaped[Array, "*some"]) -> Shaped[Array, "d *some"]:
     """Return a queue without its first entry, and with a last one."""
     return jnp.concatenate([queue[1:], last[None]])

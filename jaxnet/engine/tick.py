@@ -432,7 +432,9 @@ def listen(
         return now
     if before.late is not None:
         return now._replace(words=late_words(lane, before, state, time))
-    speaking, heard = (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
+    speaking, heard = (
+        (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
+    )
     words, gain = last.words, lane.gain
     signals = signal.jets(attack_vectors(lane, speaking), basis)
     if plan.missing == "hold" and lane.law.solved and drive is not None:

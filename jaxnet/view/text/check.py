@@ -24,7 +24,7 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.fields import median
+from jaxnet.kinds.fields import is_drawn, median, value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.model import safety
@@ -307,8 +307,8 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
             weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
             known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
         lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
-    if scenario.channel.delay > 0:
-        lines["delay"] = f"words are {scenario.channel.delay:g} s late; no bound holds{late_text(scenario)}"
+    if scenario.channel.late:
+        lines["delay"] = f"words are {lateness_text(scenario)} late; no bound holds{late_text(scenario)}"
     return lines
 
 
@@ -337,13 +337,25 @@ def lost_text(scenario: Scenario) -> str:
     return f"; {told}; stable up to a loss of {most:.4f}" if most else f"; {told}"
 
 
+def lateness_text(scenario: Scenario) -> str:
+    """Return by how much words are late."""
+    low, high = value_range(scenario.channel.delay)
+    if not is_drawn(scenario.channel.delay):
+        return f"{low:g} s"
+    return f"{low:g} to {high:g} s, drawn for each {scenario.channel.delay_of},"
+
+
 def late_text(scenario: Scenario) -> str:
     """Return how far behind a fleet ends whose words are late, or its margin; "" where weights change."""
     if scenario.defence.decides or scenario.vehicles > certificate.MOST_INVERTED:
         return ""
     if len(scenario.topology.turns()) > 1 or not scenario.channel.loss.perfect():
         return ""
+    if is_drawn(scenario.channel.delay):
+        return ""
     weights, told = dense(scenario_graph(scenario)), scenario.channel.extrapolate
+    if not scenario.law.solved:
+        return late_law_text(scenario, weights)
     if told == "none":
         ends = delay.lags(weights, scenario.channel.delay)
         between = f"{ends.min():.4g} to " if np.ptp(ends) > 1e-9 * ends.max() else ""
@@ -355,13 +367,31 @@ def late_text(scenario: Scenario) -> str:
     return f"; {state}: the delay must be below {margin:.6g} s" if np.isfinite(margin) else ""
 
 
+def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
+    """Return the stability of a law that holds a derivative and hears late words, "" where not known."""
+    law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
+    strength = (
+        scenario.topology.strength(scenario_graph(scenario).weights.T[None], True) if law.local else None
+    )
+    known = law.holds and (law.local or law.jacobi) and strength is None and scenario.gain_matrices is None
+    if not known or scenario.attack.replaces():
+        return ""
+    gain, along = np.array([median(each) for each in scenario.gain]), rounds.eigenvalues(weights)
+    if not scenario.navigator.present:
+        along = along[np.abs(along - 1) > 1e-9]
+    word, late = delay.word_factors(gain, lateness, told, law.local), round(lateness / scenario.tick)
+    grown = rounds.late_growth(along, gain, word, scenario.tick, late)
+    state = "stable" if grown < 1 else "UNSTABLE"
+    return f"; {state}, deviations times {grown:.6f} at each tick of {scenario.tick:g} s"
+
+
 def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], np.ndarray]) -> str:
     """Return the root mean square of E that errors leave at last, "" where it is not known.
 
     `gains()` returns the variance of each vehicle over that of one drive.
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
-    at_once = scenario.channel.loss.perfect() and scenario.channel.delay == 0
+    at_once = scenario.channel.loss.perfect() and not scenario.channel.late
     plain = scenario.law.solved and scenario.gain_matrices is None
     if not (plain and one_network and at_once and scenario.tick > 0):
         return ""
