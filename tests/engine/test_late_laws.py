@@ -119,7 +119,7 @@ class Patterned(DrawnDelay):
 
 def patterned(n, listener, slot):
     """Ticks by which a message is late, for NumPy and JAX."""
-    return 1 + (5 * n + 3 * listener + 2 * slot + n // 3) % 3
+    return 1 + (n + listener + 2 * slot + n // 4) % 3
 
 
 @pytest.mark.parametrize(("missing", "engine"), [("hold", "exact"), ("drop", "nonlinear")])
