@@ -7,7 +7,7 @@ import numpy as np
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
 from jaxnet.config.wording import shorten_value
-from jaxnet.kinds.fields import EachPosition, Number, is_drawn, value_range
+from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.outside import blame
 from jaxnet.theory import exact
@@ -154,11 +154,19 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law or gain does not know what words become on their way."""
     channel, networks = scenario.channel, len(scenario.topology.turns())
-    if scenario.law.linearised and not (channel.noise.exact() and networks == 1):
+    exact = channel.noise.exact() and not channel.rounded
+    if scenario.law.linearised and not (exact and networks == 1):
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
-    plain = channel.noise.exact() and not channel.late and channel.missing == "drop"
+    plain = exact and not channel.late and channel.missing == "drop"
     if scenario.gain_matrices is not None and not plain:
-        yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
+        told = "noise, rounding, delay and stand-ins of words need a number for each order"
+        yield Fault(("gain", "channel"), told)
+    steps, order = channel.quantisation, scenario.vehicle.order
+    if channel.rounded and scenario.tick == 0:
+        yield Fault(("channel.quantisation", "tick"), "words are rounded at ticks: give a tick")
+    if isinstance(steps, EachOrder) and len(steps.root) > order:
+        told = f"has at most {order} steps, one for each jet of {scenario.vehicle.kind}"
+        yield Fault(("channel.quantisation", "vehicle"), f"{told} (got {len(steps.root)})")
 
 
 def old_word_faults(scenario: Scenario) -> Iterator[Fault]:

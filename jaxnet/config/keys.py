@@ -25,6 +25,7 @@ from jaxnet.kinds.fields import (
     PI,
     Gains,
     NotNegative,
+    NotNegativeByOrder,
     Number,
     Positions,
     Positive,
@@ -77,6 +78,11 @@ class Channel(Record):
     noise: Annotated[
         ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
     ] = GaussianNoise()
+    quantisation: NotNegativeByOrder = Field(
+        default=0.0,
+        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for all orders"
+        " or a list, one for each order; 0: none",
+    )
     delay: NotNegative = Field(
         default=0.0,
         description="[s] by which words are late, a multiple of tick; what is drawn is rounded to ticks",
@@ -90,6 +96,11 @@ class Channel(Record):
         description="what a listener makes of a late word: none, it takes the word as it is; jets, it"
         " continues the derivatives below the order; jerk, also the highest one",
     )
+
+    @property
+    def rounded(self) -> bool:
+        """Whether jets in words are rounded."""
+        return value_range(self.quantisation)[1] > 0
 
     @property
     def late(self) -> bool:

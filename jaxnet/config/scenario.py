@@ -62,6 +62,7 @@ def is_ideal(scenario: Scenario) -> bool:
     """
     one_network = len(scenario.topology.turns()) == 1
     channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
+    channel = channel and not scenario.channel.rounded
     return scenario.sensing.exact() and channel and not scenario.channel.late and one_network
 
 

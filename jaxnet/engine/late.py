@@ -159,12 +159,13 @@ def remember(
     vectors: Vectors,
     told: tuple[Polynomials, ...],
     jets: CarriedJets | None,
+    rounding: CarriedJets | None,
     time: LaneTimes,
 ) -> History:
     """Return the history after a tick.
 
     `told` are y, ẏ, …, y^(r) as vehicles tell them from now on, or their words alone. Links carry the jets
-    `jets` now. Under a local law only the navigator tells its r-th derivative.
+    `jets` now, with the errors `rounding`. Under a local law only the navigator tells its r-th derivative.
     """
     links = lane.weights.shape[:2]
     ticks = lane.delay.draw(time, links)
@@ -199,9 +200,13 @@ def remember(
         ]
     if lane.law.local:
         each[-1] = jnp.where((network.hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
+    words = sum(each[1:], each[0])
+    if rounding is not None:
+        words = words.at[:, 0].add(control.feedback(gains[:-1], rounding))
+        jets = None if jets is None else plane.plus(jets, rounding)
     last = None if history.jets is None or jets is None else tuple(map(push, history.jets, jets))
     kept = None if ticks is None or history.ticks is None else push(history.ticks, ticks)
-    return History(push(history.words, sum(each[1:], each[0])), last, kept)
+    return History(push(history.words, words), last, kept)
 
 
 def word_gains(

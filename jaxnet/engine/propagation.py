@@ -140,7 +140,7 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        known = lane.sensor is not None or lane.noise is not None
+        known = lane.sensor is not None or not lane.exact_words
         if known or lane.lossy or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
         self.terms = tick.degrees(lane, batch.plan)

@@ -90,6 +90,7 @@ class DecisionState(NamedTuple):
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
     link_noise: Received | None = None  # errors of the jets on each link; None without
+    drawn: Received | None = None  # of these errors, those of the noise; None where words are not rounded
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
 
@@ -208,8 +209,12 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     channel = first_reception(lane, network, plan, errors, time, history), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     silent = jnp.zeros((2, *lane.weights.shape))
-    errors_of_links = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
-    rest = noise, *channel, number, errors_of_links, history
+    errors_of_links = drawn = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
+    if lane.steps is None or lane.delay is not None:
+        drawn = None
+    else:
+        errors_of_links = (silent,) * max(3, len(lane.gain))
+    rest = noise, *channel, number, errors_of_links, drawn, history
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
@@ -297,7 +302,7 @@ def decide(
         state = state._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
     state = state._replace(
         reception=channel(lane, network, before, errors, time),
-        link_noise=disturb(lane, network, before.link_noise, time),
+        **disturb(lane, network, before, state, errors, basis, time),
     )
     state = state._replace(reception=listen(lane, network, plan, before, state, errors, basis, time, drive))
     state = judge(lane, network, plan, state, errors, basis, time)
@@ -345,7 +350,9 @@ def send(
     if state.reception is not None and lane.loss is not None:
         arrived = late.arrival(history, lane, time).came
         history = late.without(history, arrived & ~state.reception.arrived)
-    return state._replace(late=late.remember(history, lane, network, plan, vectors, told, jets, time))
+    rounding = None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
+    sent = vectors, told, jets, rounding, time
+    return state._replace(late=late.remember(history, lane, network, plan, *sent))
 
 
 def held_derivative(
@@ -381,13 +388,43 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
     return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
 
 
-def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:
-    """Return the errors of the jets on each link, None where words arrive exactly."""
-    if lane.noise is None or last is None:
-        return None
-    sources = network.hearing.sources
-    errors = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
-    return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
+def disturb(
+    lane: Lane,
+    network: Network,
+    before: DecisionState,
+    state: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
+) -> dict[str, Received | None]:
+    """Return the errors of the jets on each link, and what noise draws of them; None without."""
+    last, drawn = before.link_noise if before.drawn is None else before.drawn, None
+    if lane.noise is not None and last is not None:
+        sources = network.hearing.sources
+        noise = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
+        drawn = *noise, *[jnp.zeros_like(noise[0])] * (len(lane.gain) - len(noise))
+    if lane.steps is None or lane.delay is not None:  # late words are rounded when they are sent
+        return {"link_noise": drawn}
+    rounding = rounding_errors(lane, network, state, errors, basis, time)
+    return {"link_noise": rounding if drawn is None else plane.plus(rounding, drawn), "drawn": drawn}
+
+
+def rounding_errors(
+    lane: Lane, network: Network, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+) -> Received:
+    """Return the errors of the jets that links carry now if each jet is rounded to a multiple of its step."""
+    assert lane.steps is not None
+    navigator = lane.path(time)[: len(lane.gain), :, None]
+    own = sensed(plane.plus(errors, navigator), state.noise)
+    sent = tuple(jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False))
+    told = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
+
+    def rounded(jet: Float[Array, "2 slots m lanes"], step: Instants) -> Float[Array, "2 slots m lanes"]:
+        unit = jnp.where(step > 0, step, 1.0)[None, None, None]
+        return jnp.where((step > 0)[None, None, None], unit * jnp.round(jet / unit) - jet, 0.0)
+
+    found = xla.materialised(lambda: tuple(map(rounded, told, lane.steps)))
+    return *found, *[jnp.zeros_like(found[0])] * (3 - len(found))
 
 
 def sensed(jets: Jets, noise: Jets | None) -> Jets:

@@ -14,7 +14,7 @@ from jaxnet.engine.late import DrawnDelay, SteadyDelay
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
-from jaxnet.kinds.fields import Uniform, is_drawn, value_range
+from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
@@ -71,6 +71,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         turns=turns_of(scenario, draw, sources),
         delay=delay_of(scenario, draw, sources),
         periods=periods_of(scenario, draw, sources),
+        steps=steps_of(scenario, draw),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -229,6 +230,16 @@ def late_ticks(scenario: Scenario) -> int:
     if not (scenario.channel.late and has_ticks(scenario)):
         return 0
     return max(1, round(value_range(scenario.channel.delay)[1] / scenario.tick))
+
+
+def steps_of(scenario: Scenario, draw: Draw) -> Any:
+    """Return the steps to which the jets of words are rounded, (samples, r), None where they are not."""
+    given, order = scenario.channel.quantisation, scenario.vehicle.order
+    if not scenario.channel.rounded:
+        return None
+    if isinstance(given, EachOrder):
+        return draw.same(np.array([*given.root, *[0.0] * (order - len(given.root))]))
+    return np.repeat(draw.one(given, "channel.quantisation")[:, None], order, axis=1)
 
 
 def delay_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> SteadyDelay | DrawnDelay | None:

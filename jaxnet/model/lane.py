@@ -55,6 +55,7 @@ class Lane(NamedTuple):
     turns: Turns | None = None  # None where one network is always in force
     delay: Any = None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
     periods: Periods | None = None  # None where the same vehicles are attacked all along
+    steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] to which jets in words are rounded, or None
 
     @property
     def lossy(self) -> bool:
@@ -62,6 +63,11 @@ class Lane(NamedTuple):
         turns.
         """
         return self.loss is not None or self.turns is not None or self.delay is not None
+
+    @property
+    def exact_words(self) -> bool:
+        """Return whether words arrive without errors."""
+        return self.noise is None and self.steps is None
 
     @property
     def singular(self) -> bool:

@@ -47,7 +47,7 @@ def is_lost(number, listener, source):
     return (3 * number + 7 * listener + 2 * source) % 10 < 4
 
 
-def stepped(x, lies, late, missing, trims, lost):
+def stepped(x, lies, late, missing, trims, lost, step=0.0):
     """`x_i ← w_ii x_i + Σ_j w_ij word_j`; words are late(n, i, j) ticks late, lost, held or dropped.
 
     `late` is of a message that is sent at tick n. A listener hears the newest message that has come.
@@ -67,6 +67,8 @@ def stepped(x, lies, late, missing, trims, lost):
                     fresh.append(j)
                     newest[i, j] = came[-1]
                     words[i, j] = path[came[-1]][j] + lies[came[-1]][j]
+                    if step:
+                        words[i, j] = step * np.round(words[i, j] / step)
             heard[i] = heard[i] & (missing == "hold")
             heard[i, fresh] = True
             for axis in range(2):
@@ -90,21 +92,21 @@ def agents(channel, trims, lost, engine="exact"):
 
 
 @pytest.mark.parametrize(
-    ("late", "missing", "trims", "lost", "engine"),
+    ("late", "missing", "trims", "step", "engine"),
     [
-        (3, "drop", True, True, "exact"),
-        (0, "hold", True, True, "nonlinear"),
-        (2, "hold", False, True, "exact"),
+        (3, "drop", True, 0.0, "exact"),
+        (0, "hold", True, 0.0, "nonlinear"),
+        (2, "hold", False, 0.01, "exact"),
     ],
 )
-def test_agents_step_towards_old_words(late, missing, trims, lost, engine):
-    """300 steps of single integrators that hold their velocity, to 1e-12 m; two lanes."""
-    one = agents({"delay": late * H, "missing": missing}, trims, lost, engine)
+def test_agents_step_towards_old_words(late, missing, trims, step, engine):
+    """300 steps of single integrators that hold their velocity, to 1e-12 m; words get lost; two lanes."""
+    one = agents({"delay": late * H, "missing": missing, "quantisation": step}, trims, True, engine)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     for number in range(2):
         states, lies = (outcome.series[name][number] for name in ("state", "attack"))
-        known = stepped(states[0], lies, lambda n, i, j: late, missing, trims, lost)
+        known = stepped(states[0], lies, lambda n, i, j: late, missing, trims, True, step)
         np.testing.assert_allclose(states, known, rtol=0, atol=1e-12)
 
 
@@ -247,19 +249,31 @@ class OldWords:
         self.k = np.append(self.lane.gain, 1.0)
         self.motions, self.noise, self.last = [], [], []  # by tick: jets (3, m, 2) as functions of time, …
 
-    def carried(self, n, s, i, j):
-        """The four jets on a link at time s of tick n, and what a listener makes of them after the delay."""
+    def sent(self, n, s, i, j):
+        """The four jets on a link at time s of tick n, not rounded."""
         if j == 0:
             jets = self.navigator(s).reshape(4, 2).copy()
         else:
             own = self.motions[n](s)[:, j - 1] + self.noise[n][:, j - 1]
             jets = np.concatenate([own, self.last[n][None, j - 1] * self.rounds])
         jets += self.attack(s)[:, i, j]
-        if j > 0 and not self.rounds:
-            jets[3] = 0.0
+        jets[3] *= j == 0 or self.rounds
+        return jets
+
+    def carried(self, n, s, i, j):
+        """The four jets on a link, as a listener continues them after the delay."""
+        jets = self.sent(n, s, i, j)
+        jets[:3] += self.rounding.get((n, i, j), 0.0)
         if self.told == "jets":
             jets[:3] = taylor(jets[:3], self.late * TICK)
         return jets
+
+    def round(self, n):
+        """Note the errors of rounded jets on all links at tick n: of positions and accelerations."""
+        for i, j in np.argwhere(self.lane.weights > 0):
+            jets = self.sent(n, n * TICK, i, j)[[0, 2]]
+            whole = np.round(jets / STEPS) * STEPS - jets
+            self.rounding[n, i, j] = np.stack([whole[0], np.zeros(2), whole[1]])
 
     def error(self, n, i, j):
         """The error of a word that arrives at a tick, (4, 2)."""
@@ -291,7 +305,13 @@ class OldWords:
             if self.trims and came:
                 self.believed[i, came] = True
             if self.trims and len(came) >= 3 and 0 in came:
-                told = [self.carried_plainly(n - self.late, i, j) + self.error(n, i, j)[0] for j in came]
+                before = n - self.late
+                told = [
+                    self.sent(before, before * TICK, i, j)[0]
+                    + self.rounding.get((before, i, j), np.zeros((3, 2)))[0]
+                    + self.error(n, i, j)[0]
+                    for j in came
+                ]
                 away = np.linalg.norm(np.array(told) - told[0], axis=1).argmax()
                 self.believed[i, came[away]] = False
         usable = self.lane.weights > 0
@@ -303,18 +323,11 @@ class OldWords:
         total = weights.sum(axis=1, keepdims=True)
         return weights / np.where(total > 0, total, 1.0)
 
-    def carried_plainly(self, n, i, j):
-        """The position on a link at tick n, as it is."""
-        told, self.told = self.told, "none"
-        jets = self.carried(n, n * TICK, i, j)
-        self.told = told
-        return jets[0]
-
-    def positions(self, trims):
+    def positions(self, trims, rounded):
         """(ticks + 1, m, 2)."""
         jets, self.trims, self.words, self.live = reference.flat_jets(self.lane.initial.T), trims, {}, {}
         m, path, q, weights = jets.shape[1], [], np.zeros((jets.shape[1], 2)), self.lane.weights
-        self.believed = np.ones(weights.shape, bool)
+        self.believed, self.rounding = np.ones(weights.shape, bool), {}
         if self.missing != "drop" and not self.late:
             self.know_the_start(jets)
         for n in range(TICKS + 1):
@@ -324,6 +337,8 @@ class OldWords:
             self.last.append(q)
             now = {"jets": jets}
             self.motions.append(lambda s, now=now: now["jets"])
+            if rounded:
+                self.round(n)
             weights = self.hear(n)
 
             def asked(s, jets, n=n, weights=weights, now=now):
@@ -375,28 +390,42 @@ def taylor(jets, by):
 
 
 AT_EVERY_INSTANT = {"kind": "local", "hold": False}
+STEPS = np.array([[0.5], [0.05]])  # to which positions [m] and accelerations [m/s²] are rounded
 
 
 @pytest.mark.parametrize(
-    ("law", "late", "missing", "told", "engine"),
+    ("law", "late", "missing", "told", "engine", "rounded"),
     [
-        (AT_EVERY_INSTANT, 2, "hold", "none", "exact"),
-        (AT_EVERY_INSTANT, 1, "drop", "jets", "nonlinear"),
-        (AT_EVERY_INSTANT, 0, "extrapolate", "none", "exact"),
-        ("rounds", 2, "hold", "jets", "exact"),
-        ("rounds", 0, "hold", "none", "nonlinear"),
+        (AT_EVERY_INSTANT, 2, "hold", "none", "exact", True),
+        (AT_EVERY_INSTANT, 1, "drop", "jets", "nonlinear", True),
+        (AT_EVERY_INSTANT, 0, "extrapolate", "none", "exact", False),
+        ("rounds", 2, "hold", "jets", "exact", True),
+        ("rounds", 0, "hold", "none", "nonlinear", False),
     ],
 )
-def test_vehicles_move_as_the_plain_program(law, late, missing, told, engine):
+def test_vehicles_move_as_the_plain_program(law, late, missing, told, engine, rounded):
     """All at once: errors of sensors and words, loss, attacks on some orders, trimming, other gains."""
     keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "vehicles": 4, "topology": "complete", "law": law}
     keys |= {"sensing": Wavy(), "defence": "trusted_trim", "engine": engine}
     keys |= {"attack": {"kind": "rotating", "orders": [0, 1, 2, 3] if late else [0, 3], "vehicles": [2, 4]}}
     keys["channel"] = {"delay": late * TICK, "missing": missing, "extrapolate": told}
     keys["channel"] |= {"loss": Striped(), "noise": Ripple()}
+    keys["channel"]["quantisation"] = [0.5, 0.0, 0.05] if rounded else 0.0
     one = systems.lanes(systems.study(**keys), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
-    known = OldWords(one, law, late, missing, told).positions(trims=True)
+    known = OldWords(one, law, late, missing, told).positions(True, rounded)
     apart = np.abs(outcome.series["state"][0, :, :, :2] - known).max()
     assert apart <= (1e-5 if engine == "nonlinear" else 1e-7)
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_a_place_is_reached_as_it_is_told(engine):
+    """Vehicles of order 1 end where the rounded word of a navigator at rest is, off by at most half a step."""
+    keys = {"vehicle": "single_integrator", "navigator": Powers(x=[3.37], y=[-1.24]), "topology": "star"}
+    keys |= {"vehicles": 2, "gain": [2.0], "horizon": 20.0, "tail": 0.0, "attack": "none", "defence": "none"}
+    study = systems.study(**keys, channel={"quantisation": 0.5}, engine=engine)
+    ends = systems.simulate(systems.lanes(study, 1)).series["state"][0, -1]
+    np.testing.assert_allclose(ends, [[3.5, -1.0]] * 2, rtol=0, atol=1e-9 if engine == "exact" else 1e-6)
+    told = " ".join(check_text(study).split())
+    assert "like an attack of at most 0.25 on each axis" in told

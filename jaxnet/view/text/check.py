@@ -24,7 +24,7 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.fields import is_drawn, median, value_range
+from jaxnet.kinds.fields import EachOrder, is_drawn, median, value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.model import safety
@@ -39,6 +39,7 @@ from jaxnet.theory import announced, certificate, delay, exact, integer, noise, 
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
+ORDER_UNITS = ("m", "m/s", "m/s²", "m/s³")
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_LISTED_CELLS = 20  # told one by one; of more, what is swept
 MOST_FULL_NETWORKS = 4  # networks told in full; of more, what is not as in the first
@@ -307,6 +308,8 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
             weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
             known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
         lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
+    if scenario.channel.rounded:
+        lines["rounding"] = "jets in words are rounded; no bound holds" + rounding_text(scenario)
     if scenario.channel.late:
         lines["delay"] = f"words are {lateness_text(scenario)} late; no bound holds{late_text(scenario)}"
     return lines
@@ -335,6 +338,15 @@ def lost_text(scenario: Scenario) -> str:
     state = "stable" if grown < 1 else "UNSTABLE"
     told = f"{state} in mean square, deviations times {grown:.4f} at each tick"
     return f"; {told}; stable up to a loss of {most:.4f}" if most else f"; {told}"
+
+
+def rounding_text(scenario: Scenario) -> str:
+    """Return by how much rounded words err at most."""
+    steps = scenario.channel.quantisation
+    listed = steps.root if isinstance(steps, EachOrder) else [value_range(steps)[1]]
+    told = " and ".join(f"{step / 2:g} {unit}" for step, unit in zip(listed, ORDER_UNITS, strict=False))
+    told = told if isinstance(steps, EachOrder) else f"{listed[0] / 2:g}"
+    return f"; they act like an attack of at most {told} on each axis, on every link and in every order told"
 
 
 def lateness_text(scenario: Scenario) -> str:
