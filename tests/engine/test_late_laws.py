@@ -421,7 +421,7 @@ def test_vehicles_move_as_the_plain_program(law, late, missing, told, engine, ro
 
 @pytest.mark.parametrize("engine", ["exact", "nonlinear"])
 def test_a_place_is_reached_as_it_is_told(engine):
-    """Vehicles of order 1 end where the rounded word of a navigator at rest is, off by at most half a step."""
+    """Vehicles of order 1 end at the rounded word of a navigator at rest, off by at most half a step."""
     keys = {"vehicle": "single_integrator", "navigator": Powers(x=[3.37], y=[-1.24]), "topology": "star"}
     keys |= {"vehicles": 2, "gain": [2.0], "horizon": 20.0, "tail": 0.0, "attack": "none", "defence": "none"}
     study = systems.study(**keys, channel={"quantisation": 0.5}, engine=engine)
