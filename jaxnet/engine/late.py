@@ -32,7 +32,7 @@ POINTS = (1 - np.cos(np.pi * (np.arange(DEGREES) + 0.5) / DEGREES)) / 2  # Cheby
 TO_COEFFICIENTS = np.linalg.inv(
     POINTS[:, None] ** np.arange(DEGREES) / [math.factorial(k) for k in range(DEGREES)]
 )
-NEVER = 2**30  # ticks by which a message is late that is lost
+NOT_ARRIVING = 2**30  # ticks by which a message is late that is lost
 
 Polynomials = Float[Array, "2 degrees m lanes"]  # coefficients of s^k / k!
 LinkPolynomials = Float[Array, "2 degrees slots m lanes"]
@@ -114,7 +114,7 @@ def ages(history: History) -> Int[Array, "d 1 1 1"]:
     return jnp.arange(len(history.words), 0, -1)[:, None, None, None]
 
 
-def degrees(lane: Lane) -> int:
+def word_degrees(lane: Lane) -> int:
     """Return the number of coefficients of a word: one where a law holds a derivative between ticks."""
     return 1 if lane.law.holds else DEGREES
 
@@ -122,9 +122,9 @@ def degrees(lane: Lane) -> int:
 def first_history(lane: Lane, late: int, judged: bool) -> History:
     """Return the history before the first tick, for a delay of at most `late` ticks."""
     links = lane.weights.shape
-    nothing, words = jnp.zeros((late, 2, *links)), jnp.zeros((late, 2, degrees(lane), *links))
+    nothing, words = jnp.zeros((late, 2, *links)), jnp.zeros((late, 2, word_degrees(lane), *links))
     drawn = lane.delay.draw(jnp.zeros(links[-1]), links[:-1])
-    ticks = None if drawn is None else jnp.full((late, *links), NEVER, int)
+    ticks = None if drawn is None else jnp.full((late, *links), NOT_ARRIVING, int)
     return History(words, (nothing,) * len(lane.gain) if judged else None, ticks)
 
 
@@ -133,12 +133,12 @@ def arrival(history: History, lane: Lane, time: LaneTimes) -> Arrival:
     return lane.delay.arrival(history, time, lane.interval)
 
 
-def without(history: History, lost: Bool[Array, "slots m lanes"]) -> History:
+def without_lost(history: History, lost: Bool[Array, "slots m lanes"]) -> History:
     """Return the history without the messages that are lost at the tick of their arrival."""
     if history.ticks is None:
         return history
     lost = lost[None] & (history.ticks == ages(history))
-    return history._replace(ticks=jnp.where(lost, NEVER, history.ticks))
+    return history._replace(ticks=jnp.where(lost, NOT_ARRIVING, history.ticks))
 
 
 def arriving_jets(

@@ -257,7 +257,7 @@ def first_reception(
 def degrees(lane: Lane, plan: Plan) -> int:
     """Return the number of coefficients of the words that are known before a tick, 0 without such words."""
     if lane.delay is not None:
-        return late.degrees(lane)
+        return late.word_degrees(lane)
     return MISSING[plan.missing](len(lane.gain)) if lane.lossy else 0
 
 
@@ -349,7 +349,7 @@ def send(
         told = (followed.known.drive,)
     if state.reception is not None and lane.loss is not None:
         arrived = late.arrival(history, lane, time).came
-        history = late.without(history, arrived & ~state.reception.arrived)
+        history = late.without_lost(history, arrived & ~state.reception.arrived)
     rounding = None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
     sent = vectors, told, jets, rounding, time
     return state._replace(late=late.remember(history, lane, network, plan, *sent))
