@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
+from jaxnet.config.scenario import scenario_graph
 from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
@@ -199,7 +200,7 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)
-    elif tells_motion(scenario) and tick * fastest_rate(scenario) > MOST_RATE:
+    elif tells_motion(scenario) and tick * fastest_motion(scenario) > MOST_RATE:
         told = f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
         yield Fault(("channel.extrapolate", "tick", "law"), told)
     if scenario.channel.missing == "extrapolate":
@@ -208,6 +209,14 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     if scenario.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
         yield Fault(("channel.delay", "defence"), told)
+
+
+def fastest_motion(scenario: Scenario) -> float:
+    """Return the rate of a vehicle's own motion [1/s]: that of the law, times the strongest row above 1."""
+    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
+    strength = scenario.topology.strength(rows, leads) if scenario.law.local else None
+    factor = 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
+    return max(1.0, factor) * fastest_rate(scenario)
 
 
 def tells_motion(scenario: Scenario) -> bool:

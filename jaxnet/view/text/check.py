@@ -276,7 +276,7 @@ def leaderless_rows(scenario: Scenario, known: Situation, seconds: float) -> dic
         " of the hull of their starts",
         "attack": attack_line(scenario, facts),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
-        **({"law": stability_line(scenario, known)} if len(scenario.topology.turns()) == 1 else {}),
+        **({"law": stability_line(scenario, known)} if one_live_network(scenario) else {}),
         **world_lines(scenario),
         "safe": NO_LEADER,
     }
@@ -315,9 +315,16 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
     return lines
 
 
+def one_live_network(scenario: Scenario) -> bool:
+    """Return whether one network is in force, whose words are not late."""
+    return len(scenario.topology.turns()) == 1 and not scenario.channel.late
+
+
 def lost_text(scenario: Scenario) -> str:
     """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
     lost = scenario.channel.loss.of_whole_ticks()
+    if scenario.channel.late or scenario.channel.missing != "drop":
+        return ""
     if (
         lost is None
         or not scenario.law.holds
@@ -382,14 +389,13 @@ def late_text(scenario: Scenario) -> str:
 def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
     """Return the stability of a law that holds a derivative and hears late words, "" where not known."""
     law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
-    strength = (
-        scenario.topology.strength(scenario_graph(scenario).weights.T[None], True) if law.local else None
-    )
+    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
+    strength = scenario.topology.strength(rows, leads) if law.local else None
     known = law.holds and (law.local or law.jacobi) and strength is None and scenario.gain_matrices is None
     if not known or scenario.attack.replaces():
         return ""
     gain, along = np.array([median(each) for each in scenario.gain]), rounds.eigenvalues(weights)
-    if not scenario.navigator.present:
+    if not leads:  # an eigenvalue of 1 belongs to agreement
         along = along[np.abs(along - 1) > 1e-9]
     word, late = delay.word_factors(gain, lateness, told, law.local), round(lateness / scenario.tick)
     grown = rounds.late_growth(along, gain, word, scenario.tick, late)
