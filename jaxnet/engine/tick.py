@@ -413,8 +413,8 @@ def rounding_errors(
     lane: Lane, network: Network, state: DecisionState, errors: Jets, basis: Basis, time: Instants
 ) -> Received:
     """Return the errors of the jets that links carry now if each jet is rounded to a multiple of its step."""
-    assert lane.steps is not None
-    navigator = lane.path(time)[: len(lane.gain), :, None]
+    steps, navigator = lane.steps, lane.path(time)[: len(lane.gain), :, None]
+    assert steps is not None
     own = sensed(plane.plus(errors, navigator), state.noise)
     sent = tuple(jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False))
     told = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
@@ -423,7 +423,7 @@ def rounding_errors(
         unit = jnp.where(step > 0, step, 1.0)[None, None, None]
         return jnp.where((step > 0)[None, None, None], unit * jnp.round(jet / unit) - jet, 0.0)
 
-    found = xla.materialised(lambda: tuple(map(rounded, told, lane.steps)))
+    found = xla.materialised(lambda: tuple(map(rounded, told, steps)))
     return *found, *[jnp.zeros_like(found[0])] * (3 - len(found))
 
 
