@@ -6,8 +6,9 @@ import numpy as np
 
 from jaxnet.config.amplitude import known_amplitude
 from jaxnet.config.keys import KINDS, RANDOMISATIONS, Config, Samples, Scenario, SearchSettings, Sequential
+from jaxnet.config.scenario import scenario_graph
 from jaxnet.config.wording import shorten_value
-from jaxnet.kinds.fields import EachPosition, Number, is_drawn, value_range
+from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.outside import blame
 from jaxnet.theory import exact
@@ -144,22 +145,46 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
         yield from kind_faults(key, getattr(scenario, key), scenario)
     yield from kind_faults("channel.loss", scenario.channel.loss, scenario)
     yield from kind_faults("channel.noise", scenario.channel.noise, scenario)
-    if scenario.channel.missing != "drop" and not scenario.law.solved:
-        message = "drop is all that a law can do whose vehicles hold a derivative or know only jets"
-        yield Fault(("channel.missing", "law"), f"{message} (got {scenario.channel.missing})")
+    if scenario.channel.missing != "drop" or scenario.channel.late:
+        yield from old_word_faults(scenario)
     yield from world_faults(scenario)
-    if scenario.channel.delay > 0:
+    if scenario.channel.late:
         yield from delay_faults(scenario)
 
 
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield a fault where a law or gain does not know what words become on their way."""
     channel, networks = scenario.channel, len(scenario.topology.turns())
-    if scenario.law.linearised and not (channel.noise.exact() and networks == 1):
+    exact = channel.noise.exact() and not channel.rounded
+    if scenario.law.linearised and not (exact and networks == 1):
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
-    plain = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
+    plain = exact and not channel.late and channel.missing == "drop"
     if scenario.gain_matrices is not None and not plain:
-        yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
+        told = "noise, rounding, delay and stand-ins of words need a number for each order"
+        yield Fault(("gain", "channel"), told)
+    steps, order = channel.quantisation, scenario.vehicle.order
+    if channel.rounded and scenario.tick == 0:
+        yield Fault(("channel.quantisation", "tick"), "words are rounded at ticks: give a tick")
+    if isinstance(steps, EachOrder) and len(steps.root) > order:
+        told = f"has at most {order} steps, one for each jet of {scenario.vehicle.kind}"
+        yield Fault(("channel.quantisation", "vehicle"), f"{told} (got {len(steps.root)})")
+
+
+def old_word_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield a fault where a law cannot use words that are late or heard before."""
+    channel, law = scenario.channel, scenario.law
+    keys = tuple(
+        key for key, given in {"missing": channel.missing != "drop", "delay": channel.late}.items() if given
+    )
+    keys = tuple(f"channel.{key}" for key in keys)
+    if law.linearised:
+        yield Fault((*keys, "law"), f"{law.kind} knows live words alone: give another law")
+    elif law.exchanges() > 1:
+        told = "a law by exchanges makes one at a tick where words are late or stand in: give law.rounds: 1"
+        yield Fault((*keys, "law.rounds"), f"{told} (got {law.exchanges()})")
+    if law.local and channel.late and channel.extrapolate == "jerk":
+        told = "neighbours tell no highest derivative under a local law: give none or jets"
+        yield Fault(("channel.extrapolate", "law"), told)
 
 
 def delay_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -167,22 +192,37 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     delay, tick = scenario.channel.delay, scenario.tick
     if tick == 0:
         yield Fault(("channel.delay", "tick"), "words are late by whole ticks: give a tick")
+    elif is_drawn(delay):
+        low, high = value_range(delay)
+        if not tick / 2 <= low <= high <= MOST_LATE * tick:
+            told = f"a drawn delay is at least half a tick, {tick / 2:.12g} s, and at most {MOST_LATE} ticks"
+            yield Fault(("channel.delay", "tick"), f"{told} (got {shorten_value(delay)})")
     elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
         told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
         yield Fault(("channel.delay", "tick"), told)
-    elif scenario.channel.extrapolate != "none" and tick * fastest_rate(scenario) > MOST_RATE:
-        told = f"extrapolated words need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
-        yield Fault(("channel.extrapolate", "tick"), told)
-    if not scenario.law.solved:
-        yield Fault(
-            ("channel.delay", "law"), f"words are late under law: exact only (got {scenario.law.kind})"
-        )
-    if scenario.channel.missing != "drop":
-        told = f"a lost word is dropped where words are late (got {scenario.channel.missing})"
+    elif tells_motion(scenario) and tick * fastest_motion(scenario) > MOST_RATE:
+        told = f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
+        yield Fault(("channel.extrapolate", "tick", "law"), told)
+    if scenario.channel.missing == "extrapolate":
+        told = "a lost word is dropped or held where words are late: give drop or hold"
         yield Fault(("channel.missing", "channel.delay"), told)
     if scenario.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
         yield Fault(("channel.delay", "defence"), told)
+
+
+def fastest_motion(scenario: Scenario) -> float:
+    """Return the rate of a vehicle's own motion [1/s]: that of the law, times the strongest row above 1."""
+    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
+    strength = scenario.topology.strength(rows, leads) if scenario.law.local else None
+    factor = 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
+    return max(1.0, factor) * fastest_rate(scenario)
+
+
+def tells_motion(scenario: Scenario) -> bool:
+    """Return whether late words are power series of the vehicles' motion over a tick."""
+    law = scenario.law
+    return not law.holds and (law.local or scenario.channel.extrapolate != "none")
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

@@ -24,6 +24,8 @@ from jaxnet.kinds.fields import (
     MARK,
     PI,
     Gains,
+    NotNegative,
+    NotNegativeByOrder,
     Number,
     Positions,
     Positive,
@@ -33,6 +35,7 @@ from jaxnet.kinds.fields import (
     is_drawn,
     ordered,
     union_member,
+    value_range,
 )
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.cyclic import Cyclic
@@ -76,12 +79,34 @@ class Channel(Record):
     noise: Annotated[
         ChannelNoise, KindOf("noise", "gaussian"), Field(description="errors of the words that arrive")
     ] = GaussianNoise()
-    delay: float = Field(default=0.0, ge=0, description="[s] by which every word is late, a multiple of tick")
+    quantisation: NotNegativeByOrder = Field(
+        default=0.0,
+        description="[m, m/s, …], step to which each jet in a word is rounded at a tick, one for all orders"
+        " or a list, one for each order; 0: none",
+    )
+    delay: NotNegative = Field(
+        default=0.0,
+        description="[s] by which words are late, a multiple of tick; what is drawn is rounded to ticks",
+    )
+    delay_of: Literal["link", "message"] = Field(
+        default="link",
+        description="what draws a delay: each link of a lane, or each message; the newest message counts",
+    )
     extrapolate: Literal["none", "jets", "jerk"] = Field(
         default="none",
         description="what a listener makes of a late word: none, it takes the word as it is; jets, it"
         " continues the derivatives below the order; jerk, also the highest one",
     )
+
+    @property
+    def rounded(self) -> bool:
+        """Whether jets in words are rounded."""
+        return value_range(self.quantisation)[1] > 0
+
+    @property
+    def late(self) -> bool:
+        """Whether words are late."""
+        return value_range(self.delay)[1] > 0
 
 
 def known_metric(name: str) -> Metric:

@@ -62,7 +62,8 @@ def is_ideal(scenario: Scenario) -> bool:
     """
     one_network = len(scenario.topology.turns()) == 1
     channel = scenario.channel.loss.perfect() and scenario.channel.noise.exact()
-    return scenario.sensing.exact() and channel and scenario.channel.delay == 0 and one_network
+    channel = channel and not scenario.channel.rounded
+    return scenario.sensing.exact() and channel and not scenario.channel.late and one_network
 
 
 def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:

@@ -143,7 +143,7 @@ class Collocation(Following[CollocationState]):
     def at_every_tick(self) -> bool:
         """Return whether the jerk of vehicles changes at every tick."""
         lane = self.lane
-        changing = lane.sensor is not None or lane.noise is not None or lane.delay is not None
+        changing = lane.sensor is not None or not lane.exact_words or lane.delay is not None
         return lane.law.holds or changing
 
     def hold(

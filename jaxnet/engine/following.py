@@ -129,7 +129,7 @@ def exchanged(
 ) -> tuple[FollowedLaw, Bool[Array, " few"]]:
     """Return the law with weights and exchanged jerk, and the lanes that do not fail as disconnected."""
     drive, own = tick.drive(lane, decided, plan), lane.vehicle.output_jets(states)
-    told = tick.Told(now.navigator, now.basis, now.path, now.drive)
+    told = tick.Told(now.navigator, now.basis, now.path, now.drive, now.time)
     jerk = tick.exchange(lane, network, drive, own, told, last)
     return FollowedLaw(drive.weights, None, jerk, None), ~tick.disconnected(lane, network, decided, plan)
 
@@ -152,7 +152,7 @@ def law_jerk(
     if lane.law.local:
         rest = followed.strength, followed.known
         drive = Drive(followed.weights, vectors, decided.noise, decided.coasting, *rest)
-        return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis)
+        return tick.followed_demand(lane, network, drive, own, now.navigator, now.basis, now.time)
     attack = signal.combined(control.drive_vectors(lane.gain, vectors), now.drive)
     demand = control.demand(own, now.path, attack, network.hearing, followed.weights, lane.gain)
     if followed.known is not None:

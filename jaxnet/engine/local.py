@@ -23,7 +23,7 @@ from jaxnet.engine.loop import LaneFlags, Tick, Ticks
 from jaxnet.engine.propagation import Held, PropagationState
 from jaxnet.engine.status import Code
 from jaxnet.engine.subset import LaneIndices, picked, select
-from jaxnet.engine.tick import DecisionState, Drive, Instants, PerAxis
+from jaxnet.engine.tick import DecisionState, Drive, Instants, KnownDrive, PerAxis
 from jaxnet.model import control, plane
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.plane import Jets
@@ -72,7 +72,8 @@ class Local(Held):
         """Return `y^(r) + P(ŷ)`, with y^(r) of the law."""
         lane, drive = self.lane, self.drive(state, decided)
         own = tick.sensed(state.jets, decided.noise)
-        demand = tick.followed_demand(lane, self.network, drive, own, self.navigator(state), state.basis)
+        navigator = self.navigator(state)
+        demand = tick.followed_demand(lane, self.network, drive, own, navigator, state.basis, state.time)
         return demand + control.feedback(lane.gain, own)
 
     def later(
@@ -139,7 +140,7 @@ def by_series(
     gain = jnp.stack([lane.gain[k] * powers[order - k] for k in range(order)])
     lane = lane._replace(gain=gain)
     noise = None if drive.noise is None else scaled(drive.noise, powers)
-    added = None if drive.known is None else drive.known.drive * powers[order][None, None, None]
+    added = None if drive.known is None else known_derivatives(drive.known, time, span, order)
     factorials = jnp.asarray(INVERSE_FACTORIALS)
     first = scaled(jets, powers)
 
@@ -154,8 +155,10 @@ def by_series(
             own = tuple(a + jnp.where(n == 0, b, 0.0) for a, b in zip(window, noise, strict=False))
         now = drive
         if drive.known is not None and added is not None:
-            now = drive._replace(known=drive.known._replace(drive=jnp.where(n == 0, added, 0.0)))
-        return tick.followed_demand(lane, network, now, own, functions.navigator, functions.basis)
+            here = n < len(added)
+            constant = jnp.where(here, jax.lax.dynamic_index_in_dim(added, n, keepdims=False), 0.0)
+            now = drive._replace(known=KnownDrive(drive.known.share, constant[:, None], None))
+        return tick.followed_demand(lane, network, now, own, functions.navigator, functions.basis, time)
 
     def add(carry: tuple) -> tuple:
         n, window, sums, bound, _ = carry
@@ -181,6 +184,15 @@ def by_series(
 def scaled(jets: Jets, powers: list[Instants]) -> Jets:
     """Return jets with time counted in ticks."""
     return tuple(jet * power[None, None] for jet, power in zip(jets, powers, strict=False))
+
+
+def known_derivatives(
+    known: KnownDrive, time: Instants, span: Instants, order: int
+) -> Float[Array, "degrees 2 m lanes"]:
+    """Return the derivatives of order r, r + 1, … of what known words ask for at a time, counted in spans."""
+    drive = known.drive if known.time is None else tick.continued(known.drive, time - known.time)
+    scaled = [drive[:, n] * (span ** (order + n))[None, None] for n in range(drive.shape[1])]
+    return jnp.stack(scaled)
 
 
 def forcing_of(lane: Lane, time: Instants, span: Instants) -> Forcing:

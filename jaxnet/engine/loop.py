@@ -62,7 +62,7 @@ class Batch(NamedTuple):
     def acts(self) -> bool:
         """Return whether anything happens at ticks after the first."""
         lane = self.lane
-        noisy = lane.sensor is not None or lane.lossy or lane.noise is not None
+        noisy = lane.sensor is not None or lane.lossy or not lane.exact_words
         changing = lane.periods is not None
         return self.plan.choosing or changing or noisy or not lane.law.solved
 

@@ -177,7 +177,7 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        known = lane.sensor is not None or lane.noise is not None
+        known = lane.sensor is not None or not lane.exact_words
         if known or lane.lossy or tick.coasts(lane):
             self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
         self.terms = tick.degrees(lane, batch.plan)
@@ -333,7 +333,7 @@ class Held(Propagation):
         drive = tick.drive(lane, decided, plan)
         path, basis = self.navigator(state), state.basis
         driven = control.driven(lane.gain, path), control.drive_functions(lane.gain, basis)
-        told = tick.Told(path, basis, *barrier(driven))
+        told = tick.Told(path, basis, *barrier(driven), state.time)
         jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,

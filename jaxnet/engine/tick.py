@@ -66,6 +66,8 @@ class Reception(NamedTuple):
     memory: Memory  # of the loss
     time: Instants  # of the tick [s]
     words: Words | None = None  # that stand in for lost words; None where listeners drop a lost source
+    heard: Bool[Array, "slots m lanes"] | None = None  # links that may be used; None: those of `arrived`, or
+    # all links, for which words stand in
 
 
 class Coasting(NamedTuple):
@@ -88,6 +90,7 @@ class DecisionState(NamedTuple):
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
     link_noise: Received | None = None  # errors of the jets on each link; None without
+    drawn: Received | None = None  # of these errors, those of the noise; None where words are not rounded
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
 
@@ -128,6 +131,7 @@ class Told(NamedTuple):
     basis: Basis
     path: Float[Array, "2 lanes"]
     functions: Float[Array, "functions lanes"]
+    time: Instants
 
 
 class Seen(NamedTuple):
@@ -201,12 +205,16 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
-    channel = first_reception(lane, network, plan, errors, time), first_coasting(lane)
+    history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
+    channel = first_reception(lane, network, plan, errors, time, history), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     silent = jnp.zeros((2, *lane.weights.shape))
-    errors_of_links = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
-    history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
-    rest = noise, *channel, number, errors_of_links, history
+    errors_of_links = drawn = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
+    if lane.steps is None or lane.delay is not None:
+        drawn = None
+    else:
+        errors_of_links = (silent,) * max(3, len(lane.gain))
+    rest = noise, *channel, number, errors_of_links, drawn, history
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
@@ -233,22 +241,23 @@ def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
 
 
 def first_reception(
-    lane: Lane, network: Network, plan: Plan, errors: Jets, time: Instants
+    lane: Lane, network: Network, plan: Plan, errors: Jets, time: Instants, history: History | None
 ) -> Reception | None:
     """Return the reception before the first tick, None where every message arrives."""
     if not lane.lossy:
         return None
-    messages = messages_of(lane, network, errors, time)
+    messages = messages_of(lane, network, history, errors, time)
     memory = None if lane.loss is None else lane.loss.start(messages)
     terms = degrees(lane, plan)
     words = jnp.zeros((2, terms, *lane.weights.shape)) if terms else None
-    return Reception(messages.present, memory, time, words)
+    holds = plan.missing == "hold" and history is not None
+    return Reception(messages.present, memory, time, words, messages.present if holds else None)
 
 
 def degrees(lane: Lane, plan: Plan) -> int:
     """Return the number of coefficients of the words that are known before a tick, 0 without such words."""
     if lane.delay is not None:
-        return late.DEGREES
+        return late.word_degrees(lane)
     return MISSING[plan.missing](len(lane.gain)) if lane.lossy else 0
 
 
@@ -291,14 +300,17 @@ def decide(
         seen = sight(lane, network, plan, state, errors, basis, time)
         vectors, memory = lane.signal.aim(seen, state.attacker_memory)
         state = state._replace(vectors=bounded(vectors, lane), attacker_memory=memory)
-    words = listen(lane, network, before, errors, basis, time, drive)
     state = state._replace(
-        reception=channel(lane, network, state.reception, errors, time, words),
-        link_noise=disturb(lane, network, before.link_noise, time),
+        reception=channel(lane, network, before, errors, time),
+        **disturb(lane, network, before, state, errors, basis, time),
     )
+    state = state._replace(reception=listen(lane, network, plan, before, state, errors, basis, time, drive))
     state = judge(lane, network, plan, state, errors, basis, time)
     state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
-    return state if state.late is None else send(lane, network, plan, state, errors, basis, time)
+    if state.late is None:
+        return state
+    held = held_derivative(lane, before, errors, time, drive)
+    return send(lane, network, plan, state, errors, basis, time, held)
 
 
 def send(
@@ -309,22 +321,48 @@ def send(
     errors: Jets,
     basis: Basis,
     time: Instants,
+    held: PerAxis | None,
 ) -> DecisionState:
     """Return the state with what links carry from this tick to the next, which is heard later.
 
-    The words that arrive now stay in `Reception.words` until the next tick.
+    `held` is the r-th derivative that vehicles hold until now and tell, None under other laws.
     """
-    known, vectors = drive(lane, state, plan).known, attack_vectors(lane, state)
-    assert state.late is not None
-    assert known is not None
+    followed, vectors, history = drive(lane, state, plan), attack_vectors(lane, state), state.late
+    assert history is not None
+    assert followed.known is not None
     jets = None
     if plan.decides:
         navigator = lane.path(time)[: len(lane.gain), :, None, None]
         relative = attack(network, tell(sensed(errors, state.noise)), signal.jets(vectors, basis))
         jets = plane.plus(relative, navigator)
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
-    drives = known.drive, own, state.noise
-    return state._replace(late=late.remember(state.late, lane, network, plan, vectors, *drives, jets, time))
+    if lane.law.holds:
+        highest = jnp.zeros_like(own[0]) if held is None else held
+        told = tuple(jet[:, None] for jet in (*sensed(own, state.noise), highest))
+    elif lane.law.local or plan.extrapolate != "none":
+        strength = None
+        if lane.law.local:
+            strength = (followed.known.share > 0).astype(float)
+            strength = strength if followed.strength is None else strength * followed.strength
+        told = late.motion_of(lane.gain, followed.known.drive, own, state.noise, strength)
+    else:
+        told = (followed.known.drive,)
+    if state.reception is not None and lane.loss is not None:
+        arrived = late.arrival(history, lane, time).came
+        history = late.without_lost(history, arrived & ~state.reception.arrived)
+    rounding = None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
+    sent = vectors, told, jets, rounding, time
+    return state._replace(late=late.remember(history, lane, network, plan, *sent))
+
+
+def held_derivative(
+    lane: Lane, before: DecisionState, errors: Jets, time: Instants, drive: PerAxis | None
+) -> PerAxis | None:
+    """Return the r-th derivative that vehicles hold until now and tell, None under a law without one."""
+    if lane.law.local or not lane.law.holds or drive is None:
+        return None
+    own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
+    return drive - control.feedback(lane.gain, sensed(own, before.noise))
 
 
 def with_network(lane: Lane, number: Int[Array, " lanes"] | None) -> Lane:
@@ -350,13 +388,43 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
     return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
 
 
-def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:
-    """Return the errors of the jets on each link, None where words arrive exactly."""
-    if lane.noise is None or last is None:
-        return None
-    sources = network.hearing.sources
-    errors = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
-    return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
+def disturb(
+    lane: Lane,
+    network: Network,
+    before: DecisionState,
+    state: DecisionState,
+    errors: Jets,
+    basis: Basis,
+    time: Instants,
+) -> dict[str, Received | None]:
+    """Return the errors of the jets on each link, and what noise draws of them; None without."""
+    last, drawn = before.link_noise if before.drawn is None else before.drawn, None
+    if lane.noise is not None and last is not None:
+        sources = network.hearing.sources
+        noise = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
+        drawn = *noise, *[jnp.zeros_like(noise[0])] * (len(lane.gain) - len(noise))
+    if lane.steps is None or lane.delay is not None:  # late words are rounded when they are sent
+        return {"link_noise": drawn}
+    rounding = rounding_errors(lane, network, state, errors, basis, time)
+    return {"link_noise": rounding if drawn is None else plane.plus(rounding, drawn), "drawn": drawn}
+
+
+def rounding_errors(
+    lane: Lane, network: Network, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+) -> Received:
+    """Return the errors of the jets that links carry now if each jet is rounded to a multiple of its step."""
+    steps, navigator = lane.steps, lane.path(time)[: len(lane.gain), :, None]
+    assert steps is not None
+    own = sensed(plane.plus(errors, navigator), state.noise)
+    sent = tuple(jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False))
+    told = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
+
+    def rounded(jet: Float[Array, "2 slots m lanes"], step: Instants) -> Float[Array, "2 slots m lanes"]:
+        unit = jnp.where(step > 0, step, 1.0)[None, None, None]
+        return jnp.where((step > 0)[None, None, None], unit * jnp.round(jet / unit) - jet, 0.0)
+
+    found = xla.materialised(lambda: tuple(map(rounded, told, steps)))
+    return *found, *[jnp.zeros_like(found[0])] * (3 - len(found))
 
 
 def sensed(jets: Jets, noise: Jets | None) -> Jets:
@@ -365,67 +433,97 @@ def sensed(jets: Jets, noise: Jets | None) -> Jets:
 
 
 def channel(
-    lane: Lane, network: Network, before: Reception | None, errors: Jets, time: Instants, words: Words | None
+    lane: Lane, network: Network, before: DecisionState, errors: Jets, time: Instants
 ) -> Reception | None:
-    """Return the messages that arrive at a tick, None where every message arrives.
-
-    `words` stand in for lost words.
-    """
-    if before is None:
+    """Return the messages that arrive at a tick, None where every message arrives."""
+    if before.reception is None:
         return None
-    messages = messages_of(lane, network, errors, time)
-    if lane.loss is None:
-        return Reception(messages.present, None, time, words)
-    lost, memory = lane.loss.lost(messages, before.memory)
-    arrived = xla.materialised(lambda: messages.present & ~lost)
-    return Reception(arrived, memory, time, words)
+    messages, memory = messages_of(lane, network, before.late, errors, time), None
+    arrived = messages.present
+    if lane.loss is not None:
+        lost, memory = lane.loss.lost(messages, before.reception.memory)
+        arrived = xla.materialised(lambda: messages.present & ~lost)
+    heard = before.reception.heard
+    return Reception(arrived, memory, time, heard=None if heard is None else heard | arrived)
 
 
 def listen(
     lane: Lane,
     network: Network,
+    plan: Plan,
     before: DecisionState,
+    state: DecisionState,
     errors: Jets,
     basis: Basis,
     time: Instants,
     drive: PerAxis | None,
-) -> Words | None:
-    """Return the late words that arrive, or those that stand in for lost words from this tick on.
+) -> Reception | None:
+    """Return the reception with the late words that arrive, or with those that stand in for lost words from
+    this tick on.
 
-    None where no word is late and listeners drop lost words. A word that was live until now is heard for the
-    last time now. Other words are continued.
+    A word that was live until now is heard for the last time now. Where a law holds a derivative, vehicles
+    hear words at ticks alone. Other words are continued; late ones stay as they were when their tick ended.
     """
+    last, now = before.reception, state.reception
+    if last is None or now is None or last.words is None:
+        return now
     if before.late is not None:
-        return before.late.words[0]
-    if before.reception is None or before.reception.words is None:
-        return None
-    words, gain = before.reception.words, lane.gain
-    signals = signal.jets(attack_vectors(lane, before), basis)
-    if words.shape[1] == 1 and drive is not None:
+        return now._replace(words=late_words(lane, before, state, time))
+    speaking, heard = (
+        (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
+    )
+    words, gain = last.words, lane.gain
+    signals = signal.jets(attack_vectors(lane, speaking), basis)
+    if plan.missing == "hold" and lane.law.solved and drive is not None:
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
         if before.link_noise is not None:
             fresh = fresh + control.feedback(gain, before.link_noise)
         fresh = fresh[:, None]
     else:
-        fresh = expanded(gain, heard_jets(lane, network, before, errors, signals, time))
-    live = before.reception.arrived[None, None]
-    return jnp.where(live, fresh, continued(words, time - before.reception.time))
+        held = held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
+        jets = heard_jets(lane, network, speaking, errors, signals, time, held)
+        fresh = expanded(gain, jets)[:, : words.shape[1]]
+    words = jnp.where(heard[None, None], fresh, continued(words, time - last.time))
+    return now._replace(words=words)
+
+
+def late_words(lane: Lane, before: DecisionState, state: DecisionState, time: Instants) -> Words:
+    """Return the late words that arrive, or where listeners hold a word, those heard last."""
+    last, now, history = before.reception, state.reception, before.late
+    assert history is not None
+    words = late.arrival(history, lane, time).of(history.words)
+    if last is None or last.words is None or now is None or now.heard is None:
+        return words
+    if state.link_noise is not None:
+        words = words.at[:, 0].add(control.feedback(lane.gain, state.link_noise))
+    ended = continued(last.words, time - last.time).at[:, 1:].set(0.0)
+    return jnp.where(now.arrived[None, None], words, ended)
 
 
 def heard_jets(
-    lane: Lane, network: Network, before: DecisionState, errors: Jets, signals: SignalJets, time: Instants
+    lane: Lane,
+    network: Network,
+    state: DecisionState,
+    errors: Jets,
+    signals: SignalJets,
+    time: Instants,
+    held: PerAxis | None,
 ) -> Received:
-    """Return the jets on each link until now, r of vehicles and r + 1 of the navigator; others are 0."""
+    """Return the jets on each link now, r of vehicles and r + 1 of the navigator; others are 0.
+
+    Where vehicles tell the r-th derivative that they hold, `held`, there are r + 1 of them too.
+    """
     navigator, order = lane.path(time)[: len(lane.gain) + 1, :, None], len(lane.gain)
-    own = sensed(plane.plus(errors, navigator), before.noise)
+    own = sensed(plane.plus(errors, navigator), state.noise)
     sent = [jnp.concatenate(both, axis=1) for both in zip(navigator, own, strict=False)]
-    sent.append(jnp.concatenate([navigator[order], jnp.zeros_like(own[0])], axis=1))
+    highest = jnp.zeros_like(own[0]) if held is None else held
+    sent.append(jnp.concatenate([navigator[order], highest], axis=1))
     received = attack(network, tuple(sent), signals)
-    if before.link_noise is not None:
-        received = *plane.plus(received[:order], before.link_noise), received[order]
+    if state.link_noise is not None:
+        received = *plane.plus(received[:order], state.link_noise), received[order]
     leads = (network.hearing.sources == 0)[None, ..., None]
-    return *received[:order], jnp.where(leads, received[order], 0.0)
+    return *received[:order], jnp.where(leads | (held is not None), received[order], 0.0)
 
 
 def expanded(gain: control.Gain, jets: Received) -> Words:
@@ -434,22 +532,27 @@ def expanded(gain: control.Gain, jets: Received) -> Words:
     return jnp.stack([control.driven(gain, [*jets[k:], *nothing]) for k in range(len(jets))], axis=1)
 
 
-def continued(words: Words, interval: Instants) -> Words:
+def continued(
+    words: Float[Array, "2 degrees *some lanes"], interval: Instants
+) -> Float[Array, "2 degrees *some lanes"]:
     """Return the coefficients of polynomials about a time that is later by an interval."""
-    degrees, powers = words.shape[1], [jnp.ones_like(interval)[None, None, None]]
+    lift = (None,) * (words.ndim - 2)
+    degrees, powers = words.shape[1], [jnp.ones_like(interval)[lift]]
     for k in range(1, degrees):
-        powers.append(powers[-1] * interval[None, None, None] / k)
+        powers.append(powers[-1] * interval[lift] / k)
     later = [sum(words[:, n] * powers[n - k] for n in range(k, degrees)) for k in range(degrees)]
     return jnp.stack(later, axis=1)
 
 
-def messages_of(lane: Lane, network: Network, errors: Jets, time: Instants) -> Messages:
+def messages_of(
+    lane: Lane, network: Network, history: History | None, errors: Jets, time: Instants
+) -> Messages:
     """Return the messages on their way at a tick."""
     sources, own = network.hearing.sources, errors[0]
     apart = plane.length(network.hearing.sent(tell(errors)[0]) - own[:, None])
     present = lane.weights > 0
-    if lane.delay is not None:
-        present = present & late.has_come(lane, time)[None, None]
+    if history is not None:
+        present = present & late.arrival(history, lane, time).came
     return Messages(time, sources, present, apart, lane.interval)
 
 
@@ -469,8 +572,9 @@ def keep_drive(
     keeps = off
     if state.reception is not None:
         heard = weights_without_loss(lane, state, plan) > 0
-        if plan.missing == "drop":
-            heard = heard & state.reception.arrived[None]
+        usable = usable_links(state.reception, plan)
+        if usable is not None:
+            heard = heard & usable[None]
         nobody = ~heard.any(axis=1)
         if lane.law.local:
             return before._replace(vehicles=nobody.all(axis=0))
@@ -509,7 +613,8 @@ def judge(
     heard = lane._replace(weights=arrived_weights(lane, before.reception))
     received, arrived = attack(network, tell(own), signals), None
     if before.late is not None:
-        received = late.arriving(before.late, lane.path(time))
+        arrival = late.arrival(before.late, lane, time)
+        received = late.arriving_jets(before.late, arrival, lane.path(time))
     if before.link_noise is not None:
         received = plane.plus(received, before.link_noise)
     if before.reception is not None:  # a slot without a message holds the vehicle itself
@@ -550,7 +655,7 @@ def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
 def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights) -> KnownDrive | None:
     """Return what known words add until the next tick, None where there are none.
 
-    `heard` are the weights of the words that arrive, which are live, or all late.
+    `heard` are the weights of the words that arrive, which are live, or of all that are late.
     """
     coasting, reception = None if lane.law.local else state.coasting, state.reception
     words = None if reception is None else reception.words
@@ -566,7 +671,7 @@ def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights
             given = given if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, given)
         added = (given[:, None] * words).sum(axis=2)
         share, drive, time = share + given.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
-    if state.link_noise is not None:
+    if state.link_noise is not None and (reception is None or reception.heard is None):
         error = (heard * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
         drive = drive.at[:, 0].add(error)
     return KnownDrive(share, drive, time)
@@ -581,8 +686,9 @@ def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "
     if plan.decides:
         believed = retained.support(state.decision).reshape(-1, *lane.weights.shape)
         weights = jnp.where(believed, weights, 0.0)
-    if state.reception is not None:
-        weights = jnp.where(state.reception.arrived[None], weights, 0.0)
+    usable = None if state.reception is None else usable_links(state.reception, plan)
+    if usable is not None:
+        weights = jnp.where(usable[None], weights, 0.0)
     return lane.strength.of(weights.sum(axis=1))
 
 
@@ -662,11 +768,20 @@ def weights_in_force(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeight
     """
     weights, coasting = weights_without_loss(lane, state, plan), state.coasting
     if state.reception is not None:
-        weights = jnp.where(state.reception.arrived[None], weights, 0.0)
-        if plan.missing == "drop":
+        usable = usable_links(state.reception, plan)
+        counting = state.reception.arrived if usable is None else usable
+        weights = jnp.where(counting[None], weights, 0.0)
+        if usable is not None:
             total = weights.sum(axis=1, keepdims=True)
             weights = weights / jnp.where(total > 0, total, 1.0)
     return weights if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, weights)
+
+
+def usable_links(reception: Reception, plan: Plan) -> Bool[Array, "slots m lanes"] | None:
+    """Return the links with a word, live, late or held; None where a word stands in on every other link."""
+    if plan.missing == "drop":
+        return reception.arrived
+    return reception.heard
 
 
 def weights_without_loss(lane: Lane, state: DecisionState, plan: Plan) -> AxisWeights:
@@ -751,7 +866,7 @@ def exchange(
     """
     own, weights = sensed(own, drive.noise), drive.weights
     if lane.law.local:
-        demand = followed_demand(lane, network, drive, own, told.navigator, told.basis)
+        demand = followed_demand(lane, network, drive, own, told.navigator, told.basis, told.time)
     else:
         attack = signal.combined(control.drive_vectors(lane.gain, drive.vectors), told.functions)
         demand = control.demand(own, told.path, attack, network.hearing, weights, lane.gain)
@@ -773,9 +888,13 @@ def followed_demand(
     own: Jets,
     navigator: Float[Array, "jets 2 lanes"],
     basis: Basis,
+    time: Instants,
 ) -> PerAxis:
     """Return the r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
-    attack = signal.jets(drive.vectors, basis)
+    attack, known = signal.jets(drive.vectors, basis), drive.known
+    silent = (drive.weights == 0).all(axis=1)
+    silent = silent if known is None else silent & (known.share == 0)
     demand = control.local_demand(own, navigator, attack, network.hearing, drive.weights, lane.gain)
-    demand = demand if drive.known is None else demand + drive.known.drive[:, 0]
+    demand = jnp.where(silent, 0.0, demand)
+    demand = demand if known is None else demand + known.at(time)
     return demand if drive.strength is None else drive.strength * demand

@@ -142,3 +142,11 @@ def quantile(number: Any, u: Float[np.ndarray, "..."]) -> Float[np.ndarray, "...
         case fields.DiscreteChoice(choice=values):
             return np.array(values)[(u * len(values)).astype(int)]
     raise TypeError(f"not a distribution: {number!r}")
+
+
+def share_up_to(number: Any, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the probability that a bounded distribution draws at most each of these values."""
+    if isinstance(number, fields.Uniform):
+        low, high = number.uniform
+        return np.interp(values, [low, high], [0.0, 1.0]) if high > low else (values >= low).astype(float)
+    return (np.array(number.choice)[:, None] <= values[None]).mean(axis=0)

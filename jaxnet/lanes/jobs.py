@@ -10,14 +10,16 @@ from jaxnet.config.document import ConfigError, Problem
 from jaxnet.config.keys import RANDOMISATIONS, Config, Scenario
 from jaxnet.config.scenario import has_ticks, interval_of, links_of, outputs_of, sources_of
 from jaxnet.engine.batch import Inputs, Job
+from jaxnet.engine.late import DrawnDelay, SteadyDelay
 from jaxnet.engine.plan import Clock, Plan
 from jaxnet.kinds.announcements import Announcement
 from jaxnet.kinds.attacks import AnyAttack, order_factors, signal_scale
+from jaxnet.kinds.fields import EachOrder, Uniform, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
-from jaxnet.lanes.draws import Alone, Draw, EachLink
+from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
 from jaxnet.lanes.proofs import prove
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
@@ -71,9 +73,10 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         noise=None if noise.exact() else tree(noise.drawn(draw, "channel.noise")),
         strength=strength_of(scenario, weights, scenario.topology),
         turns=turns_of(scenario, draw, sources),
-        delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
+        delay=delay_of(scenario, draw, sources),
         periods=periods_of(scenario, draw, sources),
         gain_apart=None if own is None else draw.same((own - own[0]).T),
+        steps=steps_of(scenario, draw),
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(
@@ -219,7 +222,7 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
         consistent=scenario.attack.consistent(),
         missing=scenario.channel.missing,
         late=late_ticks(scenario),
-        extrapolate=scenario.channel.extrapolate if scenario.channel.delay > 0 else "none",
+        extrapolate=scenario.channel.extrapolate if scenario.channel.late else "none",
         as_told=scenario.attack.as_told(),
         in_field=scenario.defence.decides and scenario.tick == 0,
         save=save,
@@ -228,8 +231,36 @@ def plan_of(scenario: Scenario, save: tuple[str, ...] = ()) -> Plan:
 
 
 def late_ticks(scenario: Scenario) -> int:
-    """Return the number of ticks by which words are late."""
-    return round(scenario.channel.delay / scenario.tick) if has_ticks(scenario) else 0
+    """Return the greatest number of ticks by which words are late."""
+    if not (scenario.channel.late and has_ticks(scenario)):
+        return 0
+    return max(1, round(value_range(scenario.channel.delay)[1] / scenario.tick))
+
+
+def steps_of(scenario: Scenario, draw: Draw) -> Any:
+    """Return the steps to which the jets of words are rounded, (samples, r), None where they are not."""
+    given, order = scenario.channel.quantisation, scenario.vehicle.order
+    if not scenario.channel.rounded:
+        return None
+    if isinstance(given, EachOrder):
+        return draw.same(np.array([*given.root, *[0.0] * (order - len(given.root))]))
+    return np.repeat(draw.one(given, "channel.quantisation")[:, None], order, axis=1)
+
+
+def delay_of(scenario: Scenario, draw: Draw, sources: np.ndarray) -> SteadyDelay | DrawnDelay | None:
+    """Return the delay of words, None where they are not late. What is drawn is rounded to whole ticks."""
+    delay, tick = scenario.channel.delay, scenario.tick
+    if not scenario.channel.late:
+        return None
+    if not is_drawn(delay):
+        return SteadyDelay(draw.same(delay))
+    if scenario.channel.delay_of == "message":
+        upper = (np.arange(late_ticks(scenario)) + 1.5) * tick
+        key = draw.one(Uniform(uniform=[0.0, 1.0]), "channel.delay.key")
+        return DrawnDelay(key, draw.same(share_up_to(delay, upper)))
+    each = EachLink(draw, len(sources)).each(delay, "channel.delay")
+    ticks = np.maximum(1, np.round(each / tick)).reshape(len(each), -1, len(sources))
+    return SteadyDelay(as_array(ticks.swapaxes(1, 2) * tick))
 
 
 def clock_of(scenario: Scenario) -> Clock:

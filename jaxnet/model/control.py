@@ -107,7 +107,7 @@ def local_demand(
 ) -> Float[Array, "2 m *lanes"]:
     """Return `q = a0 ⊗ y_0^(r) - P(ε)`, for which no neighbour tells its r-th derivative.
 
-    A vehicle with weights 0 has q = 0. The navigator tells its r-th derivative to those who hear it. `own`,
+    The navigator tells its r-th derivative to those who hear it. `own`,
     `navigator` and `signals` are the jets of the vehicles (2, m, lanes), the navigator (2, lanes) and the
     attacks (2, signals, lanes).
     """
@@ -116,5 +116,4 @@ def local_demand(
     told = jnp.concatenate([navigator[order][:, None], jnp.zeros_like(mine)], axis=1)
     ahead = jnp.where((hearing.sources == 0)[None, ..., None], weights, 0.0)
     heard = hearing.mean(weights, sources, feedback(gain, signals))
-    asked = heard + hearing.mean(ahead, told, signals[order]) - mine
-    return jnp.where((weights == 0).all(axis=1), 0.0, asked)
+    return heard + hearing.mean(ahead, told, signals[order]) - mine

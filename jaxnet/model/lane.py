@@ -53,9 +53,10 @@ class Lane(NamedTuple):
     noise: Any = None  # None where words arrive without errors
     strength: RowStrength | None = None  # of rows; None where it is 1
     turns: Turns | None = None  # None where one network is always in force
-    delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
+    delay: Any = None  # of words, `engine.late.SteadyDelay` or `DrawnDelay`; None where words are not late
     periods: Periods | None = None  # None where the same vehicles are attacked all along
     gain_apart: Float[Array, "r m *lanes"] | None = None  # each vehicle's own gains minus `gain`; None: 0
+    steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] to which jets in words are rounded, or None
 
     @property
     def lossy(self) -> bool:
@@ -63,6 +64,11 @@ class Lane(NamedTuple):
         turns.
         """
         return self.loss is not None or self.turns is not None or self.delay is not None
+
+    @property
+    def exact_words(self) -> bool:
+        """Return whether words arrive without errors."""
+        return self.noise is None and self.steps is None
 
     @property
     def singular(self) -> bool:

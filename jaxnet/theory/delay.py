@@ -22,6 +22,18 @@ def lags(weights: Weights, delay: float) -> Float[np.ndarray, " m"]:
     return delay * np.linalg.solve(graph.laplacian(weights), np.ones(len(weights)))
 
 
+def word_factors(gain: LawGain, delay: float, extrapolate: str, local: bool) -> Float[np.ndarray, " factors"]:
+    """Return the factors of y, ẏ, …, y^(r) in a word that is late by `delay` [s].
+
+    They are those of R, or of R after the delay by Taylor. Under a `local` law vehicles do not tell y^(r).
+    """
+    order = len(gain)
+    powers = [delay**n / math.factorial(n) * (extrapolate != "none" or n == 0) for n in range(order + 1)]
+    factors = [sum(gain[n - j] * powers[j] for j in range(n + 1)) for n in range(order)]
+    jerk = sum(gain[k] * powers[order - k] for k in range(order)) if extrapolate == "jerk" else 0.0
+    return np.array([*factors, 0.0 if local else 1.0 + jerk])
+
+
 def jerk_margin(weights: Weights, gain: LawGain) -> float:
     """Return the delay [s] above which a fleet is unstable that extrapolates the highest derivative too.
 

@@ -94,6 +94,26 @@ def local_rate(eigenvalues: np.ndarray, gain: LawGain) -> float:
     return max(float(np.roots([1.0, *each]).real.max()) for each in pulls)
 
 
+def late_growth(
+    eigenvalues: np.ndarray, gain: LawGain, word: Float[np.ndarray, " factors"], tick: float, late: int
+) -> float:
+    """Return the factor of the slowest motion at each tick where words are late by a number of ticks >= 1.
+
+    `word` are the factors of E, Ė, … and of the held q in a word. The factor of q is 0 under a local law.
+    Along an eigenvector of A with eigenvalue λ, `q = λ w(t - d h) - P(E)`, where w is the word. One exchange
+    has the characteristic polynomial of theorems.md, O16.
+    """
+    r, (integrators, entry) = len(gain), held_rates(len(gain), tick)
+    size = r + 1 + late  # E and its derivatives, q, and the words on their way, the newest first
+    loops = np.zeros((len(eigenvalues), size, size), complex)
+    loops[:, r, :r], loops[:, r, -1] = -gain, eigenvalues
+    loops[:, :r, :r] = np.eye(r) + tick * integrators
+    loops[:, :r] += tick * entry[None, :, None] * loops[:, r : r + 1]
+    loops[:, r + 1, : r + 1] = word
+    loops[:, np.arange(r + 2, size), np.arange(r + 1, size - 1)] = 1.0
+    return float(np.abs(np.linalg.eigvals(loops)).max())
+
+
 def held_rates(order: int, tick: float) -> tuple[np.ndarray, np.ndarray]:
     """Return `(Φ - 1)/h` and `Γ/h` of as many integrators whose input is held for a tick h [s]."""
     steps = np.arange(order)[None] - np.arange(order)[:, None]

@@ -26,6 +26,7 @@ from tests.engine.test_exactness import attack_on_links, navigator_at
 from tests.engine.test_stand_ins import Powers
 from tests.matrices import matrix_of
 
+LOCAL = {"kind": "local", "hold": False}
 QUIET = {"attack": "none", "defence": "none", "engine": "exact", "tail": 0.0}
 
 
@@ -167,10 +168,15 @@ def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders
         ({"channel": {"delay": 0.07}}, "multiple of tick = 0.05"),
         ({"channel": {"delay": 20.0}}, "at most 200 ticks"),
         ({"channel": {"delay": 0.1}, "tick": 0.0}, "give a tick"),
-        ({"channel": {"delay": 0.1}, "law": "rounds"}, "law: exact only"),
-        ({"channel": {"delay": 0.1, "missing": "hold"}}, "a lost word is dropped"),
+        ({"channel": {"delay": 0.1}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),
+        ({"channel": {"missing": "hold"}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),
+        ({"channel": {"delay": 0.1, "missing": "extrapolate"}}, "dropped or held"),
+        ({"channel": {"delay": 0.1, "extrapolate": "jerk"}, "law": "local"}, "no highest derivative"),
+        ({"channel": {"delay": 0.4}, "law": LOCAL, "tick": 0.2, "gain": [9, 9, 9]}, "fastest time constant"),
+        ({"channel": {"delay": {"uniform": [0.02, 0.1]}}}, "at least half a tick"),
+        ({"channel": {"delay": {"normal": [0.2, 0.1]}}}, "must be at least 0"),
         ({"channel": {"delay": -0.1}}, "must be at least 0"),
-        ({"channel": {"delay": 0.1}, "law": "linearised"}, "law: exact only"),
+        ({"channel": {"delay": 0.1}, "law": "linearised"}, "live words alone"),
         ({"channel": {"noise": {"position": 0.1}}, "law": "linearised"}, "no noise of words"),
         ({"channel": {"delay": 0.1}, "gain": [[1, 3, 3], [1, 3, 4]]}, "a number for each order"),
     ],

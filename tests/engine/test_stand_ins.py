@@ -219,11 +219,10 @@ def test_vehicles_move_as_the_plain_program(engine, missing, orders, rippled):
     assert apart <= (1e-7 if engine == "exact" else 1e-5)
 
 
-@pytest.mark.parametrize("law", ["rounds", "local"])
-def test_laws_that_cannot_use_old_words_refuse_them(law):
+def test_a_law_that_cannot_use_old_words_refuses_them():
     """With the keys that the user may change."""
-    with pytest.raises(ConfigError, match="drop is all that a law can do"):
-        systems.study(channel={"loss": Striped(), "missing": "hold"}, law=law)
+    with pytest.raises(ConfigError, match="linearised knows live words alone"):
+        systems.study(channel={"missing": "hold"}, law="linearised")
 
 
 def test_agents_step_towards_what_they_hear_with_errors():

@@ -118,6 +118,30 @@ def test_known_losses_of_whole_ticks():
         assert rounds.critical_loss(star, GAIN, tick) == pytest.approx(critical, abs=5e-7)
 
 
+def late_polynomial(value, gain, tick, late):
+    """`(z^{d+1} - λ)(z - 1)³ + (z^{d+1} - λ z) N(z)`, by its coefficients."""
+    k0, k1, k2 = gain
+    bracket = k2 * tick * np.poly1d([1, -2, 1]) + k1 * tick**2 / 2 * np.poly1d([1, 0, -1])
+    bracket = bracket + k0 * tick**3 / 6 * np.poly1d([1, 4, 1])
+    ahead = np.poly1d([1.0, *[0.0] * (late + 1)])
+    return (ahead - value) * np.poly1d([1, -1]) ** 3 + (ahead - value * np.poly1d([1, 0])) * bracket
+
+
+def test_radii_of_late_words():
+    """Known on the ring at 0.02 s; on others the roots of the polynomial."""
+    known = {0: 0.986192, 1: 0.986432, 2: 0.986695, 3: 0.988730, 5: 0.992472, 10: 0.995887}
+    ring, word = rounds.eigenvalues(RING), np.append(GAIN, 1.0)
+    for late, radius in known.items():
+        if late:
+            assert rounds.late_growth(ring, GAIN, word, 0.02, late) == pytest.approx(radius, abs=5e-7)
+        roots = [late_polynomial(value, GAIN, 0.02, late).roots for value in ring]
+        assert max(np.abs(each).max() for each in roots) == pytest.approx(radius, abs=5e-6)
+    for weights in digraphs():
+        values = rounds.eigenvalues(weights)
+        roots = [np.abs(late_polynomial(value, GAIN, 0.1, 2).roots).max() for value in values]
+        assert rounds.late_growth(values, GAIN, word, 0.1, 2) == pytest.approx(max(roots), abs=2e-5)
+
+
 @pytest.mark.parametrize("lost", [0.2, 0.6])
 def test_second_moments_grow_as_those_of_a_plain_program(lost):
     """Two vehicles of order 2 that hear each other: means of squares over 200,000 random histories."""

@@ -281,11 +281,14 @@ def lane_field(
     own = own if noise is None else own + jnp.stack(noise)[: len(own)]
     drift, decoupling = vehicle.drift(there)[..., 0], vehicle.decoupling(there)[..., 0]
 
-    def law(each: Float[Array, "slots m"], strength: Float[Array, " m"]) -> Float[Array, "2 m"]:
+    def law(
+        each: Float[Array, "slots m"], strength: Float[Array, " m"], share: Float[Array, " m"]
+    ) -> Float[Array, "2 m"]:
         graph, highest, error = jets_of_law(own, navigator, attack, each, network.hearing)
         if alone.law.local:
             highest = jets_of_navigator(navigator, attack, each, network.hearing, len(own))
-            error = jnp.where((each == 0).all(axis=0)[None, None], 0.0, error)
+            silent = (each == 0).all(axis=0) & (share == 0)
+            error = jnp.where(silent[None, None], 0.0, error)
         if known is not None:
             highest = highest + known.at(time)
         if lane.gain_apart is not None:
@@ -299,7 +302,8 @@ def lane_field(
         return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
 
     strength = jnp.ones_like(weights[:, 0]) if strength is None else strength
-    inputs = of_axes(jax.vmap(law)(weights, strength), decoupling)
+    share = jnp.zeros_like(weights[:, 0]) if known is None else known.share
+    inputs = of_axes(jax.vmap(law)(weights, strength, share), decoupling)
     return vehicle.motion(there, inputs[..., None])[..., 0]
 
 

@@ -56,6 +56,10 @@ class Law(Kind):
         """
         return None
 
+    def exchanges(self) -> int:
+        """Return how often neighbours tell each other q at a tick."""
+        return 1
+
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if the law holds the jerk and the scenario has no ticks."""
         if self.holds and scenario.tick == 0:

@@ -45,6 +45,10 @@ class Rounds(Law):
 
         return jax.lax.fori_loop(0, self.rounds.max(), once, last)  # pyright: ignore[reportAttributeAccessIssue]
 
+    def exchanges(self) -> int:
+        """Return the rounds."""
+        return self.rounds
+
     def left(self, eigenvalues: np.ndarray) -> np.ndarray | None:
         """Return λ^r, the factor after r rounds."""
         return eigenvalues**self.rounds

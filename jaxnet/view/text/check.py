@@ -24,7 +24,7 @@ from jaxnet.config.scenario import (
 )
 from jaxnet.config.study import Study
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.fields import median
+from jaxnet.kinds.fields import EachOrder, is_drawn, median, value_range
 from jaxnet.kinds.kind import vehicle_numbers
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.model import safety
@@ -39,6 +39,7 @@ from jaxnet.theory import announced, certificate, delay, exact, integer, noise, 
 from jaxnet.theory.integer import RobustnessBracket
 from jaxnet.view.text.width import cell_title, terminal_width
 
+ORDER_UNITS = ("m", "m/s", "m/s²", "m/s³")
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk")
 MOST_LISTED_CELLS = 20  # told one by one; of more, what is swept
 MOST_FULL_NETWORKS = 4  # networks told in full; of more, what is not as in the first
@@ -280,7 +281,7 @@ def leaderless_rows(scenario: Scenario, known: Situation, seconds: float) -> dic
         " of the hull of their starts",
         "attack": attack_line(scenario, facts),
         **scenario.defence.describe(graph, at_once(scenario, attacked), trusted),
-        **({"law": stability_line(scenario, known)} if len(scenario.topology.turns()) == 1 else {}),
+        **({"law": stability_line(scenario, known)} if one_live_network(scenario) else {}),
         **world_lines(scenario),
         "safe": NO_LEADER,
     }
@@ -312,14 +313,23 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
             weights, of = dense(scenario_graph(scenario)), scenario.channel.noise.of
             known = steady_text(scenario, scenario.channel.noise, lambda: noise.link_gains(weights, of))
         lines["noise"] = f"{scenario.channel.noise.kind}: words arrive with errors; no bound holds{known}"
-    if scenario.channel.delay > 0:
-        lines["delay"] = f"words are {scenario.channel.delay:g} s late; no bound holds{late_text(scenario)}"
+    if scenario.channel.rounded:
+        lines["rounding"] = "jets in words are rounded; no bound holds" + rounding_text(scenario)
+    if scenario.channel.late:
+        lines["delay"] = f"words are {lateness_text(scenario)} late; no bound holds{late_text(scenario)}"
     return lines
+
+
+def one_live_network(scenario: Scenario) -> bool:
+    """Return whether one network is in force, whose words are not late."""
+    return len(scenario.topology.turns()) == 1 and not scenario.channel.late
 
 
 def lost_text(scenario: Scenario) -> str:
     """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
     lost = scenario.channel.loss.of_whole_ticks()
+    if scenario.channel.late or scenario.channel.missing != "drop":
+        return ""
     if (
         lost is None
         or not scenario.law.holds
@@ -342,13 +352,34 @@ def lost_text(scenario: Scenario) -> str:
     return f"; {told}; stable up to a loss of {most:.4f}" if most else f"; {told}"
 
 
+def rounding_text(scenario: Scenario) -> str:
+    """Return by how much rounded words err at most."""
+    steps = scenario.channel.quantisation
+    listed = steps.root if isinstance(steps, EachOrder) else [value_range(steps)[1]]
+    told = " and ".join(f"{step / 2:g} {unit}" for step, unit in zip(listed, ORDER_UNITS, strict=False))
+    told = told if isinstance(steps, EachOrder) else f"{listed[0] / 2:g}"
+    return f"; they act like an attack of at most {told} on each axis, on every link and in every order told"
+
+
+def lateness_text(scenario: Scenario) -> str:
+    """Return by how much words are late."""
+    low, high = value_range(scenario.channel.delay)
+    if not is_drawn(scenario.channel.delay):
+        return f"{low:g} s"
+    return f"{low:g} to {high:g} s, drawn for each {scenario.channel.delay_of},"
+
+
 def late_text(scenario: Scenario) -> str:
     """Return how far behind a fleet ends whose words are late, or its margin; "" where weights change."""
     if scenario.defence.decides or scenario.vehicles > certificate.MOST_INVERTED:
         return ""
     if len(scenario.topology.turns()) > 1 or not scenario.channel.loss.perfect():
         return ""
+    if is_drawn(scenario.channel.delay):
+        return ""
     weights, told = dense(scenario_graph(scenario)), scenario.channel.extrapolate
+    if not scenario.law.solved:
+        return late_law_text(scenario, weights)
     if told == "none":
         ends = delay.lags(weights, scenario.channel.delay)
         between = f"{ends.min():.4g} to " if np.ptp(ends) > 1e-9 * ends.max() else ""
@@ -360,13 +391,30 @@ def late_text(scenario: Scenario) -> str:
     return f"; {state}: the delay must be below {margin:.6g} s" if np.isfinite(margin) else ""
 
 
+def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
+    """Return the stability of a law that holds a derivative and hears late words, "" where not known."""
+    law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
+    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
+    strength = scenario.topology.strength(rows, leads) if law.local else None
+    known = law.holds and (law.local or law.jacobi) and strength is None and scenario.gain_matrices is None
+    if not known or scenario.attack.replaces():
+        return ""
+    gain, along = np.array([median(each) for each in scenario.gain]), rounds.eigenvalues(weights)
+    if not leads:  # an eigenvalue of 1 belongs to agreement
+        along = along[np.abs(along - 1) > 1e-9]
+    word, late = delay.word_factors(gain, lateness, told, law.local), round(lateness / scenario.tick)
+    grown = rounds.late_growth(along, gain, word, scenario.tick, late)
+    state = "stable" if grown < 1 else "UNSTABLE"
+    return f"; {state}, deviations times {grown:.6f} at each tick of {scenario.tick:g} s"
+
+
 def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], np.ndarray]) -> str:
     """Return the root mean square of E that errors leave at last, "" where it is not known.
 
     `gains()` returns the variance of each vehicle over that of one drive.
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
-    at_once = scenario.channel.loss.perfect() and scenario.channel.delay == 0
+    at_once = scenario.channel.loss.perfect() and not scenario.channel.late
     plain = scenario.law.solved and scenario.gain_matrices is None
     if not (plain and one_network and at_once and scenario.tick > 0):
         return ""
