@@ -150,6 +150,8 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from world_faults(scenario)
     if scenario.channel.delay > 0:
         yield from delay_faults(scenario)
+    if scenario.detector.present:
+        yield from detector_faults(scenario)
 
 
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -183,6 +185,20 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
     if scenario.defence.announcing():
         told = "a defence by announcements needs every message at once: give another defence"
         yield Fault(("channel.delay", "defence"), told)
+
+
+def detector_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield faults of a detector: no word has errors, their sizes are unknown, or words are late."""
+    noises = {"channel.noise": scenario.channel.noise, "sensing": scenario.sensing}
+    noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
+    if not noisy:
+        told = "no word has errors, so every other word is false: give channel: {noise: {position: …}}"
+        yield Fault(("detector", "channel.noise"), told)
+    for key, noise in noisy.items():
+        if not noise.tells_deviations:
+            yield Fault(("detector", key), f"{noise.kind} tells no standard deviations of its errors")
+    if scenario.channel.delay > 0:
+        yield Fault(("detector", "channel.delay"), "late words are not tested: give delay: 0")
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

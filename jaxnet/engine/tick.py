@@ -27,7 +27,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import late
+from jaxnet.engine import detection, late
+from jaxnet.engine.detection import Detection
 from jaxnet.engine.late import History
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
@@ -90,6 +91,7 @@ class DecisionState(NamedTuple):
     link_noise: Received | None = None  # errors of the jets on each link; None without
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
+    detection: Detection | None = None  # alarms until now; None without a detector
 
 
 class KnownDrive(NamedTuple):
@@ -207,11 +209,12 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     errors_of_links = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
     history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
     rest = noise, *channel, number, errors_of_links, history
+    alarms = detection.first_detection(lane, network.hearing)
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
-        return DecisionState(decision, memory, changing, None, *rest, weights)
-    state = DecisionState(decision, memory, lane.vectors, None, *rest)
+        return DecisionState(decision, memory, changing, None, *rest, weights, alarms)
+    state = DecisionState(decision, memory, lane.vectors, None, *rest, detection=alarms)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -296,6 +299,7 @@ def decide(
         reception=channel(lane, network, state.reception, errors, time, words),
         link_noise=disturb(lane, network, before.link_noise, time),
     )
+    state = state._replace(detection=raise_alarms(lane, network, state, errors, basis, time))
     state = judge(lane, network, plan, state, errors, basis, time)
     state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
     return state if state.late is None else send(lane, network, plan, state, errors, basis, time)
@@ -478,6 +482,27 @@ def keep_drive(
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
     kept = jnp.where(keeps[None], jnp.where(before.vehicles[None], before.drive, drive), 0.0)
     return Coasting(keeps, kept, off)
+
+
+def raise_alarms(
+    lane: Lane, network: Network, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+) -> Detection | None:
+    """Return the alarms after the words of this tick, None without a detector.
+
+    A residual is what a link carries minus what its source tells, plus the errors of both. It is 0 plus the
+    errors, to the last bit, where the link carries what the source tells.
+    """
+    if state.detection is None:
+        return None
+    sent, hearing = tell(sensed(errors, state.noise)), network.hearing
+    carried = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
+    residuals = tuple(one - hearing.sent(told) for one, told in zip(carried, sent, strict=True))
+    if state.noise is not None:
+        residuals = plane.plus(residuals, tuple(map(hearing.sent, tell(state.noise))))
+    if state.link_noise is not None:
+        residuals = plane.plus(residuals, state.link_noise)
+    arrived = lane.weights > 0 if state.reception is None else state.reception.arrived
+    return detection.detect(state.detection, lane, hearing, residuals, arrived, time)
 
 
 def tell(errors: Jets) -> Sent:

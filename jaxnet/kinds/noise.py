@@ -1,11 +1,12 @@
 """Normal errors of jets, white or correlated in time, drawn at ticks and held until the next."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
 from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.shapes import AnyNumbers, HeldErrors, LaneNumbers, LaneTimes
 from jaxnet.kinds.ticks import DrawsAtTicks
@@ -20,6 +21,8 @@ else:
 class ErrorsAtTicks(DrawsAtTicks):
     """A kind of errors that are drawn at ticks and held until the next."""
 
+    tells_deviations: ClassVar[bool] = False  # whether `deviations` is known, which detectors need
+
     def exact(self) -> bool:
         """Return whether all errors are 0."""
         return False
@@ -28,6 +31,13 @@ class ErrorsAtTicks(DrawsAtTicks):
         """Return the variance s² of P of the errors, and their correlation time [s], or None if unknown."""
         return None
 
+    def deviations(self) -> Sequence[LaneNumbers | None]:
+        """Return the standard deviation of the errors on an axis, (lanes,), by order of derivative.
+
+        None stands for an order without errors.
+        """
+        raise KindError(f"{self.kind}: tells_deviations needs deviations(self)")
+
 
 class NormalErrors(ErrorsAtTicks):
     """Normal errors of position, velocity and acceleration, independent by axis and order.
@@ -35,6 +45,8 @@ class NormalErrors(ErrorsAtTicks):
     With a correlation time τ, the errors of successive ticks are correlated by φ = e^(-h/τ). Their standard
     deviation is the same at all ticks.
     """
+
+    tells_deviations: ClassVar[bool] = True
 
     position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
     velocity: NotNegative = Field(default=0.0, description="[m/s], standard deviation on each axis")
@@ -58,6 +70,10 @@ class NormalErrors(ErrorsAtTicks):
             return None
         pairs = zip(gain, self.sizes().values(), strict=False)
         return sum((each * size) ** 2 for each, size in pairs), self.correlation
+
+    def deviations(self) -> Sequence[LaneNumbers | None]:
+        """Return the standard deviations."""
+        return [*self.sizes().values()]
 
     def draws(self) -> bool:
         """Return whether a standard deviation is not 0."""

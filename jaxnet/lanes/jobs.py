@@ -47,6 +47,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
+    detector = scenario.detector
     gain = draw.several(scenario.gain, "gain") if matrices is None else draw.same(matrices)
     lanes = Lane(
         initial=lanes_first(start),
@@ -69,6 +70,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         turns=turns_of(scenario, draw, sources),
         delay=draw.same(scenario.channel.delay) if scenario.channel.delay > 0 else None,
         periods=periods_of(scenario, draw, sources),
+        detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(

@@ -31,8 +31,8 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The attack's signal has
-    a method `basis`.
+    defence, announcements, sensor, loss, noise and detector are kinds with their numbers drawn. The attack's
+    signal has a method `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -55,6 +55,7 @@ class Lane(NamedTuple):
     turns: Turns | None = None  # None where one network is always in force
     delay: Float[Array, "*lanes"] | None = None  # [s] of every word; None where words are not late
     periods: Periods | None = None  # None where the same vehicles are attacked all along
+    detector: Any = None  # None where nobody tests words
 
     @property
     def lossy(self) -> bool:

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from jaxnet.kinds.noise import NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources, SlotVectors
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotLinks, SlotSources, SlotVectors
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
@@ -31,14 +31,18 @@ class GaussianNoise(NormalErrors, ChannelNoise):
         default="link", description="what has errors of its own: each link, or each vehicle that transmits"
     )
 
+    def exact_links(self, sources: SlotSources) -> SlotLinks:
+        """Return the links from the navigator, if each transmitter has its own errors."""
+        return (sources == 0) & (self.of == "transmitter")
+
     def next_errors(
         self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources
     ) -> SlotJets:
         """Return normal errors of all three orders."""
-        told = (sources == 0)[None, ..., None] & (self.of == "transmitter")
+        exact = self.exact_links(sources)[None, ..., None]
 
         def draw(order: str) -> SlotVectors:
             drawn = self.random_by_slot(time, order, jax.random.normal, sources, axes=(2,))
-            return jnp.where(told, 0.0, drawn)
+            return jnp.where(exact, 0.0, drawn)
 
         return self.after(last, self.white(last, draw), time, interval)
