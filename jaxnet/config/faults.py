@@ -96,6 +96,11 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
     elif search.maximise not in measured:
         got = f"must be unrecovered, or one of {', '.join(measured)} (got {search.maximise})"
         yield Fault(("search.maximise",), got)
+    for name in search.subject_to:
+        if name not in measured:
+            more = "" if study.detector.present else "; a detector gives alarms and false_alarms"
+            got = f"must be one of {', '.join(measured)}{more} (got {name})"
+            yield Fault((f"search.subject_to.{name}", "search.subject_to"), got)
     if search.budget < LEAST_CHOICES * search.starts:
         least = LEAST_CHOICES * search.starts
         yield Fault(

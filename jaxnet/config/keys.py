@@ -354,6 +354,10 @@ class SearchSettings(Record):
         description="a metric of rows, or unrecovered, the share of starts; spread by default without a"
         " navigator",
     )
+    subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default={},
+        description="a metric of rows: its greatest value; a choice counts only where no start has more",
+    )
     budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
     starts: int = Field(
         default=1,
