@@ -206,7 +206,9 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     channel = first_reception(lane, network, plan, errors, time), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     silent = jnp.zeros((2, *lane.weights.shape))
-    errors_of_links = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
+    errors_of_links = None
+    if lane.noise is not None:
+        errors_of_links = (silent,) * (max(3, len(lane.gain)) + lane.noise.errs_in_highest())
     history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
     rest = noise, *channel, number, errors_of_links, history
     alarms = detection.first_detection(lane, network.hearing)
@@ -355,12 +357,22 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
 
 
 def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:
-    """Return the errors of the jets on each link, None where words arrive exactly."""
+    """Return the errors of the jets on each link, None where words arrive exactly.
+
+    Errors of the r-th derivative come last, after `max(3, r)` errors of lower ones.
+    """
     if lane.noise is None or last is None:
         return None
-    sources = network.hearing.sources
-    errors = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
-    return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
+    sources, jets = network.hearing.sources, max(3, len(lane.gain))
+    before = (*last[:3], *last[jets:])
+    errors = xla.materialised(lambda: lane.noise.next_errors(before, time, lane.interval, sources))
+    return *errors[:3], *[jnp.zeros_like(errors[0])] * (jets - 3), *errors[3:]
+
+
+def word_errors(gain: control.Gain, noise: Received) -> Float[Array, "2 slots m lanes"]:
+    """Return R of the errors of the jets on each link: `P(n) + n^(r)`."""
+    total, highest = control.feedback(gain, noise), noise[max(3, len(gain)) :]
+    return total + highest[0] if highest else total
 
 
 def sensed(jets: Jets, noise: Jets | None) -> Jets:
@@ -409,7 +421,7 @@ def listen(
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
         if before.link_noise is not None:
-            fresh = fresh + control.feedback(gain, before.link_noise)
+            fresh = fresh + word_errors(gain, before.link_noise)
         fresh = fresh[:, None]
     else:
         fresh = expanded(gain, heard_jets(lane, network, before, errors, signals, time))
@@ -427,7 +439,8 @@ def heard_jets(
     sent.append(jnp.concatenate([navigator[order], jnp.zeros_like(own[0])], axis=1))
     received = attack(network, tuple(sent), signals)
     if before.link_noise is not None:
-        received = *plane.plus(received[:order], before.link_noise), received[order]
+        ahead = [received[order] + error for error in before.link_noise[max(3, order) :]]
+        received = *plane.plus(received[:order], before.link_noise), *(ahead or [received[order]])
     leads = (network.hearing.sources == 0)[None, ..., None]
     return *received[:order], jnp.where(leads, received[order], 0.0)
 
@@ -592,7 +605,7 @@ def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights
         added = (given[:, None] * words).sum(axis=2)
         share, drive, time = share + given.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
     if state.link_noise is not None:
-        error = (heard * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
+        error = (heard * word_errors(lane.gain, state.link_noise)).sum(axis=1)
         drive = drive.at[:, 0].add(error)
     return KnownDrive(share, drive, time)
 

@@ -23,7 +23,11 @@ class Gaussian(NormalErrors, Sensor):
     words = "Gaussian"
 
     def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
-        """Return normal errors of all three orders."""
+        """Return normal errors of all three orders, with outliers."""
         shape = last[0].shape[:2]
-        white = self.white(last, lambda order: self.random(time, order, jax.random.normal, shape))
+        white = self.white(
+            last,
+            lambda order: self.random(time, order, jax.random.normal, shape),
+            lambda: self.random(time, "outliers", jax.random.uniform, shape[1:]),
+        )
         return self.after(last, white, time, interval)

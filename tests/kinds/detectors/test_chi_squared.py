@@ -79,6 +79,14 @@ def test_all_noisy_orders_count_together_and_sensors_too():
     assert inside(attacked.mean(), seen, 8 * TICKS * 4)
 
 
+def test_outliers_raise_alarms():
+    """A word is whitened by its total variance V = σ² (1 + p (f² - 1)); of outliers most raise an alarm."""
+    noise = {"position": SIGMA, "outliers": 0.1, "outlier_factor": 4.0}
+    _, honest = shares(channel={"noise": noise}, **SILENT)
+    inside_of = np.exp(-9.210340 / 2 * (1 + 0.1 * 15))
+    assert inside(honest.mean(), 0.9 * inside_of + 0.1 * inside_of ** (1 / 16), 8 * TICKS * 18)
+
+
 def test_the_share_of_false_alarms_follows_the_key():
     """Also where it is drawn, lane by lane: the alarms are those of χ² of the same words."""
     channel = {"noise": {"position": SIGMA, "of": "transmitter"}}
