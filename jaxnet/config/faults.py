@@ -203,7 +203,7 @@ def detector_faults(scenario: Scenario) -> Iterator[Fault]:
         told = "no word has errors, so every other word is false: give channel: {noise: {position: …}}"
         yield Fault(("detector", "channel.noise"), told)
     for key, noise in noisy.items():
-        if not noise.tells_deviations:
+        if not noise.tells_deviations():
             yield Fault(("detector", key), f"{noise.kind} tells no standard deviations of its errors")
     if scenario.channel.delay > 0:
         yield Fault(("detector", "channel.delay"), "late words are not tested: give delay: 0")

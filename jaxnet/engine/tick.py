@@ -21,7 +21,7 @@ Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m,
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -77,6 +77,13 @@ class Coasting(NamedTuple):
     cut_off: VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
 
 
+class Reading(NamedTuple):
+    """What vehicles sense of themselves until the next tick."""
+
+    errors: Jets  # of fresh readings
+    jets: Jets  # as sensed, relative to no navigator
+
+
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
@@ -92,6 +99,7 @@ class DecisionState(NamedTuple):
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
     detection: Detection | None = None  # alarms until now; None without a detector
+    reading: Reading | None = None  # what vehicles sense; None where no reading is read again
 
 
 class KnownDrive(NamedTuple):
@@ -212,11 +220,13 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
     rest = noise, *channel, number, errors_of_links, history
     alarms = detection.first_detection(lane, network.hearing)
+    again = None if lane.sensor is None else lane.sensor.stays(time, zero.shape[1])
+    last = alarms, None if again is None or noise is None else Reading(noise, (zero,) * len(lane.gain))
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
-        return DecisionState(decision, memory, changing, None, *rest, weights, alarms)
-    state = DecisionState(decision, memory, lane.vectors, None, *rest, detection=alarms)
+        return DecisionState(decision, memory, changing, None, *rest, weights, *last)
+    state = DecisionState(decision, memory, lane.vectors, None, *rest, None, *last)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -285,6 +295,9 @@ def decide(
     `drive` is the drive z of each vehicle until now, needed where vehicles may keep it.
     """
     state = before._replace(noise=sense(lane, before.noise, time))
+    if before.reading is not None:
+        own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
+        state = state._replace(**read_again(lane, before.reading, own, time))
     if lane.turns is not None:
         number = lane.turns.schedule.number(time, len(lane.turns.weights))
         state, lane = state._replace(network=number), with_network(lane, number)
@@ -354,6 +367,19 @@ def sense(lane: Lane, last: Jets | None, time: Instants) -> Jets | None:
         return None
     errors = xla.materialised(lambda: lane.sensor.next_errors(last[:3], time, lane.interval))
     return *errors, *[jnp.zeros_like(errors[0])] * (len(lane.gain) - len(errors))
+
+
+def read_again(lane: Lane, last: Reading, own: Jets, time: Instants) -> dict[str, Any]:
+    """Return the errors and the reading of a tick at which some vehicles sense what they sensed last.
+
+    `own` are the vehicles' jets.
+    """
+    fresh = sense(lane, last.errors, time)
+    assert fresh is not None
+    stays = xla.materialised(lambda: lane.sensor.stays(time, own[0].shape[1]))[None]
+    held = [jnp.where(stays, old - jet, new) for old, jet, new in zip(last.jets, own, fresh, strict=False)]
+    noise = *held, *fresh[len(held) :]
+    return {"noise": noise, "reading": Reading(fresh, plane.plus(own, noise))}
 
 
 def disturb(lane: Lane, network: Network, last: Received | None, time: Instants) -> Received | None:

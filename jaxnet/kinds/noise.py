@@ -25,8 +25,6 @@ HIGHEST = "jerk"
 class ErrorsAtTicks(DrawsAtTicks):
     """A kind of errors that are drawn at ticks and held until the next."""
 
-    tells_deviations: ClassVar[bool] = False  # whether `deviations` is known, which detectors need
-
     def exact(self) -> bool:
         """Return whether all errors are 0."""
         return False
@@ -34,6 +32,10 @@ class ErrorsAtTicks(DrawsAtTicks):
     def strength(self, gain: Sequence[float]) -> tuple[float, float] | None:
         """Return the variance s² of P of the errors, and their correlation time [s], or None if unknown."""
         return None
+
+    def tells_deviations(self) -> bool:
+        """Return whether `deviations` is known, which detectors need."""
+        return False
 
     def deviations(self) -> Sequence[LaneNumbers | None]:
         """Return the standard deviation of the errors on an axis, (lanes,), by order of derivative.
@@ -51,7 +53,6 @@ class NormalErrors(ErrorsAtTicks):
     of probability p multiply variances by 1 + p (f² - 1).
     """
 
-    tells_deviations: ClassVar[bool] = True
     orders: ClassVar[tuple[str, ...]] = JET_ORDERS  # names of the keys with standard deviations
 
     position: NotNegative = Field(default=0.0, description="[m], standard deviation on each axis")
@@ -85,6 +86,10 @@ class NormalErrors(ErrorsAtTicks):
         factors = dict(zip(JET_ORDERS, gain, strict=False)) | {HIGHEST: 1.0}
         squares = [(factors.get(order, 0.0) * size) ** 2 for order, size in self.sizes().items()]
         return sum(squares) * (1 + self.outliers * (self.outlier_factor**2 - 1)), self.correlation
+
+    def tells_deviations(self) -> bool:
+        """Return True."""
+        return True
 
     def deviations(self) -> Sequence[LaneNumbers | None]:
         """Return the standard deviations with outliers, up to the acceleration."""

@@ -69,7 +69,7 @@ def joint_reach(networks: Sequence[Digraph]) -> JointReach:
     always, before = nominal, None
     while before is None or (nominal != before).any():
         before, nominal = nominal, nominal & ~(heard & ~nominal).any(axis=(0, 2))
-    found = reached_over(heard.any(axis=0)), always, nominal
+    found = reached_over(np.asarray(heard.any(axis=0))), always, nominal
     return JointReach(*[numbered_vehicles(each[1:]) for each in found])
 
 

@@ -107,7 +107,11 @@ def test_engines_draw_the_same_errors(missing):
     noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
     channel = {"noise": noise, "loss": loss, "missing": missing}
     keys = {"attack": "none", "defence": "none", "vehicles": 4, "channel": channel, "tick": 0.1}
-    keys |= {"sensing": {"position": 0.1, "correlation": 0.2, **OUTLIERS}, "horizon": 3.0, "tail": 1.0}
+    keys |= {
+        "sensing": {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS},
+        "horizon": 3.0,
+        "tail": 1.0,
+    }
     exact, nonlinear = (
         systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][..., :2]
         for engine in ("exact", "nonlinear")
