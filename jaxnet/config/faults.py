@@ -166,7 +166,7 @@ def world_faults(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
     if scenario.law.local and scenario.channel.noise.errs_in_highest():
         told = f"vehicles do not tell their highest derivative under law: {scenario.law.kind}"
-        yield Fault(("channel.noise.jerk", "law"), f"{told}")
+        yield Fault(("channel.noise.jerk", "law"), told)
     plain = channel.noise.exact() and channel.delay == 0 and channel.missing == "drop"
     if scenario.gain_matrices is not None and not plain:
         yield Fault(("gain", "channel"), "noise, delay and stand-ins of words need a number for each order")
