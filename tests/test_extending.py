@@ -27,8 +27,8 @@ BLOCK = re.compile(r"^```(?:python|yaml)\n(.*?)^```", re.M | re.S)
 
 
 def blocks():
-    """Blocks of code of the page, in order: module, study, modules of weights and of a loss, the script, and
-    its end.
+    """Blocks of code of the page, in order: module, study, modules of weights, of a loss and of a detector,
+    the script, and its end.
     """
     return BLOCK.findall((ROOT / "docs" / "extending.md").read_text())
 
@@ -36,7 +36,8 @@ def blocks():
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A folder with the page's module and study, and nothing else; its module is nobody else's."""
-    module, study, weights, loss, *script = blocks()
+    module, study, weights, loss, detector, *script = blocks()
+    (tmp_path / "my_detectors.py").write_text(detector)
     (tmp_path / "my_losses.py").write_text(loss)
     (tmp_path / "my_weights.py").write_text(weights)
     (tmp_path / "my_kinds.py").write_text(module)
@@ -337,6 +338,18 @@ def test_a_strangers_loss_decides_which_messages_arrive(folder):
     config, counts = found.study.config, found.lanes.groupby("channel.loss.radius")["unheard"]
     pairs = config.vehicles * (round(config.horizon / config.tick) + 1)
     assert counts.unique().map(list).tolist() == [[pairs], [0]]
+
+
+def test_a_strangers_detector_counts_alarms(folder, monkeypatch):
+    """A quarter of honest words is far off, so a sixteenth of the pairs; the first word has no pair."""
+    monkeypatch.syspath_prepend(folder)
+    keys = {"engine": "exact", "vehicles": 4, "horizon": 10.0, "attack": "none", "defence": "none"}
+    keys |= {"detector": {"kind": "my_detectors:Twice", "threshold": 4 * np.log(2)}}
+    lanes = jaxnet.simulate({**keys, "channel": {"noise": {"position": 0.1}}}, samples=20).lanes
+    share, pairs = lanes["false_alarms"].mean() * 201 / 200, 20 * 200 * 12
+    # Pairs overlap: the variance of their share is p² (1 - p²) + 2 (p³ - p⁴) over their number.
+    assert abs(share - 1 / 16) <= 2.576 * np.sqrt((15 / 256 + 2 * (1 / 64 - 1 / 256)) / pairs)
+    assert lanes["alarms"].isna().all()
 
 
 def test_a_strangers_weights_are_the_ones_in_force(folder, monkeypatch):

@@ -43,7 +43,7 @@ from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.kind import Fault, Kind, KindError
-from jaxnet.kinds.metrics import AGREEMENT
+from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 
 Model = TypeVar("Model", bound=BaseModel)
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
@@ -94,7 +94,9 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     values = {} if given is None else {key: swept_values(each) for key, each in given.sweep.items()}
     if settled is not None:
         settled = settle(settled, document)
-        settled = settle_agreement(settled, values.get("navigator", [])) if judges else settled
+        if judges:
+            settled = settle_agreement(settled, values.get("navigator", []))
+            settled = settle_detection(settled, values.get("detector", []))
     known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
@@ -155,13 +157,23 @@ def settle_agreement(study: Config, swept: Sequence[Plain]) -> Config:
     leads = [getattr(each, "present", True) for each in known]
     if all(leads):
         return study
-    names = {metric.name for metric in study.metrics}
-    more = [known_metric(name) for name in AGREEMENT if name not in names]
-    found = study.model_copy(update={"metrics": [*study.metrics, *more]})
-    search = study.search
+    found, search = with_metrics(study, AGREEMENT), study.search
     if any(leads) or search is None or "maximise" in search.model_fields_set:
         return found
     return found.model_copy(update={"search": search.model_copy(update={"maximise": "spread"})})
+
+
+def settle_detection(study: Config, swept: Sequence[Plain]) -> Config:
+    """Return the study with the shares of alarms, if it or a swept cell has a detector."""
+    known = [model_of("detector", with_kind("detector", value)) for value in swept] or [study.detector]
+    return with_metrics(study, DETECTION) if any(getattr(each, "present", False) for each in known) else study
+
+
+def with_metrics(study: Config, names: Sequence[str]) -> Config:
+    """Return the study with these metrics beside its own."""
+    measured = {metric.name for metric in study.metrics}
+    more = [known_metric(name) for name in names if name not in measured]
+    return study.model_copy(update={"metrics": [*study.metrics, *more]})
 
 
 def settle_vehicles(scenario: AnyScenario) -> AnyScenario:

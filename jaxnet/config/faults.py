@@ -97,6 +97,11 @@ def search_faults(study: Config, search: SearchSettings) -> Iterator[Fault]:
     elif search.maximise not in measured:
         got = f"must be unrecovered, or one of {', '.join(measured)} (got {search.maximise})"
         yield Fault(("search.maximise",), got)
+    for name in search.subject_to:
+        if name not in measured:
+            more = "" if study.detector.present else "; a detector gives alarms and false_alarms"
+            got = f"must be one of {', '.join(measured)}{more} (got {name})"
+            yield Fault((f"search.subject_to.{name}", "search.subject_to"), got)
     if search.budget < LEAST_CHOICES * search.starts:
         least = LEAST_CHOICES * search.starts
         yield Fault(
@@ -150,6 +155,8 @@ def scenario_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from world_faults(scenario)
     if scenario.channel.late:
         yield from delay_faults(scenario)
+    if scenario.detector.present:
+        yield from detector_faults(scenario)
 
 
 def world_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -158,6 +165,9 @@ def world_faults(scenario: Scenario) -> Iterator[Fault]:
     exact = channel.noise.exact() and not channel.rounded
     if scenario.law.linearised and not (exact and networks == 1):
         yield Fault(("law", "channel"), "linearised knows no noise of words, and one network")
+    if scenario.law.local and channel.noise.errs_in_highest():
+        told = f"vehicles do not tell their highest derivative under law: {scenario.law.kind}"
+        yield Fault(("channel.noise.jerk", "law"), told)
     plain = exact and not channel.late and channel.missing == "drop"
     if scenario.gain_matrices is not None and not plain:
         told = "noise, rounding, delay and stand-ins of words need a number for each order"
@@ -223,6 +233,24 @@ def tells_motion(scenario: Scenario) -> bool:
     """Return whether late words are power series of the vehicles' motion over a tick."""
     law = scenario.law
     return not law.holds and (law.local or scenario.channel.extrapolate != "none")
+
+
+def detector_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield faults of a detector: no word has errors, their sizes are unknown, or words are late or
+    rounded.
+    """
+    noises = {"channel.noise": scenario.channel.noise, "sensing": scenario.sensing}
+    noisy = {key: noise for key, noise in noises.items() if not noise.exact()}
+    if not noisy:
+        told = "no word has errors, so every other word is false: give channel: {noise: {position: …}}"
+        yield Fault(("detector", "channel.noise"), told)
+    for key, noise in noisy.items():
+        if not noise.tells_deviations():
+            yield Fault(("detector", key), f"{noise.kind} tells no standard deviations of its errors")
+    if scenario.channel.late:
+        yield Fault(("detector", "channel.delay"), "late words are not tested: give delay: 0")
+    if scenario.channel.rounded:
+        yield Fault(("detector", "channel.quantisation"), "rounded words are not tested: leave it out")
 
 
 def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:

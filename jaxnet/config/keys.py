@@ -19,6 +19,8 @@ from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.attacks.rotating import Rotating
 from jaxnet.kinds.defences import AnyDefence
 from jaxnet.kinds.defences.trusted_trim import TrustedTrim
+from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.detectors.none import NoDetector
 from jaxnet.kinds.family import KindOf
 from jaxnet.kinds.fields import (
     MARK,
@@ -172,6 +174,9 @@ class Scenario(Record):
         Sensor, KindOf("sensing"), Field(description="what vehicles sense of their own motion")
     ] = Gaussian()
     channel: Annotated[Channel, Field(description="what happens to messages on their way")] = Channel()
+    detector: Annotated[
+        Detector, KindOf("detector"), Field(description="which words raise an alarm; an alarm does nothing")
+    ] = NoDetector()
     engine: Annotated[Engine, KindOf("engine"), Field(description="how lanes are advanced")] = Nonlinear()
     metrics: list[Annotated[Metric, NamedMetric()]] = Field(
         default=[],
@@ -214,7 +219,9 @@ class Scenario(Record):
 
 
 RANDOMISATIONS = 16  # independent scramblings of Sobol's sequence
-KINDS = ("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "engine")  # take a kind
+KINDS = (  # keys that take a kind
+    *("topology", "navigator", "vehicle", "attack", "defence", "law", "sensing", "detector", "engine"),
+)
 INNER_KINDS = {  # families of deeper keys
     "attack.announces": "announcement",
     "channel.loss": "loss",
@@ -377,6 +384,10 @@ class SearchSettings(Record):
         default="tail_max",
         description="a metric of rows, or unrecovered, the share of starts; spread by default without a"
         " navigator",
+    )
+    subject_to: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default={},
+        description="a metric of rows: its greatest value; a choice counts only where no start has more",
     )
     budget: int = Field(default=20_000, ge=1, le=10**9, description="lanes that the search takes, per cell")
     starts: int = Field(

@@ -268,6 +268,7 @@ def observe(fleet: Fleet, motion: Motion, batch: Batch) -> Observation:
         attacked,
         lane.vehicle.output_jets(lane.initial)[0],
         inputs,
+        None if fleet.decided.detection is None else fleet.decided.detection.shares,
     )
 
 

@@ -42,6 +42,9 @@ class Observation(NamedTuple):
         Position of each vehicle at t = 0 [m], (2, m, lanes).
     inputs_now
         Function that returns `inputs`, which nobody needs in most studies.
+    alarms
+        Alarms over words that were judged until now, of attacked and of honest links, (2, lanes); None
+        without a detector.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class Observation(NamedTuple):
     attacked: Bool[Array, "m *lanes"]
     start: Float[Array, "2 m *lanes"]
     inputs_now: Callable[[], Float[Array, "2 m *lanes"]]
+    alarms: Float[Array, "2 *lanes"] | None = None
 
     @property
     def inputs(self) -> Float[Array, "2 m *lanes"]:
@@ -119,13 +123,14 @@ def empty_series(save: Sequence[str], rows: int, seen: Callable[[], Observation]
     return {name: jnp.full((rows, *one.shape), jnp.nan) for name, one in shapes.items()}
 
 
-NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf, "sum": 0.0, "integral": 0.0}
+NEUTRAL = {"mean": 0.0, "max": -jnp.inf, "min": jnp.inf, "sum": 0.0, "integral": 0.0, "last": jnp.nan}
 STEP_OVER_TIME = {
     "mean": jnp.add,
     "max": jnp.maximum,
     "min": jnp.minimum,
     "sum": jnp.add,
     "integral": jnp.add,
+    "last": lambda _, value: value,
 }
 OVER_VEHICLES = {"mean": jnp.mean, "max": jnp.max, "min": jnp.min}
 

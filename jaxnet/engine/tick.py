@@ -21,13 +21,14 @@ Jets are relative to the navigator: E = y - y_0 and its derivatives, each (2, m,
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxnet.engine import late
+from jaxnet.engine import detection, late
+from jaxnet.engine.detection import Detection
 from jaxnet.engine.late import History
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
@@ -78,6 +79,13 @@ class Coasting(NamedTuple):
     cut_off: VehicleFlags  # of them, those that decisions alone cut off; nobody where their lane fails
 
 
+class Reading(NamedTuple):
+    """What vehicles sense of themselves until the next tick."""
+
+    errors: Jets  # of fresh readings
+    jets: Jets  # as sensed, relative to no navigator
+
+
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
@@ -93,6 +101,8 @@ class DecisionState(NamedTuple):
     drawn: Received | None = None  # of these errors, those of the noise; None where words are not rounded
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
+    detection: Detection | None = None  # alarms until now; None without a detector
+    reading: Reading | None = None  # what vehicles sense; None where no reading is read again
 
 
 class KnownDrive(NamedTuple):
@@ -208,20 +218,27 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
     channel = first_reception(lane, network, plan, errors, time, history), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
-    silent = jnp.zeros((2, *lane.weights.shape))
-    errors_of_links = drawn = None if lane.noise is None else (silent,) * max(3, len(lane.gain))
-    if lane.steps is None or lane.delay is not None:
-        drawn = None
-    else:
-        errors_of_links = (silent,) * max(3, len(lane.gain))
-    rest = noise, *channel, number, errors_of_links, drawn, history
+    rest = noise, *channel, number, *first_link_errors(lane), history
+    alarms = detection.first_detection(lane, network.hearing)
+    again = None if lane.sensor is None else lane.sensor.stays(time, zero.shape[1])
+    last = alarms, None if again is None or noise is None else Reading(noise, (zero,) * len(lane.gain))
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
-        return DecisionState(decision, memory, changing, None, *rest, weights)
-    state = DecisionState(decision, memory, lane.vectors, None, *rest)
+        return DecisionState(decision, memory, changing, None, *rest, weights, *last)
+    state = DecisionState(decision, memory, lane.vectors, None, *rest, None, *last)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
+
+
+def first_link_errors(lane: Lane) -> tuple[Received | None, Received | None]:
+    """Return that jets on links have no errors before the first tick, as `disturb` returns their errors."""
+    jets, rounded = max(3, len(lane.gain)), lane.steps is not None and lane.delay is None
+    silent = (jnp.zeros((2, *lane.weights.shape)),)
+    if lane.noise is None:
+        return silent * jets if rounded else None, None
+    errors = silent * (jets + lane.noise.errs_in_highest())
+    return errors, errors if rounded else None
 
 
 def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
@@ -289,6 +306,9 @@ def decide(
     `drive` is the drive z of each vehicle until now, needed where vehicles may keep it.
     """
     state = before._replace(noise=sense(lane, before.noise, time))
+    if before.reading is not None:
+        own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
+        state = state._replace(**read_again(lane, before.reading, own, time))
     if lane.turns is not None:
         number = lane.turns.schedule.number(time, len(lane.turns.weights))
         state, lane = state._replace(network=number), with_network(lane, number)
@@ -305,6 +325,7 @@ def decide(
         **disturb(lane, network, before, state, errors, basis, time),
     )
     state = state._replace(reception=listen(lane, network, plan, before, state, errors, basis, time, drive))
+    state = state._replace(detection=raise_alarms(lane, network, state, errors, basis, time))
     state = judge(lane, network, plan, state, errors, basis, time)
     state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
     if state.late is None:
@@ -397,16 +418,22 @@ def disturb(
     basis: Basis,
     time: Instants,
 ) -> dict[str, Received | None]:
-    """Return the errors of the jets on each link, and what noise draws of them; None without."""
+    """Return the errors of the jets on each link, and what noise draws of them; None without.
+
+    Errors of the r-th derivative come last, after `max(3, r)` errors of lower ones.
+    """
+    jets = max(3, len(lane.gain))
     last, drawn = before.link_noise if before.drawn is None else before.drawn, None
     if lane.noise is not None and last is not None:
-        sources = network.hearing.sources
-        noise = xla.materialised(lambda: lane.noise.next_errors(last[:3], time, lane.interval, sources))
-        drawn = *noise, *[jnp.zeros_like(noise[0])] * (len(lane.gain) - len(noise))
+        sources, before_now = network.hearing.sources, (*last[:3], *last[jets:])
+        noise = xla.materialised(lambda: lane.noise.next_errors(before_now, time, lane.interval, sources))
+        drawn = *noise[:3], *[jnp.zeros_like(noise[0])] * (jets - 3), *noise[3:]
     if lane.steps is None or lane.delay is not None:  # late words are rounded when they are sent
         return {"link_noise": drawn}
     rounding = rounding_errors(lane, network, state, errors, basis, time)
-    return {"link_noise": rounding if drawn is None else plane.plus(rounding, drawn), "drawn": drawn}
+    if drawn is not None:
+        rounding = *plane.plus(rounding, drawn), *drawn[jets:]
+    return {"link_noise": rounding, "drawn": drawn}
 
 
 def rounding_errors(
@@ -425,6 +452,25 @@ def rounding_errors(
 
     found = xla.materialised(lambda: tuple(map(rounded, told, steps)))
     return *found, *[jnp.zeros_like(found[0])] * (3 - len(found))
+
+
+def read_again(lane: Lane, last: Reading, own: Jets, time: Instants) -> dict[str, Any]:
+    """Return the errors and the reading of a tick at which some vehicles sense what they sensed last.
+
+    `own` are the vehicles' jets.
+    """
+    fresh = sense(lane, last.errors, time)
+    assert fresh is not None
+    stays = xla.materialised(lambda: lane.sensor.stays(time, own[0].shape[1]))[None]
+    held = [jnp.where(stays, old - jet, new) for old, jet, new in zip(last.jets, own, fresh, strict=False)]
+    noise = *held, *fresh[len(held) :]
+    return {"noise": noise, "reading": Reading(fresh, plane.plus(own, noise))}
+
+
+def word_errors(gain: control.Gain, noise: Received) -> Float[Array, "2 slots m lanes"]:
+    """Return R of the errors of the jets on each link: `P(n) + n^(r)`."""
+    total, highest = control.feedback(gain, noise), noise[max(3, len(gain)) :]
+    return total + highest[0] if highest else total
 
 
 def sensed(jets: Jets, noise: Jets | None) -> Jets:
@@ -478,7 +524,7 @@ def listen(
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
         if before.link_noise is not None:
-            fresh = fresh + control.feedback(gain, before.link_noise)
+            fresh = fresh + word_errors(gain, before.link_noise)
         fresh = fresh[:, None]
     else:
         held = held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
@@ -496,7 +542,7 @@ def late_words(lane: Lane, before: DecisionState, state: DecisionState, time: In
     if last is None or last.words is None or now is None or now.heard is None:
         return words
     if state.link_noise is not None:
-        words = words.at[:, 0].add(control.feedback(lane.gain, state.link_noise))
+        words = words.at[:, 0].add(word_errors(lane.gain, state.link_noise))
     ended = continued(last.words, time - last.time).at[:, 1:].set(0.0)
     return jnp.where(now.arrived[None, None], words, ended)
 
@@ -521,7 +567,8 @@ def heard_jets(
     sent.append(jnp.concatenate([navigator[order], highest], axis=1))
     received = attack(network, tuple(sent), signals)
     if state.link_noise is not None:
-        received = *plane.plus(received[:order], state.link_noise), received[order]
+        ahead = [received[order] + error for error in state.link_noise[max(3, order) :]]
+        received = *plane.plus(received[:order], state.link_noise), *(ahead or [received[order]])
     leads = (network.hearing.sources == 0)[None, ..., None]
     return *received[:order], jnp.where(leads | (held is not None), received[order], 0.0)
 
@@ -582,6 +629,27 @@ def keep_drive(
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
     kept = jnp.where(keeps[None], jnp.where(before.vehicles[None], before.drive, drive), 0.0)
     return Coasting(keeps, kept, off)
+
+
+def raise_alarms(
+    lane: Lane, network: Network, state: DecisionState, errors: Jets, basis: Basis, time: Instants
+) -> Detection | None:
+    """Return the alarms after the words of this tick, None without a detector.
+
+    A residual is what a link carries minus what its source tells, plus the errors of both. It is 0 plus the
+    errors, to the last bit, where the link carries what the source tells.
+    """
+    if state.detection is None:
+        return None
+    sent, hearing = tell(sensed(errors, state.noise)), network.hearing
+    carried = attack(network, sent, signal.jets(attack_vectors(lane, state), basis))
+    residuals = tuple(one - hearing.sent(told) for one, told in zip(carried, sent, strict=True))
+    if state.noise is not None:
+        residuals = plane.plus(residuals, tuple(map(hearing.sent, tell(state.noise))))
+    if state.link_noise is not None:
+        residuals = plane.plus(residuals, state.link_noise)
+    arrived = lane.weights > 0 if state.reception is None else state.reception.arrived
+    return detection.detect(state.detection, lane, hearing, residuals, arrived, time)
 
 
 def tell(errors: Jets) -> Sent:
@@ -672,7 +740,7 @@ def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights
         added = (given[:, None] * words).sum(axis=2)
         share, drive, time = share + given.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
     if state.link_noise is not None and (reception is None or reception.heard is None):
-        error = (heard * control.feedback(lane.gain, state.link_noise)).sum(axis=1)
+        error = (heard * word_errors(lane.gain, state.link_noise)).sum(axis=1)
         drive = drive.at[:, 0].add(error)
     return KnownDrive(share, drive, time)
 

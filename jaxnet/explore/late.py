@@ -25,7 +25,7 @@ class LateChoice(NamedTuple):
 
     point: BoxPoint
     found: float  # mean over the starts, at the horizon
-    late: float  # mean over the starts, at `until`; not-a-number if a lane fails before
+    late: float  # mean over the starts, at `until`; not-a-number if a lane fails before or is not allowed
     until: float  # [s]
 
 
@@ -47,6 +47,7 @@ def choose_finalist(trials: Trials, until: float, measure: Measure, machine: Mac
         return LateChoice(leader.point, leader.found, leader.found, time)
     finalists = [leader, *late_finalists(trials)]
     late = late_means(time, np.stack([each.point for each in finalists]), trials, measure, machine)
+    late = np.where(np.isfinite(late), late, math.nan)
     if np.isnan(late).all():
         return LateChoice(leader.point, leader.found, math.nan, time)
     lasting = np.flatnonzero(late >= np.nanmax(late) - TIE_TOLERANCE * np.nan_to_num(abs(leader.found)))

@@ -40,7 +40,8 @@ Element = TypeVar("Element")
 BoxPoint = Float[np.ndarray, " coordinates"]
 Means = Float[np.ndarray, " choices"]
 Starts = Float[np.ndarray, "choices starts"]
-Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]  # not-a-number for a failed lane
+# Not-a-number for a failed lane, minus infinity for a lane that the search does not allow.
+Measure = Callable[[Outcome], Float[np.ndarray, " lanes"]]
 
 
 class Generation(NamedTuple):
@@ -93,7 +94,7 @@ class Trials:
             leader = int(np.nanargmax(means))
             if means[leader] > self.best:
                 self.best, self.point = float(means[leader]), points[leader].copy()
-        finite = means[~np.isnan(means)]
+        finite = means[np.isfinite(means)]
         best, median = (finite.max(), np.median(finite)) if finite.size else (math.nan, math.nan)
         return means, Generation(
             number, phase, self.lanes, self.best, float(best), float(median), self.failed
@@ -106,9 +107,14 @@ class Trials:
         return self.measure(outcome).reshape(len(points), self.starts)
 
 
+def lowest_if_failed(means: Means) -> Means:
+    """Return the means, minus infinity for a choice with a failed lane."""
+    return np.where(np.isnan(means), -math.inf, means)
+
+
 def best_of(points: Coordinates, means: Means) -> list[Finalist]:
     """Return the best points in descending order; not-a-number comes last."""
-    order = np.argsort(-np.nan_to_num(means, nan=-math.inf), kind="stable")[:RANDOM_FINALISTS]
+    order = np.argsort(-lowest_if_failed(means), kind="stable")[:RANDOM_FINALISTS]
     return [Finalist(float(means[number]), points[number]) for number in order]
 
 
@@ -138,10 +144,13 @@ class Population:
         return points
 
     def tell(self, values: Means) -> None:
-        """Update the population with the generation's values; a choice with a failed lane ranks last."""
+        """Update the population with the generation's values.
+
+        Choices with a failed lane and choices that are not allowed rank last.
+        """
         leader = best_of(self.points(), values)[0]
         self.best = leader if leader.found > self.best.found else self.best
-        losses = np.where(np.isnan(values), math.inf, -values)
+        losses = -lowest_if_failed(values)
         finite = losses[np.isfinite(losses)]
         losses = np.where(np.isfinite(losses), losses, finite.max(initial=0.0) + 1.0)
         self.strategy.tell(list(zip(self.generation, losses.tolist(), strict=True)))
@@ -196,7 +205,7 @@ def scout_points(
     for some in split_items(range(max(POPULATIONS, choices)), CHOICES_AT_ONCE):
         batches.append(random_points(trials.box, sets[0], len(some), random))
         values, generation = trials.attempt("random", batches[-1])
-        means.append(np.nan_to_num(values, nan=-math.inf))
+        means.append(lowest_if_failed(values))
         yield generation
     points, every = np.concatenate(batches), np.concatenate(means)
     trials.finalists += best_of(points, every)
@@ -219,7 +228,7 @@ def screen_sets(
             points = np.concatenate([random_points(trials.box, attacked, each, random) for attacked in some])
             values, generation = trials.attempt("sets", points)
             yield generation
-            values = np.nan_to_num(values, nan=-math.inf).reshape(len(some), each)
+            values = lowest_if_failed(values).reshape(len(some), each)
             by_set = points.reshape(len(some), each, -1)
             for attacked, means, tried in zip(some, values, by_set, strict=True):
                 found = float(means.max()), tried[means.argmax()]
@@ -272,6 +281,7 @@ def polish_best(trials: Trials, until: int) -> Iterator[Generation]:
             "polish", shifted_points(box, point, np.concatenate([steps, -steps]))
         )
         yield generation
+        values = np.where(np.isfinite(values), values, math.nan)
         slope = np.nan_to_num(values[: len(free)] - values[len(free) :])
         if not slope.any():
             return

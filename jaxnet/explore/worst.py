@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell, to_plain
@@ -62,6 +62,7 @@ class WorstChoice(NamedTuple):
     fresh: float  # mean over further starts
     fresh_low: float  # 5 % quantile over further starts
     fresh_high: float  # greatest over further starts
+    fresh_allowed: float  # share of further starts that fulfil `subject_to`
     nonlinear: float  # mean over the starts of `found`, by the nonlinear engine if it moves the vehicles
     lanes: int
     failed: int
@@ -84,8 +85,22 @@ class CellSearch:
         self.trials = Trials(self.box, self.settings.starts, self.measure, machine, known)
 
     def measure(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
-        """Return the objective of each lane; not-a-number where the lane failed."""
+        """Return the objective of each lane; not-a-number where the lane failed, and minus infinity where it
+        is not allowed.
+        """
+        values = self.values(outcome)
+        return np.where(self.allowed(outcome.metrics) | np.isnan(values), values, -math.inf)
+
+    def values(self, outcome: Outcome) -> Float[np.ndarray, " lanes"]:
+        """Return the objective of each lane, allowed or not; not-a-number where the lane failed."""
         return np.where(outcome.status == 0, self.objective(outcome.metrics), math.nan)
+
+    def allowed(self, metrics: Mapping[str, Float[Array | np.ndarray, " lanes"]]) -> Bool[np.ndarray, "..."]:
+        """Return whether lanes with these metrics fulfil `subject_to`; a blank metric does not."""
+        fulfilled = np.asarray(True)
+        for name, most in self.settings.subject_to.items():
+            fulfilled = fulfilled & (np.asarray(metrics[name]) <= most)
+        return fulfilled
 
     def objective(
         self, metrics: Mapping[str, Float[Array | np.ndarray, " lanes"]]
@@ -165,7 +180,9 @@ class CellSearch:
         (found,) = study.cells
         fresh = self.box.lanes(np.tile(choice.point, (FRESH, 1)), np.arange(starts, starts + FRESH))
         same = job(with_engine(found, "nonlinear").scenario, Keyed(self.study.seed), range(starts))
-        again, nonlinear = (self.measure(batch.simulate(each, self.machine)) for each in (fresh, same))
+        outcomes = [batch.simulate(each, self.machine) for each in (fresh, same)]
+        again, nonlinear = map(self.values, outcomes)
+        allowed = self.allowed(outcomes[0].metrics) & ~np.isnan(again)
         given = found.scenario.attack.amplitude()
         amplitude = math.nan if is_drawn(given) else float(given)
         return WorstChoice(
@@ -179,21 +196,27 @@ class CellSearch:
             self.best_random(results),
             bound_of(found.scenario, self.settings.maximise) * amplitude,
             *start_statistics(again),
+            float(allowed.mean()),
             float(nonlinear.mean()),
             trials.lanes,
             trials.failed + int(np.isnan(again).sum()),
         )
 
     def best_random(self, results: Results) -> float:
-        """Return the greatest value of the cell's random lanes, or their share unrecovered.
+        """Return the greatest value of the cell's random lanes that are allowed, or their share unrecovered.
 
-        The value is not-a-number if all lanes failed.
+        The value is not-a-number if there is no such lane.
         """
         column = self.settings.maximise
         column = self.cell.scenario.judged if column == "unrecovered" else column
-        for _, found in results.by_cell(column, where=rows.OK, cells=[self.cell.number]):
-            values = self.objective({column: found[column].to_numpy()})
-            return float(values.mean() if self.settings.maximise == "unrecovered" else values.max())
+        columns = [column, *self.settings.subject_to]
+        for _, found in results.by_cell(*columns, where=rows.OK, cells=[self.cell.number]):
+            metrics = {name: found[name].to_numpy() for name in columns}
+            values = self.objective(metrics)
+            if self.settings.maximise == "unrecovered":
+                return float(values.mean())
+            allowed = values[np.broadcast_to(self.allowed(metrics), values.shape)]
+            return float(allowed.max()) if allowed.size else math.nan
         return math.nan
 
 

@@ -205,6 +205,11 @@ if TYPE_CHECKING:
             ...
 
         @property
+        def alarms(self) -> LaneNumbers | None:
+            """Alarms over words, of attacked and of honest links, (2, lanes); None without a detector."""
+            ...
+
+        @property
         def inputs(self) -> VehicleInput:
             """Control input u of each vehicle, (2, m, lanes), as `Vehicle.inputs` and `Vehicle.input_units`
             tell.

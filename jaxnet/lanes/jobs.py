@@ -49,7 +49,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
-    own = scenario.own_gains
+    detector, own = scenario.detector, scenario.own_gains
     if own is not None:
         gain = draw.same(own[0])
     else:
@@ -77,6 +77,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
         periods=periods_of(scenario, draw, sources),
         gain_apart=None if own is None else draw.same((own - own[0]).T),
         steps=steps_of(scenario, draw),
+        detector=tree(detector.drawn(draw, "detector")) if detector.present else None,
     )
     numbers = scenario.engine.numbers(draw, gain, interval_of(scenario))
     return Job(

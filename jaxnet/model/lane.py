@@ -31,8 +31,8 @@ class Lane(NamedTuple):
     """The numbers of one simulated fleet.
 
     Many lanes form one tree of the same structure, with a last axis over lanes. Law, vehicle, navigator,
-    defence, announcements, sensor, loss and noise are kinds with their numbers drawn. The attack's signal has
-    a method `basis`.
+    defence, announcements, sensor, loss, noise and detector are kinds with their numbers drawn. The attack's
+    signal has a method `basis`.
     """
 
     initial: Float[Array, "n m *lanes"]
@@ -57,6 +57,7 @@ class Lane(NamedTuple):
     periods: Periods | None = None  # None where the same vehicles are attacked all along
     gain_apart: Float[Array, "r m *lanes"] | None = None  # each vehicle's own gains minus `gain`; None: 0
     steps: Float[Array, "r *lanes"] | None = None  # [m, m/s, …] to which jets in words are rounded, or None
+    detector: Any = None  # None where nobody tests words
 
     @property
     def lossy(self) -> bool:

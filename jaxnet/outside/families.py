@@ -26,6 +26,7 @@ FAMILIES = {
     "sensing": Family("jaxnet.kinds.sensors", "Sensor", "jaxnet.sensors"),
     "loss": Family("jaxnet.kinds.losses", "Loss", "jaxnet.losses"),
     "noise": Family("jaxnet.kinds.noises", "ChannelNoise", "jaxnet.noises"),
+    "detector": Family("jaxnet.kinds.detectors", "Detector", "jaxnet.detectors"),
     "metrics": Family("jaxnet.kinds.metrics", "Metric", "jaxnet.metrics"),
 }
 

@@ -15,7 +15,7 @@ from scipy import stats
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
-from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.metrics import DETECTION, Metric
 from jaxnet.model.wording import count
 from jaxnet.statistics.amplitude import amplitude_note
 from jaxnet.statistics.curves import LOG_FLOOR, decades, unrecovered_shares
@@ -117,12 +117,13 @@ class Quantity(NamedTuple):
 def asked_quantity(study: Config) -> str:
     """Return the quantity that a study asks for: lanes unrecovered, its first own metric, or the tail's mean
     error.
+
+    Shares of alarms, which every study with a detector has, are not asked for.
     """
     if study.recovery is not None:
         return "unrecovered"
-    if study.metrics:
-        return study.metrics[0].name
-    return "tail_mean"
+    own = (metric.name for metric in study.metrics if metric.name not in DETECTION)
+    return next(own, "tail_mean")
 
 
 def known_quantities(study: Config) -> list[str]:

@@ -9,7 +9,7 @@ from jaxtyping import Int
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import RANDOMISATIONS, Config
-from jaxnet.kinds.metrics import CONTRACT
+from jaxnet.kinds.metrics import CONTRACT, DETECTION
 from jaxnet.statistics import means, recovery
 from jaxnet.statistics.hull import hull_share
 from jaxnet.statistics.limits import ceilings
@@ -58,11 +58,12 @@ def summarise(
 
 
 def ranges_of(study: Config, cell: Cell, samples: Sequence[int]) -> dict[str, MetricRange]:
-    """Return the range [m] of the tail errors in some lanes of a cell.
+    """Return the range of the tail errors [m] and of the shares of alarms in some lanes of a cell.
 
-    The range is from 0 to the greatest error that theory allows.
+    The range of an error is from 0 to the greatest error that theory allows.
     """
-    return {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
+    errors = {metric: (0.0, most) for metric, most in ceilings(study, cell, samples).items()}
+    return errors | dict.fromkeys(DETECTION, (0.0, 1.0))
 
 
 def summarised_metrics(study: Config) -> list[str]:

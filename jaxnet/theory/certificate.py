@@ -46,6 +46,41 @@ def certify(network: Digraph, attacked: Links) -> Certificate:
     )
 
 
+class JointReach(NamedTuple):
+    """Vehicles that the navigator reaches where networks take turns; lists contain numbers, from 1."""
+
+    union: list[int]  # over the links of all networks
+    always: list[int]  # in each network
+    nominal: list[int]  # in each network, and no source is ever one that the navigator does not reach
+
+
+def joint_reach(networks: Sequence[Digraph]) -> JointReach:
+    """Return whom the navigator reaches in networks that take turns.
+
+    Without attack and errors, the `nominal` vehicles obey O1 (theorems.md): all their words are those of
+    vehicles that obey it too.
+    """
+    vehicles = networks[0].vehicles
+    heard = np.zeros((len(networks), vehicles + 1, vehicles + 1), bool)
+    for number, network in enumerate(networks):
+        listeners, slots = network.edges()
+        heard[number, listeners + 1, network.sources[listeners, slots]] = True
+    nominal = np.logical_and.reduce([reached_over(each) for each in heard])
+    always, before = nominal, None
+    while before is None or (nominal != before).any():
+        before, nominal = nominal, nominal & ~(heard & ~nominal).any(axis=(0, 2))
+    found = reached_over(np.asarray(heard.any(axis=0))), always, nominal
+    return JointReach(*[numbered_vehicles(each[1:]) for each in found])
+
+
+def reached_over(heard: Bool[np.ndarray, "n n"]) -> Bool[np.ndarray, " n"]:
+    """Return the nodes that node 0 reaches; `heard[i, j]` says whether i hears j."""
+    reached = np.arange(len(heard)) == 0
+    for _ in range(len(heard)):
+        reached = reached | (heard & reached).any(axis=1)
+    return reached
+
+
 def numbered_vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
     """Return the numbers, from 1, of the vehicles in a mask."""
     return [int(i) for i in np.flatnonzero(mask) + 1]

@@ -9,11 +9,13 @@ import shutil
 import jax
 import numpy as np
 import pytest
+from scipy import optimize, stats
 
 import jaxnet
 from experiments import search as experiment
 from experiments.search import BIAS, KNOWN, largest
 from jaxnet.api import studies, writing
+from jaxnet.config.document import ConfigError
 from jaxnet.config.keys import Scenario
 from jaxnet.engine.batch import Machine
 from jaxnet.explore import late, search, worst
@@ -272,6 +274,42 @@ def test_a_cell_in_which_all_lanes_fail_is_told(tmp_path):
     for name in ("found", "random", "bound", "fresh", "nonlinear", "magnitude"):
         assert math.isnan(row[name])
     assert row["failed"] >= row["lanes"]
+
+
+def test_the_worst_attack_that_is_not_seen(tmp_path, monkeypatch):
+    """A constant bias as great as 2 % of alarms allow, 0.6213 deviations by the χ² law; none if half of all
+    honest words raise one.
+    """
+    monkeypatch.setattr(worst, "FRESH", 48)
+    attack = {"kind": "bias", "vehicles": [1, 3], "magnitude": 1.0}
+    keys = {"vehicles": 4, "topology": "complete", "output_step": 2.0, "tail": 4.0, "attack": attack}
+    keys |= {"channel": {"noise": {"position": 1.0}}, "detector": {"kind": "chi_squared"}}
+    keys |= {"sweep": {"detector.false_alarms": [0.01, 0.5]}, "horizon": 20.0}
+    asked = {"subject_to": {"alarms": 0.02}, "starts": 1, "until": 1.0, "maximise": "tail_mean"}
+    given = study({"attack.magnitude": [0.0, 3.0]}, budget=200, search=asked, **keys)
+    results = jaxnet.search(given, tmp_path / "s", progress=False)
+    found = jaxnet.simulate(results.path / "worst" / "0.yaml", progress=False).lanes.iloc[0]
+    row, nothing = results.worst.to_dict("records")
+    assert found["tail_mean"] == row["found"]
+    # The share rises with the bias in steps of a word. Of as many lanes of this start none has more.
+    words, share = 2 * 3 * 401, found["alarms"]
+    assert 0.02 - 3 / words < share <= 0.02
+    width = 2.576 * np.sqrt(0.02 * 0.98 / words)
+    limits = [bias_seen(0.02 + side * width) for side in (-1, 1)]
+    assert limits[0] < row["magnitude"] < limits[1]
+    assert 0.1 < row["fresh_allowed"] < 0.9
+    allowed = results.lanes.query("cell == 0 and alarms <= 0.02")["tail_mean"]
+    assert row["random"] == allowed.max()
+    assert math.isnan(nothing["found"])
+    assert "subject to alarms ≤ 0.02" in text_of(results)
+    assert "no choice that was tried in cells 1 fulfils it" in " ".join(text_of(results).split())
+    with pytest.raises(ConfigError, match="a detector gives alarms"):
+        study({"attack.magnitude": [0.0, 3.0]}, search=asked)
+
+
+def bias_seen(share):
+    """The bias over σ that is seen in a share of its words."""
+    return optimize.brentq(lambda bias: stats.ncx2.sf(9.210340, 2, bias**2) - share, 1e-3, 5.0)
 
 
 def smooth(x):

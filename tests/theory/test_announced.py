@@ -2,9 +2,13 @@
 
 import itertools
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxnet.kinds.defences.trusted_trim import TrustedTrim
+from tests import systems
 from tests.model.test_safety import VEHICLES, scenario
 
 PAIRS = [(1, 2), (1, 3), (1, 4), (2, 1), (2, 3), (2, 4), (3, 0), (4, 0)]
@@ -129,6 +133,33 @@ def test_noise_leaves_no_more_than_the_theorem_says(liar):
         left = rounds(network, liar, number=150, noise=0.01, start=0.0, seed=seed).max(axis=1).max()
         bound = (steps / share(network) ** steps + steps - 1) * 0.01
         assert 0.001 < left <= bound
+
+
+class Disturbed(TrustedTrim):
+    """Announcements arrive with errors of norm NU, and each source has its own at each tick."""
+
+    def draws(self):
+        return True
+
+    def overheard(self, announced, sources, time):
+        angle = 2 * np.pi * self.random(time, "angle", jax.random.uniform, sources.shape)
+        wrong = announced + NU * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        return jnp.where((sources > 0)[None, ..., None], wrong, announced)
+
+
+NU = 0.1  # [m/s³]
+
+
+def test_lanes_under_noise_end_within_the_corollary():
+    """`‖h‖₁ γ (2M + ν)` of a constant lie on the ring, M = ν/ω of one hop, γ = 2.475 (corollary 1)."""
+    attack = {"kind": "bias", "magnitude": {"uniform": [0.0, 1.0]}, "direction": {"uniform": [-3.1, 3.1]}}
+    keys = {"engine": "exact", "attack": attack, "horizon": 60.0, "output_step": 1.0, "tail": 30.0}
+    found = systems.simulate(
+        systems.lanes(systems.study(**keys, defence=Disturbed(score="announced")), 8, save=())
+    )
+    omega = 0.1 / 0.55
+    assert (found.status == 0).all()
+    assert NU < found.metrics["tail_max"].max() <= 2.475 * (2 * NU / omega + NU)
 
 
 @pytest.mark.parametrize("liar", [at_random, greedy])

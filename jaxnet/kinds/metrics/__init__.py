@@ -9,10 +9,11 @@ from jaxnet.outside import modules, provenance
 from jaxnet.outside.modules import KindError
 
 AGREEMENT = ("spread", "outside")  # metrics that rows have where there is no navigator
+DETECTION = ("alarms", "false_alarms")  # metrics that rows have where there is a detector
 
 Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
-OverTime = Literal["mean", "max", "min", "sum", "integral"]
+OverTime = Literal["mean", "max", "min", "sum", "integral", "last"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class Metric:
     over
         Output times: those of the whole run, or of the tail.
     time
-        Reduction over the output times: "mean", "max", "min", "sum", or "integral" by the trapezoidal rule.
+        Reduction over the output times: "mean", "max", "min", "sum", "last", or "integral" by the
+        trapezoidal rule.
     vehicles
         Reduction over the vehicles: "mean", "max" or "min".
     words

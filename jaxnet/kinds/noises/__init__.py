@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotLinks, SlotSources
 from jaxnet.kinds.ticks import DrawsTogether
 
 
@@ -20,10 +20,19 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
     ) -> SlotJets:
         """Return the errors of position, velocity and acceleration of one tick, each (2, slots, m, lanes).
 
-        `last` are those of the last tick, 0 before the first. `time` and `interval` (lanes,) are the time of
-        the tick and from tick to tick [s], `sources` (slots, m) the number of each slot's source.
+        Where `errs_in_highest`, the errors of the highest derivative come last. `last` are those of the last
+        tick, 0 before the first. `time` and `interval` (lanes,) are the time of the tick and from tick to
+        tick [s], `sources` (slots, m) the number of each slot's source.
         """
         raise KindError(f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)")
+
+    def errs_in_highest(self) -> bool:
+        """Return whether the r-th derivative of words has errors too, for vehicles of order r."""
+        return False
+
+    def exact_links(self, sources: SlotSources) -> SlotLinks:
+        """Return the links on which words have no errors, by default none."""
+        return sources < 0
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if words arrive with errors and the scenario has no ticks."""

@@ -1,12 +1,21 @@
 """Gaussian noise on links."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from jaxnet.kinds.noise import NormalErrors
+from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.noise import HIGHEST, JET_ORDERS, NormalErrors
 from jaxnet.kinds.noises import ChannelNoise
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, SlotJets, SlotSources, SlotVectors
+from jaxnet.kinds.shapes import (
+    LaneNumbers,
+    LaneTimes,
+    SlotJets,
+    SlotLinks,
+    SlotNumbers,
+    SlotSources,
+    SlotVectors,
+)
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
@@ -20,25 +29,41 @@ else:
 class GaussianNoise(NormalErrors, ChannelNoise):
     """Normal errors of words, independent by axis and order.
 
-    The errors drive the listener by `Σ_j w_ij P(n_ij)` until the next tick (theorems.md O15). With errors of
-    transmitters, the navigator's word is exact.
+    The errors drive the listener by `Σ_j w_ij (P(n_ij) + n_ij^(r))` until the next tick (theorems.md O15).
+    With errors of transmitters, the navigator's word is exact.
     """
 
     kind = "gaussian"
     words = "Gaussian"
+    orders: ClassVar[tuple[str, ...]] = (*JET_ORDERS, HIGHEST)
 
     of: Literal["link", "transmitter"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
         default="link", description="what has errors of its own: each link, or each vehicle that transmits"
     )
 
+    jerk: NotNegative = Field(
+        default=0.0, description="[m/s³], standard deviation of the highest derivative, the jerk of order 3"
+    )
+
+    def errs_in_highest(self) -> bool:
+        """Return whether `jerk` is not 0; it is None in a drawn kind without it."""
+        return self.jerk is not None and not (isinstance(self.jerk, float) and self.jerk == 0)
+
+    def exact_links(self, sources: SlotSources) -> SlotLinks:
+        """Return the links from the navigator, if each transmitter has its own errors."""
+        return (sources == 0) & (self.of == "transmitter")
+
     def next_errors(
         self, last: SlotJets, time: LaneTimes, interval: LaneNumbers, sources: SlotSources
     ) -> SlotJets:
-        """Return normal errors of all three orders."""
-        told = (sources == 0)[None, ..., None] & (self.of == "transmitter")
+        """Return normal errors of all orders, with outliers."""
+        exact = self.exact_links(sources)[None, ..., None]
 
         def draw(order: str) -> SlotVectors:
             drawn = self.random_by_slot(time, order, jax.random.normal, sources, axes=(2,))
-            return jnp.where(told, 0.0, drawn)
+            return jnp.where(exact, 0.0, drawn)
 
-        return self.after(last, self.white(last, draw), time, interval)
+        def uniform() -> SlotNumbers:
+            return self.random_by_slot(time, "outliers", jax.random.uniform, sources)
+
+        return self.after(last, self.white(last, draw, uniform), time, interval)

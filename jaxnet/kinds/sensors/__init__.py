@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.noise import ErrorsAtTicks
 from jaxnet.kinds.protocols import ScenarioView
-from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets
+from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
 
 
 class Sensor(ErrorsAtTicks):
@@ -37,6 +37,13 @@ class Sensor(ErrorsAtTicks):
         `interval` (lanes,) is the time from tick to tick [s]. Before the first tick, `last` is 0.
         """
         return self.errors(time, last[0].shape[1])
+
+    def stays(self, time: LaneTimes, vehicles: int) -> VehicleMask | None:
+        """Return whether what a vehicle senses at a tick is what it sensed at the last one, (m, lanes).
+
+        None, the default, means never.
+        """
+        return None
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
         """Yield a fault if vehicles sense with errors and the scenario has no ticks."""

@@ -61,6 +61,9 @@ def setting_rows(study: Study) -> dict[str, str]:
             lambda cell: cell.scenario.channel.noise,
             lambda cell: cell.scenario.channel.noise.exact(),
         ),
+        "detector": kinds(
+            "detector", lambda cell: cell.scenario.detector, lambda cell: not cell.scenario.detector.present
+        ),
     }
     rows = {name: words for name, words in rows.items() if words != "none" or name in ("attack", "defence")}
     own = {key_name(key): values_words(cells, key) for key in cells[0].labels if not has_row(key)}

@@ -300,13 +300,14 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
     networks = scenario.topology.turns()
     if len(networks) > 1:
         union = "the lines above hold for the union, not for a network alone"
-        lines["networks"] = f"{count(len(networks), 'network')} take turns; {union}; no bound holds"
+        told = f"{count(len(networks), 'network')} take turns; {union}; no bound holds"
+        lines["networks"] = told + reach_text(scenario)
     if not scenario.sensing.exact():
         known = steady_text(scenario, scenario.sensing, lambda: np.ones(1))
         lines["sensing"] = f"{scenario.sensing.kind}: vehicles sense with errors; no bound holds{known}"
     if not scenario.channel.loss.perfect():
         lost = f"loss {scenario.channel.loss.kind}: messages are lost; no bound holds"
-        lines["channel"] = lost + lost_text(scenario)
+        lines["channel"] = lost + lost_text(scenario) + nominal_text(scenario)
     if not scenario.channel.noise.exact():
         known = ""
         if not scenario.defence.decides and scenario.vehicles <= certificate.MOST_INVERTED:
@@ -323,6 +324,22 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
 def one_live_network(scenario: Scenario) -> bool:
     """Return whether one network is in force, whose words are not late."""
     return len(scenario.topology.turns()) == 1 and not scenario.channel.late
+
+
+def reach_text(scenario: Scenario) -> str:
+    """Return whom the navigator reaches in networks that take turns, and what stays certain of them."""
+    if not scenario.navigator.present or scenario.vehicles > certificate.MOST_INVERTED:
+        return ""
+    networks = [each.normalised_rows(scenario.vehicles) for each in scenario.topology.turns()]
+    union, always, nominal = (
+        "every vehicle" if len(each) == scenario.vehicles else ranges(each) or "nobody"
+        for each in certificate.joint_reach(networks)
+    )
+    told = f"; the navigator reaches {union} in the union and {always} in each of them"
+    if not scenario.law.solved:
+        return told
+    rest = "" if nominal == "every vehicle" else ", of others nothing is known"
+    return f"{told}; without attack, errors, loss and delay O1 holds of {nominal}{rest}"
 
 
 def lost_text(scenario: Scenario) -> str:
@@ -367,6 +384,14 @@ def lateness_text(scenario: Scenario) -> str:
     if not is_drawn(scenario.channel.delay):
         return f"{low:g} s"
     return f"{low:g} to {high:g} s, drawn for each {scenario.channel.delay_of},"
+
+
+def nominal_text(scenario: Scenario) -> str:
+    """Return until when O1 holds without attack if lost words are dropped, "" if nothing is known."""
+    plain = scenario.navigator.present and scenario.law.solved and not scenario.channel.late
+    if not plain or scenario.channel.missing != "drop" or len(scenario.topology.turns()) > 1:
+        return ""
+    return "; without attack and errors O1 holds while the navigator reaches every vehicle at each tick"
 
 
 def late_text(scenario: Scenario) -> str:

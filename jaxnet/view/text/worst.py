@@ -18,8 +18,8 @@ def search_text(results: Results) -> str:
     shown, left_out, is_cut = fit_terminal(worst_rows(results).head(MOST_ROWS), labels, SEARCH_DROP_ORDER)
     head = f"the worst {maximised_text(results)}; late: at {late_times(results)}; fresh: from other starts"
     tail = f"all in {results.path / 'worst.csv'}" if left_out or is_cut else ""
-    notes = fill(starts_text(results), terminal_width())
-    return "\n".join(filter(None, [head, table_text(shown), notes, tail]))
+    notes = [fill(each, terminal_width()) for each in (starts_text(results), *limit_lines(results))]
+    return "\n".join(filter(None, [head, table_text(shown), *notes, tail]))
 
 
 def starts_text(results: Results) -> str:
@@ -31,6 +31,24 @@ def starts_text(results: Results) -> str:
         f"found: every choice from {same}; random lanes: each a choice and a start of its own, the greatest"
         " lane; so random lanes may be above what was found, from a worse start"
     )
+
+
+def limit_lines(results: Results) -> list[str]:
+    """Return the limits of `subject_to`, how many further starts fulfil them, and where no choice does."""
+    asked = results.study.config.search
+    assert asked is not None
+    if not asked.subject_to:
+        return []
+    told = ", ".join(f"{name} ≤ {most:g}" for name, most in asked.subject_to.items())
+    shares = results.worst["fresh_allowed"].where(results.worst["found"].notna()).dropna()
+    nowhere = results.worst["cell"][results.worst["found"].isna()].tolist()
+    lines = [f"subject to {told} from every start of the search"]
+    if len(shares):
+        lines.append(f"of other starts {shares.min():.1%} to {shares.max():.1%} fulfil it")
+    if nowhere:
+        cells = f"cells {', '.join(map(str, nowhere))}" if len(results.worst) > 1 else "the study"
+        lines.append(f"no choice that was tried in {cells} fulfils it: search where more of them do")
+    return ["; ".join(lines)]
 
 
 def late_times(results: Results) -> str:

@@ -64,12 +64,54 @@ def test_correlated_errors_of_sensors_do_not_pass_from_vehicle_to_vehicle():
     assert np.abs(np.corrcoef(errors.reshape(150, -1).T)[np.triu_indices(24, 1)]).max() < 0.4
 
 
-def test_engines_draw_the_same_errors():
-    """Path by path to 1e-5 m, with lost words held."""
+OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
+TOTAL = 1 + 0.05 * 35  # of variances, by the law of total variance
+
+
+@pytest.mark.parametrize("correlation", [0.0, 1.0])
+def test_outliers_and_errors_of_jerks_drive_the_fleet(correlation):
+    """Variance of E on a star: `(Σ k_k² σ_k² + σ_3²) (1 + p (f² - 1))` times that of the held drive."""
+    noise = {"position": 0.1, "jerk": 0.2, "correlation": correlation, **OUTLIERS}
+    keys = QUIET | {"engine": "exact", "topology": "star"}
+    positions = systems.simulate(systems.lanes(systems.study(**keys, channel={"noise": noise}), 200)).series[
+        "state"
+    ][:, -1, :, :2]
+    squares = (positions - positions.mean(axis=(0, 1))) ** 2
+    known = (0.1**2 + 0.2**2) * TOTAL * (CORRELATED if correlation else WHITE)
+    assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
+    study = systems.study(**keys, channel={"noise": noise})
+    assert f"leave {np.sqrt(known):.4g} m rms" in told(study)
+
+
+def test_the_highest_derivative_of_single_integrators_is_their_velocity():
+    """Its errors drive as those of `k0 y` do: variance `(1 - e^(-h))² / (1 - e^(-2h))` of both together."""
+    noise = {"position": 0.3, "jerk": 0.4, "velocity": 7.0}  # a velocity of order 1 is `jerk` alone
+    keys = QUIET | {"engine": "exact", "topology": "star", "vehicle": "single_integrator", "horizon": 10.0}
+    keys |= {"output_step": 10.0, "tick": 0.1, "channel": {"noise": noise}}
+    positions = systems.simulate(systems.lanes(systems.study(**keys), 200)).series["state"][:, -1, :, :2]
+    squares = (positions - positions.mean(axis=(0, 1))) ** 2
+    known = (0.3**2 + 0.4**2) * (1 - np.exp(-0.1)) ** 2 / (1 - np.exp(-0.2))
+    assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
+
+
+def test_vehicles_under_the_local_law_tell_no_jerk():
+    """So errors of it are refused."""
+    with pytest.raises(ConfigError, match="do not tell their highest derivative"):
+        systems.study(law="local", channel={"noise": {"jerk": 0.1}})
+
+
+@pytest.mark.parametrize("missing", ["hold", "extrapolate"])
+def test_engines_draw_the_same_errors(missing):
+    """Path by path to 1e-5 m, with outliers and errors of jerks, where lost words are replaced."""
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
-    channel = {"noise": {**SIZES, "correlation": 0.3}, "loss": loss, "missing": "hold"}
+    noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
+    channel = {"noise": noise, "loss": loss, "missing": missing}
     keys = {"attack": "none", "defence": "none", "vehicles": 4, "channel": channel, "tick": 0.1}
-    keys |= {"sensing": {"position": 0.1, "correlation": 0.2}, "horizon": 3.0, "tail": 1.0}
+    keys |= {
+        "sensing": {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS},
+        "horizon": 3.0,
+        "tail": 1.0,
+    }
     exact, nonlinear = (
         systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][..., :2]
         for engine in ("exact", "nonlinear")

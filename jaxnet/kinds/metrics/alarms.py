@@ -1,0 +1,26 @@
+"""The share of alarms about words on attacked links."""
+
+from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.protocols import FleetView
+from jaxnet.kinds.shapes import VehicleNumbers
+
+
+def alarm_share(seen: FleetView, links: int) -> VehicleNumbers:
+    """Return alarms over words until now, (m, lanes), of attacked links (0) or of honest links (1).
+
+    The share is not-a-number without a detector, and where no word was judged.
+    """
+    xp = seen.error.__array_namespace__()
+    share = xp.nan if seen.alarms is None else seen.alarms[links]
+    return xp.broadcast_to(xp.asarray(share), seen.error.shape[1:])
+
+
+ALARMS = Metric(
+    "alarms",
+    "",
+    lambda seen: alarm_share(seen, 0),
+    "run",
+    "last",
+    "max",
+    "alarms about words of attacked links, a share of these words",
+)

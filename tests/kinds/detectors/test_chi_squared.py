@@ -1,0 +1,197 @@
+"""Alarms about words: their law, whom they count, covert attacks, engines."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+import jaxnet
+from jaxnet.config.document import ConfigError
+from jaxnet.kinds.detectors import Detector, JudgedWords
+from jaxnet.kinds.detectors.chi_squared import ChiSquared
+from tests import systems
+
+SIGMA = 0.1
+KEYS = {
+    "engine": "exact",
+    "vehicles": 6,
+    "defence": "none",
+    "horizon": 10.0,
+    "tail": 1.0,
+    "channel": {"noise": {"position": SIGMA}},
+    "detector": {"kind": "chi_squared", "false_alarms": 0.01},
+}
+TICKS = 201  # from 0 to the horizon
+SILENT = {"attack": "none"}
+
+
+class Always(Detector):
+    """An alarm about each word."""
+
+    def alarms(self, words, memory):
+        return words.judged, memory
+
+
+class Parity(Detector):
+    """An alarm where a residual has an odd number of bits that are 1: another bit changes the alarm."""
+
+    def alarms(self, words, memory):
+        bits = jax.lax.bitcast_convert_type(words.residuals, jnp.uint64)
+        return (jax.lax.population_count(bits).sum(axis=(0, 1)) % 2 == 1) & words.judged, memory
+
+
+def shares(lanes=8, /, **keys):
+    """The shares of alarms by lane, of attacked links and of honest links."""
+    found = systems.simulate(systems.lanes(systems.study(**KEYS | keys), lanes, save=()))
+    assert (found.status == 0).all()
+    return found.metrics["alarms"], found.metrics["false_alarms"]
+
+
+def bias(size, vehicles=(1,), **more):
+    """A constant offset of so many standard deviations."""
+    return {"attack": {"kind": "bias", "magnitude": size * SIGMA, "vehicles": [*vehicles], **more}}
+
+
+def inside(share, known, words):
+    """Whether a share of so many independent words is inside the 99 % interval of a probability."""
+    return abs(share - known) <= 2.576 * np.sqrt(known * (1 - known) / words)
+
+
+@pytest.mark.parametrize(("size", "seen"), [(2.0, 0.203948), (3.0, 0.553331)])
+def test_a_constant_bias_is_seen_as_published(size, seen):
+    """On the ring: 2 of 18 links carry it; the rest gives 1 % false alarms."""
+    attacked, honest = shares(**bias(size, direction=0.7))
+    assert inside(attacked.mean(), seen, 8 * TICKS * 2)
+    assert inside(honest.mean(), 0.01, 8 * TICKS * 16)
+    assert seen == pytest.approx(stats.ncx2.sf(9.210340, 2, size**2), abs=1e-6)
+
+
+def test_all_noisy_orders_count_together_and_sensors_too():
+    """Position and velocity: χ² of four degrees. A source's own errors add to the variance of its words."""
+    noise, sensing = {"position": 0.03, "velocity": 0.2}, {"position": 0.04}
+    keys = {"channel": {"noise": noise}, "sensing": sensing}
+    _, honest = shares(**keys, **SILENT)
+    assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
+    attack = {"kind": "bias", "magnitude": 0.15, "vehicles": [1, 4]}  # three deviations √(0.03² + 0.04²)
+    attacked, _ = shares(**keys, attack=attack)
+    seen = stats.ncx2.sf(stats.chi2.ppf(0.99, 4), 4, 9)
+    assert inside(attacked.mean(), seen, 8 * TICKS * 4)
+
+
+def test_outliers_raise_alarms():
+    """A word is whitened by its total variance V = σ² (1 + p (f² - 1)); of outliers most raise an alarm."""
+    noise = {"position": SIGMA, "outliers": 0.1, "outlier_factor": 4.0}
+    _, honest = shares(channel={"noise": noise}, **SILENT)
+    inside_of = np.exp(-9.210340 / 2 * (1 + 0.1 * 15))
+    assert inside(honest.mean(), 0.9 * inside_of + 0.1 * inside_of ** (1 / 16), 8 * TICKS * 18)
+
+
+def test_the_share_of_false_alarms_follows_the_key():
+    """Also where it is drawn, lane by lane: the alarms are those of χ² of the same words."""
+    channel = {"noise": {"position": SIGMA, "of": "transmitter"}}
+    _, honest = shares(channel=channel, detector={"kind": "chi_squared", "false_alarms": 0.3}, **SILENT)
+    # The navigator's words are exact and not judged. Two listeners hear the same error of a transmitter.
+    assert abs(honest.mean() - 0.3) <= 2.576 * np.sqrt(0.21 / (8 * TICKS * 6))
+
+
+def test_p_values_are_those_of_chi_squared():
+    """For one to four orders; orders without noise are 0 and do not count."""
+    judged = np.ones((1, 4, 1), bool)
+    orders = np.array([[[1], [2], [3], [4]]])
+    size = np.array([1.5, 1.9, 2.1, 2.5])
+    residuals = np.zeros((4, 2, 1, 4, 1))
+    for vehicle in range(4):
+        residuals[: vehicle + 1, :, 0, vehicle, 0] = size[vehicle]
+    known = np.array([stats.chi2.sf(2 * (v + 1) * size[v] ** 2, 2 * (v + 1)) for v in range(4)])
+    words = JudgedWords(np.zeros(1), orders[..., 0], jnp.asarray(residuals), orders, judged, np.ones(1))
+    for factor, expected in ((1.000001, True), (0.999999, False)):
+        for vehicle in range(4):
+            rule = ChiSquared(false_alarms=0.5).filled(
+                {"false_alarms": jnp.asarray(known[vehicle : vehicle + 1] * factor)}
+            )
+            assert bool(rule.alarms(words, None)[0][0, vehicle, 0]) is expected
+
+
+@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
+def test_a_vehicle_that_moves_as_it_tells_is_covert(engine):
+    """All residuals are those of the lane without attack, bit for bit; one that obeys the law is seen."""
+    attack = {"kind": "own_path", "vehicles": [2], "magnitude": 5.0, "swing": [3.0, 1.0]}
+    keys = {"engine": engine, "horizon": 3.0, "detector": Parity(), "vehicle": "single_integrator"}
+    attacked, honest = shares(**keys, attack=attack | {"moves": "as_told"})
+    _, silent = shares(**keys, **SILENT)
+    np.testing.assert_allclose((2 * attacked + 16 * honest) / 18, silent, rtol=0, atol=1e-15)
+    assert 0.3 < silent.mean() < 0.7
+    if engine == "exact":
+        seen, _ = shares(**keys | {"detector": KEYS["detector"]}, attack=attack)
+        assert seen.mean() > 0.9
+
+
+@pytest.mark.parametrize("keys", [{"engine": "nonlinear"}, {"engine": "stacked"}, {"law": "rounds"}])
+def test_engines_and_laws_count_the_same_alarms(keys):
+    """A residual depends on the attack and the errors alone."""
+    few = {"horizon": 1.0, "tail": 0.5, **bias(2.0)}
+    for one, other in zip(shares(**few), shares(**few | keys), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_detector_changes_nothing_else():
+    """Without one nothing is compiled for it; with one the errors are the same to the last bit."""
+    study, plain = (systems.study(**KEYS | bias(5.0) | each) for each in ({}, {"detector": "none"}))
+    lanes = [systems.lanes(each, 3, save=()) for each in (study, plain)]
+    assert lanes[1].inputs.lane.detector is None
+    with_alarms, without = map(systems.simulate, lanes)
+    assert "alarms" not in without.metrics
+    for name, values in without.metrics.items():
+        np.testing.assert_array_equal(with_alarms.metrics[name], values)
+
+
+def test_only_words_that_arrive_are_judged():
+    """Every word that arrives alarms; where all are lost there is no share, nor without attacked links."""
+    loss = {"kind": "bernoulli", "probability": 0.4}
+    keys = {
+        "channel": KEYS["channel"] | {"loss": loss, "missing": "hold"},
+        "detector": Always(),
+        "horizon": 2.0,
+    }
+    attacked, honest = shares(2, **keys, **bias(2.0))
+    assert attacked.tolist() == honest.tolist() == [1.0, 1.0]
+    attacked, _ = shares(2, **keys, **SILENT)
+    assert np.isnan(attacked).all()
+    lost = keys["channel"] | {"loss": loss | {"probability": 1.0}}
+    assert np.isnan(shares(2, **keys | {"channel": lost}, **bias(2.0))).all()
+
+
+def test_a_link_is_attacked_only_while_it_is():
+    """A vehicle that lies for a tenth of the time counts as honest for the rest."""
+    attack = bias(100.0)["attack"] | {"vehicles": {"at": [4.0, 5.0], "sets": [[1], []]}}
+    attacked, honest = shares(attack=attack)
+    assert attacked.tolist() == [1.0] * 8
+    assert inside(honest.mean(), 0.01, 8 * TICKS * 18)
+
+
+def test_rows_and_tables_have_the_shares():
+    """Means over lanes with an interval, for cells with and without a detector."""
+    keys = KEYS | {"horizon": 1.0, "tail": 0.5, "metrics": ["min_separation"], **bias(2.0)}
+    sweep = {"detector": ["none", {"kind": "chi_squared"}]}
+    results = jaxnet.simulate(keys | {"sweep": sweep}, samples=40, progress=False)
+    assert results.lanes["alarms"].isna().tolist() == [True] * 40 + [False] * 40
+    mine = np.asarray(results.lanes["alarms"])[40:].mean()
+    mean, low, high = (float(results.cells[f"alarms_{end}"].to_numpy()[1]) for end in ("mean", "low", "high"))
+    assert mean == pytest.approx(mine)
+    assert 0 <= low < mine < high <= 1
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"channel": {}}, "no word has errors"),
+        ({"channel": KEYS["channel"] | {"delay": 0.1}}, "late"),
+        ({"detector": {"kind": "chi_squared", "false_alarms": 0.0}}, "greater than 0"),
+        ({"detector": {"kind": "chi_squared", "false_alarms": 1.0}}, "less than 1"),
+    ],
+)
+def test_what_is_refused(keys, words):
+    """Words without errors need no test; late words are not judged."""
+    with pytest.raises(ConfigError, match=words):
+        systems.study(**KEYS | keys)
