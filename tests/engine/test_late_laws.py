@@ -353,7 +353,7 @@ class OldWords:
 
             if self.holds:
                 q = asked(t, jets)
-                jets = np.stack(taylor([*jets, q], TICK)[:3])
+                jets = taylor([*jets, q], TICK)[:3]
             else:
 
                 def field(s, flat):
@@ -408,10 +408,9 @@ def test_vehicles_move_as_the_plain_program(law, late, missing, told, engine, ro
     keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "vehicles": 4, "topology": "complete", "law": law}
     keys |= {"sensing": Wavy(), "defence": "trusted_trim", "engine": engine}
     keys |= {"attack": {"kind": "rotating", "orders": [0, 1, 2, 3] if late else [0, 3], "vehicles": [2, 4]}}
-    keys["channel"] = {"delay": late * TICK, "missing": missing, "extrapolate": told}
-    keys["channel"] |= {"loss": Striped(), "noise": Ripple()}
-    keys["channel"]["quantisation"] = [0.5, 0.0, 0.05] if rounded else 0.0
-    one = systems.lanes(systems.study(**keys), 1)
+    channel = {"delay": late * TICK, "missing": missing, "extrapolate": told, "loss": Striped()}
+    channel |= {"noise": Ripple(), "quantisation": [0.5, 0.0, 0.05] if rounded else 0.0}
+    one = systems.lanes(systems.study(**keys, channel=channel), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     known = OldWords(one, law, late, missing, told).positions(True, rounded)
