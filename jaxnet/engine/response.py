@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
-from jaxnet.engine.subset import LaneIndices, Row, for_each, for_rows, picked, put
+from jaxnet.engine.subset import LaneIndices, Stretch, for_each, for_stretches, picked, put
 from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, VehicleFlags
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
@@ -40,7 +40,7 @@ def solve_response(
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
 
-    def some(few: LaneIndices | Row, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
+    def some(few: LaneIndices | Stretch, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
@@ -53,7 +53,7 @@ def solve_response(
 
     vehicles, carry = lane.initial.shape[1], (response, cut_off)
     if decided.reception is not None or decided.link_noise is not None:
-        return for_rows(flagged, solved_in_a_row(vehicles), some, carry)
+        return for_stretches(flagged, solved_in_a_row(vehicles), some, carry)
     return for_each(flagged, solved_at_once(vehicles), some, carry)
 
 
