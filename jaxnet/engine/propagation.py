@@ -332,8 +332,10 @@ class Held(Propagation):
         lane, network, plan = self.lane, self.network, self.plan
         drive = tick.drive(lane, decided, plan)
         path, basis = self.navigator(state), state.basis
-        driven = control.driven(lane.gain, path), control.drive_functions(lane.gain, basis)
-        told = tick.Told(path, basis, *barrier(driven), state.time)
+        leading, functions = barrier(
+            (control.driven(lane.gain, path), control.drive_functions(lane.gain, basis))
+        )
+        told = tick.Told(path, basis, leading, functions, state.time)
         jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
         cut_off = run_if(
             at.first.any() | plan.decides,
