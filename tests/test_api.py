@@ -191,7 +191,7 @@ def test_what_is_wrong_with_a_kind_in_python_is_said():
         Sinusoid(magnitude="big", frequency="fast")
     code = "from jaxnet.kinds.metrics import Metric, KindError\n"
     code += "try: Metric('m', '', abs, time='median')\nexcept KindError as error: print(error)"
-    said = "metric m: time is one of mean, max, min, sum, integral (got 'median')\n"
+    said = "metric m: time is one of mean, max, min, sum, integral, last (got 'median')\n"
     assert in_process(code) == said  # where annotations are not checked
 
 

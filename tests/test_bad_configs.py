@@ -122,7 +122,7 @@ NUMBERS = [
     Bad("→gain: [1, 3, 3, 3]", "gain", "must be 3, one for each order of two_wheeled (got 4)"),
     Bad("→gain: [1, 5, 9, 9, 5]", "gain", "4 entries (got [1, 5, 9, 9, 5])"),
     Bad("→gain: 3", "gain", "must be a list (got 3)"),
-    Bad("→gain: {uniform: [1, 2]}", "gain", "must be a list (got {"),
+    Bad("gain: {→vehicles: 3}", "gain.vehicles", "must be a list (got 3)"),
     Bad("→tick: {choice: [0.05, 0.1]}", "tick", "must be a number, not a distribution (got {"),
     Bad("→vehicles: {choice: [12]}", "vehicles", "must be a whole number, not a distribution (got {"),
     Bad("gain: [1, →high, 3]", "gain.1", 'must be a number (got "high")'),

@@ -72,7 +72,7 @@ def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vector
     each = jnp.stack(attack)  # (B, 2, m, few)
     right = each.reshape(-1, len(weights), *each.shape[2:])  # (columns, axes, m, few)
     if known is not None:
-        right = jnp.concatenate([right, jnp.broadcast_to(-known.share, right.shape[1:])[None]])
+        right = jnp.concatenate([right, -known.share[None]])
     residual = None
     if not late:
         solution, residual = network.solver.solve(network.hearing, weights, right.transpose(2, 0, 1, 3))

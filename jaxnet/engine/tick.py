@@ -731,7 +731,7 @@ def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights
         return None
     share, drive, time = jnp.zeros_like(heard[:, 0]), jnp.zeros((2, 1, *heard.shape[2:])), None
     if coasting is not None:
-        share, drive = coasting.vehicles[None].astype(float), coasting.drive[:, None]
+        share, drive = share + coasting.vehicles[None].astype(float), coasting.drive[:, None]
     if words is not None and reception is not None:
         given = heard
         if lane.delay is None:

@@ -75,7 +75,7 @@ def extremes_sentence(results: Results) -> str:
     attacked = "attacked " if unit == "ā" else ""
     left = asked - len(errors)
     without = f" {count(left, f'{attacked}cell')} without a lane that ended." if left else ""
-    errors = errors.where(errors.abs() >= ROUNDING_ERROR, 0.0) if unit == "m" else errors
+    errors = errors.where(errors.abs() >= ROUNDING_ERROR, ROUNDING_ERROR / 2) if unit == "m" else errors
     least, most = (f"<b>{error_text(end)} {unit}</b>" for end in (errors.min(), errors.max()))
     head = f"The mean {judged_word(results)} over the tail"
     if least == most:  # as they are printed
