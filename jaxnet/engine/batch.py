@@ -30,6 +30,7 @@ TYPICAL_FLEET = 12  # vehicles in the fleet for which an engine states its chunk
 CHOOSING = 16_000  # most vehicles side by side in a plan that chooses at ticks: more gain little
 LEAST_CHUNK = 2
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
+LATE_CHUNK = 64  # most lanes side by side where words are late, for each keeps its last words
 COMPILING = set[int]()  # threads that compile a program
 # Compiler options by platform. The gains are measured on two cores.
 COMPILER = {
@@ -79,6 +80,7 @@ class Machine(NamedTuple):
         if self.chunk:
             return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
+        chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
         few = min(chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
