@@ -1,4 +1,4 @@
-"""Configs drawn at random, all features at once, against a plain program written from docs/ alone.
+"""Configs drawn at random, all features at once, against a plain program written from docs/.
 
 The program knows a lane from its config. Within a tick every signal is its values at Chebyshev's nodes.
 A delay is whole ticks, so a late word is the values of an earlier tick. The law is one linear system a tick
@@ -51,8 +51,8 @@ def is_lost(loss, tick, listener, source):
 class Swinging(Sensor):
     """Errors of sensors by tick, vehicle, axis and order."""
 
-    size: float
-    pace: float
+    size: Any
+    pace: Any
 
     def errors(self, time, vehicles):
         """Three orders."""
@@ -66,13 +66,13 @@ class Swinging(Sensor):
 class Humming(ChannelNoise):
     """Errors of words by tick, listener, source, axis and order; those of the highest order come last."""
 
-    size: float
-    pace: float
-    of: str
+    size: Any
+    pace: Any
+    orders: str
 
     def errs_in_highest(self):
         """Errors of all orders, or of the lower ones."""
-        return self.of == "all"
+        return self.orders == "all"
 
     def next_errors(self, last, time, interval, sources):
         """Four orders."""
@@ -226,7 +226,7 @@ class Fleet:
                 order = HIGHEST if k == self.r else k
                 if k == self.r or k < 3:
                     errors[k, x] = swung(np, given.size, given.pace, n * H, i, j, x, order)
-            errors[self.r] *= given.of == "all"
+            errors[self.r] *= given.orders == "all"
         return errors
 
     def rounded(self, jets):
@@ -524,8 +524,8 @@ def channel(r, law, pick, some):
         of = pick("link", "link", "transmitter", "all")
         keys["loss"] = Hashed(of=of, factors=factors, share=pick(5, 9, 13))
     if some(0, 1) < 0.6:
-        of = "lower" if law == "local" else pick("all", "lower")
-        keys["noise"] = Humming(size=some(0.05, 0.4), pace=some(1, 9), of=of)
+        orders = "lower" if law == "local" else pick("all", "lower")
+        keys["noise"] = Humming(size=some(0.05, 0.4), pace=some(1, 9), orders=orders)
     if some(0, 1) < 0.5:
         keys["quantisation"] = [pick(0.0, 0.1, 0.2, 0.3) for _ in range(r)]
     return keys
