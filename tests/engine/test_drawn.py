@@ -167,6 +167,10 @@ class Fleet:
             return j == 0 and i + 1 in given["vehicles"]
         return j in given["vehicles"]
 
+    def is_replaced(self, i, j):
+        """Whether a link carries nothing of its source."""
+        return self.is_attacked(i, j) and self.attack["threat"] == "replaces"
+
     def signal(self, time, i, j):
         """Jets of the signal on an attacked link."""
         given, r = self.attack, self.r
@@ -202,7 +206,7 @@ class Fleet:
         if self.is_attacked(i, j):
             if self.attack["kind"] == "own_path":
                 jets = self.signal(time, i, j)
-            elif self.attack["threat"] == "replaces":
+            elif self.is_replaced(i, j):
                 jets = self.navigator(time) + self.signal(time, i, j)
             else:
                 jets = jets + self.signal(time, i, j)
@@ -377,14 +381,22 @@ class Fleet:
             return set()
         heard = np.moveaxis(shares > 0, 2, 0)
         alone = {int(i) for i in np.argwhere(~heard.any(axis=2))[:, 1]}
-        cut_off = unreached(np.moveaxis((weights > 0)[..., None] & self.believed, 2, 0), set())
+        cut_off = self.unreached(np.moveaxis((weights > 0)[..., None] & self.believed, 2, 0), set())
         if self.defence.get("isolated") == "coast":
             alone |= cut_off
         elif cut_off and len(self.networks) == 1 and self.fails_at is None:
             self.fails_at = n
         if self.channel["missing"] == "drop" or self.channel["delay"] != 0:
-            alone |= unreached(heard, alone)
+            alone |= self.unreached(heard, alone)
         return alone
+
+    def unreached(self, by_axis, sources):
+        """Vehicles that no navigator's or replaced word reaches on some axis, nor these vehicles."""
+        replaced = [link for link in self.links if self.is_replaced(*link)]
+        by_axis = by_axis.copy()
+        for i, j in replaced:
+            by_axis[:, i, 0] |= by_axis[:, i, j]
+        return {i for heard in by_axis for i in set(range(self.m)) - reached(heard, sources)}
 
     def solved(self, n, free, shares, known, live):
         """Highest derivatives at the nodes, (m, nodes, 2)."""
@@ -397,7 +409,7 @@ class Fleet:
         for i, j in live:
             added = self.carried(n * H + NODES, i, j, np.zeros((count, self.r + 1, 2)))
             right[i] += shares[i, j] * self.value(added + self.rounding[n][i, j] + self.errors[i, j])
-            if j > 0 and not (self.is_attacked(i, j) and self.attack["threat"] == "replaces"):
+            if j > 0 and not self.is_replaced(i, j):
                 graph[i, j - 1] = shares[i, j]
         hears, solved = shares.any(axis=1), np.zeros((m, count, 2))
         if self.holds:
@@ -416,11 +428,6 @@ class Fleet:
             values = np.linalg.solve(matrix, (drive - own @ fed_back[:, :, x]).ravel())
             solved[:, :, x] = values.reshape(m, count)
         return solved
-
-
-def unreached(by_axis, sources):
-    """Vehicles that neither the navigator nor these reach on some axis."""
-    return {i for heard in by_axis for i in set(range(len(heard))) - reached(heard, sources)}
 
 
 def reached(heard, sources):
