@@ -194,19 +194,21 @@ def remember(
 
     each = [jax.vmap(carried, (0, 0, 1), 1)(path[:, n], functions[:, n], told[n]) for n in range(len(told))]
     if not alike:
-        each = [
-            term * factor.reshape(*[1] * (5 - factor.ndim), *factor.shape)
-            for term, factor in zip(each, gains, strict=True)
-        ]
+        each = [weighed(*both) for both in zip(each, gains, strict=True)]
     if lane.law.local:
         each[-1] = jnp.where((network.hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
     words = sum(each[1:], each[0])
     if rounding is not None:
-        words = words.at[:, 0].add(control.feedback(gains[:-1], rounding))
+        words = words.at[:, 0].add(sum(map(weighed, rounding, gains)))
         jets = None if jets is None else plane.plus(jets, rounding)
     last = None if history.jets is None or jets is None else tuple(map(push, history.jets, jets))
     kept = None if ticks is None or history.ticks is None else push(history.ticks, ticks)
     return History(push(history.words, words), last, kept)
+
+
+def weighed(term: Float[Array, "*some"], factor: Float[Array, "*fewer"]) -> Float[Array, "*some"]:
+    """Return a term times the factor of its order, which lanes have, or links and lanes."""
+    return term * factor.reshape(*[1] * (term.ndim - factor.ndim), *factor.shape)
 
 
 def word_gains(

@@ -92,6 +92,7 @@ class AnyAttack(Kind):
 
     present: ClassVar[bool] = False
     strategic: ClassVar[bool] = False  # whether it chooses new vectors at every tick
+    constant: ClassVar[bool] = False  # whether its derivatives are 0 from tick to tick
     highest: ClassVar[int] = 3  # order of the highest derivative that `sizes` bounds
     told_order: ClassVar[int] = 3  # of the highest derivative that vehicles hear, three at least
     derived: ClassVar[bool] = True  # whether the signal's derivatives are true derivatives
@@ -548,6 +549,9 @@ class Attack(AnyAttack):
                 f"a link that is replaced carries no true derivative: give [0, 1, 2, 3] (got {self.orders})",
             )
         vehicle = scenario.vehicle
+        if self.constant and 0 not in self.falsified():
+            message = f"{self.kind} has no derivatives: give orders with 0 (got {self.orders})"
+            yield Fault(("attack.orders",), message)
         if self.falsified() != ORDERS and vehicle.order != 3:
             yield Fault(
                 ("attack.orders", "vehicle"),
@@ -627,11 +631,13 @@ def signal_scale(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarra
     """Return the factor of unit vectors (lanes,) [m]: ā over the greatest size among the falsified orders.
 
     A vehicle of an order r hears derivatives up to r. Where each order has its magnitude, `order_factors`
-    divide by the sizes, and the scale is the greatest magnitude.
+    divide by the sizes, and the scale is the greatest magnitude. It is 0 where the falsified orders are 0, as
+    those of a frequency 0 without the position.
     """
     if attack.by_order() is not None:
         return np.asarray(attack.amplitude())
-    return np.asarray(attack.amplitude() / np.max(np.asarray(sizes)[heard_orders(attack, order)], axis=0))
+    greatest = np.max(np.asarray(sizes)[heard_orders(attack, order)], axis=0)
+    return np.asarray(attack.amplitude() / np.where(greatest > 0, greatest, np.inf))
 
 
 def order_factors(attack: AnyAttack, sizes: SignalSizes, order: int) -> np.ndarray:

@@ -16,6 +16,7 @@ class Bias(Attack):
 
     kind = "bias"
     highest: ClassVar[int] = 4
+    constant: ClassVar[bool] = True
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 

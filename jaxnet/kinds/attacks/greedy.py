@@ -28,6 +28,7 @@ class Greedy(Attack):
 
     kind = "greedy"
     highest: ClassVar[int] = 4
+    constant: ClassVar[bool] = True
     strategic: ClassVar[bool] = True
 
     directions: int = Field(default=16, ge=2, le=360, description="evenly around")

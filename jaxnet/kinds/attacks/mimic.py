@@ -28,6 +28,7 @@ class Mimic(Attack):
 
     kind = "mimic"
     highest: ClassVar[int] = 4
+    constant: ClassVar[bool] = True
     strategic: ClassVar[bool] = True
 
     direction: Angle = Field(default=FULL_TURN, description="[rad], of the offset")

@@ -129,6 +129,7 @@ def test_sybils_outvote_the_trimming():
         ({"vehicles": {"random": 0}}, "must be at least 1"),
         ({"kind": "freeze", "listeners": "each"}, "tells all listeners the same"),
         ({"threat": "replaces", "orders": [0]}, "carries no true derivative"),
+        ({"kind": "bias", "orders": [1, 3]}, "bias has no derivatives: give orders with 0"),
     ],
 )
 def test_what_cannot_be_is_refused(attack, words):

@@ -36,6 +36,12 @@ def test_a_constant_in_some_orders(orders):
     np.testing.assert_allclose(found, share * CONSISTENT["cyclic"], rtol=0, atol=1e-6)
 
 
+def test_orders_that_are_zero_do_nothing():
+    """A harmonic that may have the frequency 0 is a constant then, without a velocity."""
+    attack = {"kind": "rotating", "frequency": {"choice": [0.0]}, "orders": [1, 3], "magnitude": 2.0}
+    assert (worst_at_the_end(attack, RING) < 1e-9).all()
+
+
 def test_a_position_alone_that_rotates_is_filtered():
     """`(1 + ω²)^(-3/2)` of what the consistent one does: 0.5498 at 0.7 rad/s."""
     attack = {"kind": "rotating", "frequency": 0.7, "phase": 0.0, "magnitude": 2.0}
