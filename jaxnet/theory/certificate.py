@@ -61,24 +61,18 @@ def joint_reach(networks: Sequence[Digraph]) -> JointReach:
     vehicles that obey it too.
     """
     vehicles = networks[0].vehicles
-    heard = np.zeros((len(networks), vehicles + 1, vehicles + 1), bool)
-    for number, network in enumerate(networks):
+    links = set[tuple[int, int]]()
+    always = set(range(1, vehicles + 1))
+    for network in networks:
         listeners, slots = network.edges()
-        heard[number, listeners + 1, network.sources[listeners, slots]] = True
-    nominal = np.logical_and.reduce([reached_over(each) for each in heard])
-    always, before = nominal, None
-    while before is None or (nominal != before).any():
-        before, nominal = nominal, nominal & ~(heard & ~nominal).any(axis=(0, 2))
-    found = reached_over(np.asarray(heard.any(axis=0))), always, nominal
-    return JointReach(*[numbered_vehicles(each[1:]) for each in found])
-
-
-def reached_over(heard: Bool[np.ndarray, "n n"]) -> Bool[np.ndarray, " n"]:
-    """Return the nodes that node 0 reaches; `heard[i, j]` says whether i hears j."""
-    reached = np.arange(len(heard)) == 0
-    for _ in range(len(heard)):
-        reached = reached | (heard & reached).any(axis=1)
-    return reached
+        links |= set(zip((listeners + 1).tolist(), network.sources[listeners, slots].tolist(), strict=True))
+        always -= set(graph.unreachable(network))
+    everything = graph.weighted(vehicles, [(*link, 1.0) for link in sorted(links)])
+    union = set(range(1, vehicles + 1)) - set(graph.unreachable(everything))
+    nominal = set(always)
+    while spoilt := {i for i, j in links if i in nominal and j and j not in nominal}:
+        nominal -= spoilt
+    return JointReach(sorted(union), sorted(always), sorted(nominal))
 
 
 def numbered_vehicles(mask: Bool[np.ndarray, " m"]) -> list[int]:
