@@ -92,7 +92,7 @@ class DrawnDelay(NamedTuple):
 
     def draw(self, time: LaneTimes, links: tuple[int, ...]) -> LinkNumbers:
         """Return the ticks by which the messages of a tick are late."""
-        drawn = chance.drawn(self.key, time, "delay", jax.random.uniform, links)
+        drawn = chance.drawn(self.key, time, "delay", "uniform", links)
         return 1 + (drawn[None] >= self.chances[:-1, None, None]).sum(axis=0)
 
     def seconds(self, ticks: LinkNumbers, interval: LaneTimes) -> Float[Array, "slots m lanes"]:

@@ -1,6 +1,5 @@
 """Kinds that draw random numbers at ticks."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from pydantic import Field
@@ -21,6 +20,7 @@ else:
 
 TICK_ROUNDING = 1e-9  # [s] by which a tick may miss the time of something that begins or ends
 
+Distribution = Literal["uniform", "normal"]  # of random numbers
 Together = Literal["link", "transmitter", "all"]
 
 AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")
@@ -44,7 +44,7 @@ class DrawsAtTicks(Kind):
         self,
         time: LaneTimes,
         purpose: str,
-        sampler: Callable[..., AnyNumbers],
+        distribution: Distribution,
         shape: tuple[int, ...],
     ) -> AnyNumbers:
         """Return random numbers at a tick.
@@ -55,8 +55,8 @@ class DrawsAtTicks(Kind):
             Time of the tick [s], (lanes,).
         purpose
             A name; draws with different purposes are independent.
-        sampler
-            A sampler of `jax.random`, such as `jax.random.normal`, called as `sampler(key, shape)`.
+        distribution
+            "uniform", from 0 to less than 1, or "normal", of mean 0 and standard deviation 1.
         shape
             Shape of the numbers of one lane.
 
@@ -64,11 +64,13 @@ class DrawsAtTicks(Kind):
         -------
             The numbers, with an axis over lanes after those of `shape`.
 
-        Raises KindError unless `draws` returns True.
+        Raises KindError unless `draws` returns True, and for another distribution.
         """
         if "key" not in vars(self):
             raise KindError(f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True")
-        return chance.drawn(vars(self)["key"], time, purpose, sampler, shape)
+        if distribution not in chance.DISTRIBUTIONS:
+            raise KindError(f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})")
+        return chance.drawn(vars(self)["key"], time, purpose, distribution, shape)
 
 
 class DrawsTogether(DrawsAtTicks):
@@ -83,7 +85,7 @@ class DrawsTogether(DrawsAtTicks):
         self,
         time: LaneTimes,
         purpose: str,
-        sampler: Callable[..., AnyNumbers],
+        distribution: Distribution,
         sources: SlotSources,
         axes: tuple[int, ...] = (),
     ) -> AnyNumbers:
@@ -93,7 +95,7 @@ class DrawsTogether(DrawsAtTicks):
         """
         slots, m = sources.shape
         shape = {"link": (slots, m), "transmitter": (m + 1,), "all": (1,)}[self.of]
-        drawn = self.random(time, purpose, sampler, (*axes, *shape))
+        drawn = self.random(time, purpose, distribution, (*axes, *shape))
         if self.of == "link":
             return drawn
         number = sources if self.of == "transmitter" else jnp.zeros_like(sources)

@@ -84,9 +84,7 @@ class Trust(Sparing):
 
     def random_alpha(self, around: Neighbourhood) -> SlotNumbers:
         """Return 1 or 0, the truth with probability `accuracy`."""
-        from jax.random import uniform
-
-        drawn = self.random(around.time, "observation", uniform, around.weights.shape[:-1])
+        drawn = self.random(around.time, "observation", "uniform", around.weights.shape[:-1])
         right = drawn < self.accuracy[None, None]
         return (right != around.attacked).astype(float)
 

@@ -34,11 +34,8 @@ from jaxnet.model.safety import Safe
 from jaxnet.model.wording import count, ranges
 
 if TYPE_CHECKING:
-    import jax
-
     from jaxnet.model import control, trimming
 else:
-    jax = LazyModule("jax")
     trimming = LazyModule("jaxnet.model.trimming")
     control = LazyModule("jaxnet.model.control")
 
@@ -166,7 +163,7 @@ class TrustedTrim(Sparing):
         if self.announcing():
             announced = xp.zeros((2, *lanes))
             if self.first_announcement is not None:
-                normal = self.random(around.time, "first announcement", jax.random.normal, (2, lanes[0]))
+                normal = self.random(around.time, "first announcement", "normal", (2, lanes[0]))
                 announced = self.first_announcement[None, None] * normal
         if self.filter is not None:
             score, time = xp.zeros(around.weights.shape), xp.full(lanes[1:], -xp.inf)

@@ -22,10 +22,8 @@ from jaxnet.model import graph
 from jaxnet.model.graph import Digraph
 
 if TYPE_CHECKING:
-    import jax
     import jax.numpy as jnp
 else:
-    jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
 
 
@@ -96,7 +94,7 @@ class Switching(DrawsAtTicks, Graph):
             passed = jnp.floor((time + TICK_ROUNDING) / self.every).astype(int)
         if self.order == "cyclic":
             return passed % networks
-        drawn = self.random(passed.astype(float), "network", jax.random.uniform, ())
+        drawn = self.random(passed.astype(float), "network", "uniform", ())
         return (drawn * networks).astype(int)
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:

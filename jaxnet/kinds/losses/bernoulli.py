@@ -1,6 +1,6 @@
 """Independent loss of messages."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -8,12 +8,6 @@ from jaxnet.kinds.fields import Number, Within, is_drawn
 from jaxnet.kinds.losses import Loss, Messages
 from jaxnet.kinds.shapes import Memory, SlotMask
 from jaxnet.kinds.ticks import DrawsTogether
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax
-else:
-    jax = LazyModule("jax")
 
 
 class Bernoulli(DrawsTogether, Loss):
@@ -40,5 +34,5 @@ class Bernoulli(DrawsTogether, Loss):
 
     def lost(self, messages: Messages, memory: Any) -> tuple[SlotMask, Memory]:
         """Return the slots whose random number is below the probability."""
-        drawn = self.random_by_slot(messages.time, "loss", jax.random.uniform, messages.sources)
+        drawn = self.random_by_slot(messages.time, "loss", "uniform", messages.sources)
         return drawn < self.probability[None, None], memory

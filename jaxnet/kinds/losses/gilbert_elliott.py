@@ -11,10 +11,8 @@ from jaxnet.kinds.ticks import DrawsTogether
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
-    import jax
     import jax.numpy as jnp
 else:
-    jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
 
 
@@ -56,4 +54,4 @@ class GilbertElliott(DrawsTogether, Loss):
 
     def uniform(self, messages: Messages, purpose: str) -> Any:
         """Return a uniform number of each channel, by slot."""
-        return self.random_by_slot(messages.time, purpose, jax.random.uniform, messages.sources)
+        return self.random_by_slot(messages.time, purpose, "uniform", messages.sources)

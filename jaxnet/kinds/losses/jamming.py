@@ -15,10 +15,8 @@ from jaxnet.kinds.ticks import TICK_ROUNDING, DrawsTogether, Together
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
-    import jax
     import jax.numpy as jnp
 else:
-    jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
 
 Interval = Annotated[list[float], Len(2, 2), AfterValidator(ordered)]
@@ -102,7 +100,7 @@ class Jamming(DrawsTogether, Loss):
         """Return the budget after a tick: the jammer starts or goes on if it wants to and may."""
         numbers = messages.interval, self.starts, self.spacing, self.seconds, self.ratio
         interval, most_starts, spacing, most_seconds, ratio = (each[None, None] for each in numbers)
-        coin = self.random_by_slot(messages.time, "jamming", jax.random.uniform, messages.sources) < 0.5
+        coin = self.random_by_slot(messages.time, "jamming", "uniform", messages.sources) < 0.5
         allowed = (left.jams | (left.starts >= 1.0)) & (left.seconds + interval / ratio >= interval)
         jams = (left.jams ^ coin) & allowed
         starts = left.starts + interval / spacing - (jams & ~left.jams).astype(float)

@@ -19,10 +19,8 @@ from jaxnet.kinds.shapes import (
 from jaxnet.lazy import LazyModule
 
 if TYPE_CHECKING:
-    import jax
     import jax.numpy as jnp
 else:
-    jax = LazyModule("jax")
     jnp = LazyModule("jax.numpy")
 
 
@@ -60,10 +58,10 @@ class GaussianNoise(NormalErrors, ChannelNoise):
         exact = self.exact_links(sources)[None, ..., None]
 
         def draw(order: str) -> SlotVectors:
-            drawn = self.random_by_slot(time, order, jax.random.normal, sources, axes=(2,))
+            drawn = self.random_by_slot(time, order, "normal", sources, axes=(2,))
             return jnp.where(exact, 0.0, drawn)
 
         def uniform() -> SlotNumbers:
-            return self.random_by_slot(time, "outliers", jax.random.uniform, sources)
+            return self.random_by_slot(time, "outliers", "uniform", sources)
 
         return self.after(last, self.white(last, draw, uniform), time, interval)

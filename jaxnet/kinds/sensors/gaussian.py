@@ -1,7 +1,7 @@
 """Gaussian noise in what vehicles sense of themselves."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
@@ -10,12 +10,6 @@ from jaxnet.kinds.noise import NormalErrors
 from jaxnet.kinds.protocols import LaneDraw
 from jaxnet.kinds.sensors import Sensor
 from jaxnet.kinds.shapes import LaneNumbers, LaneTimes, VehicleJets, VehicleMask
-from jaxnet.lazy import LazyModule
-
-if TYPE_CHECKING:
-    import jax
-else:
-    jax = LazyModule("jax")
 
 
 class Gaussian(NormalErrors, Sensor):
@@ -54,7 +48,7 @@ class Gaussian(NormalErrors, Sensor):
         """Return the vehicles whose random number is below the probability, nobody at the first tick."""
         if self.dropout is None:
             return None
-        drawn = self.random(time, "dropout", jax.random.uniform, (vehicles,))
+        drawn = self.random(time, "dropout", "uniform", (vehicles,))
         return (drawn < self.dropout[None]) & (time > 0)[None]
 
     def next_errors(self, last: VehicleJets, time: LaneTimes, interval: LaneNumbers) -> VehicleJets:
@@ -62,7 +56,7 @@ class Gaussian(NormalErrors, Sensor):
         shape = last[0].shape[:2]
         white = self.white(
             last,
-            lambda order: self.random(time, order, jax.random.normal, shape),
-            lambda: self.random(time, "outliers", jax.random.uniform, shape[1:]),
+            lambda order: self.random(time, order, "normal", shape),
+            lambda: self.random(time, "outliers", "uniform", shape[1:]),
         )
         return self.after(last, white, time, interval)
