@@ -11,7 +11,7 @@ SHORTEST_COMPILATION = 0.1  # [s], of compilations that are kept
 # Loops that move no more bytes than that are compiled as one function, not operation by operation. Level 2
 # compiles 1.4 times as fast as level 3, and its programs are as fast.
 FLAGS = (
-    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000"
+    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000,-enable-nontrivial-unswitch=true"
     " --xla_backend_optimization_level=2"
 )
 
