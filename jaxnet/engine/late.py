@@ -12,7 +12,8 @@ word is the one number that its listener hears at a tick.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +23,8 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.shapes import LaneTimes
 from jaxnet.model import chance, control, plane, signal
-from jaxnet.model.lane import Lane, Network
+from jaxnet.model.hearing import Hearing
+from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.model.signal import Vectors
 
@@ -41,12 +43,28 @@ LinkFlags = Bool[Array, "#slots #m lanes"]
 LinkNumbers = Int[Array, "slots m lanes"]
 
 
-class History(NamedTuple):
-    """What each link carried in the last d ticks, the oldest tick first. d is the greatest delay in ticks."""
+class SentJets(NamedTuple):
+    """Jets of y at a tick, which listeners judge by."""
 
-    words: Float[Array, "d 2 degrees slots m lanes"]  # coefficients of s^k / k!, s the time since the tick
-    jets: tuple[Float[Array, "d 2 slots m lanes"], ...] | None  # of y at the ticks; None where nobody judges
-    ticks: Int[Array, "d slots m lanes"] | None  # by which messages are late, where each has its own delay
+    own: tuple[Float[Array, "*d 2 m lanes"], ...]  # as vehicles sense them, relative to the navigator
+    navigator: Float[Array, "*d r 2 lanes"]
+    functions: Float[Array, "*d r B lanes"]  # of the attacks
+
+
+class History(NamedTuple):
+    """What vehicles, navigator and attackers sent in the last d ticks, the oldest tick first.
+
+    d is the greatest delay in ticks. Of one tick, the arrays have no axis d. A word is the sum of its orders:
+    of one, or of those of y, ẏ, …, y^(r).
+    """
+
+    told: tuple[Float[Array, "*d 2 degrees m lanes"], ...]  # coefficients of s^k / k!, s since the tick
+    path: Float[Array, "*d orders degrees 2 lanes"]  # the navigator's
+    functions: Float[Array, "*d orders degrees B lanes"]  # of the attacks
+    vectors: Float[Array, "*d 2 signals B lanes"] | None  # of the attacks; None: at all times the lane's
+    rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...] | None  # errors of jets; None: none are rounded
+    jets: SentJets | None  # None where nobody judges
+    ticks: Int[Array, "*d slots m lanes"] | None  # by which messages are late, where each has its own delay
 
 
 class Arrival(NamedTuple):
@@ -55,12 +73,17 @@ class Arrival(NamedTuple):
     came: LinkFlags
     entry: LinkNumbers | None  # its place in the history; None for the first
 
-    def of(self, queue: Float[Array, "d *some"]) -> Float[Array, "*some"]:
-        """Return what the messages hold of a part of the history."""
+    def of(self, history: History, carried: Callable[[History], Any]) -> Any:
+        """Return what the messages carry, where `carried` gives what all links carry of one tick."""
         if self.entry is None:
-            return queue[0]
-        place = self.entry.reshape(*[1] * (queue.ndim - 3), *self.entry.shape)
-        return jnp.take_along_axis(queue, place, axis=0)[0]
+            return carried(jax.tree.map(lambda leaf: leaf[0], history))
+        entry = self.entry
+
+        def of_entry(each: Float[Array, "d *some"]) -> Float[Array, "*some"]:
+            place = entry.reshape(*[1] * (each.ndim - 3), *entry.shape)
+            return jnp.take_along_axis(each, place, axis=0)[0]
+
+        return jax.tree.map(of_entry, jax.vmap(carried)(history))
 
 
 class SteadyDelay(NamedTuple):
@@ -71,8 +94,8 @@ class SteadyDelay(NamedTuple):
     def draw(self, time: LaneTimes, links: tuple[int, ...]) -> None:
         """Return that messages have no delays of their own."""
 
-    def seconds(self, ticks: None, interval: LaneTimes) -> Float[Array, "*links lanes"]:
-        """Return the delay of the messages of a tick [s]."""
+    def seconds(self, ages: LinkNumbers | None, interval: LaneTimes) -> Float[Array, "*links lanes"]:
+        """Return the delay [s] of messages, which arrive so many ticks late."""
         return self.time
 
     def arrival(self, history: History, time: LaneTimes, interval: LaneTimes) -> Arrival:
@@ -81,7 +104,7 @@ class SteadyDelay(NamedTuple):
         came = time[lift] > self.time - interval[lift] / 2
         if not lift:
             return Arrival(came[None, None], None)
-        return Arrival(came, len(history.words) - jnp.round(self.time / interval[lift]).astype(int))
+        return Arrival(came, length(history) - jnp.round(self.time / interval[lift]).astype(int))
 
 
 class DrawnDelay(NamedTuple):
@@ -95,9 +118,9 @@ class DrawnDelay(NamedTuple):
         drawn = chance.drawn(self.key, time, "delay", "uniform", links)
         return 1 + (drawn[None] >= self.chances[:-1, None, None]).sum(axis=0)
 
-    def seconds(self, ticks: LinkNumbers, interval: LaneTimes) -> Float[Array, "slots m lanes"]:
-        """Return the delay of the messages of a tick [s]."""
-        return ticks.astype(float) * interval[None, None]
+    def seconds(self, ages: LinkNumbers, interval: LaneTimes) -> Float[Array, "slots m lanes"]:
+        """Return the delay [s] of messages, which arrive so many ticks late."""
+        return ages.astype(float) * interval[None, None]
 
     def arrival(self, history: History, time: LaneTimes, interval: LaneTimes) -> Arrival:
         """Return the messages that arrive at a tick."""
@@ -109,9 +132,14 @@ class DrawnDelay(NamedTuple):
         return Arrival(due.any(axis=0), last)
 
 
+def length(history: History) -> int:
+    """Return the number of ticks in a history."""
+    return len(history.path)
+
+
 def ages(history: History) -> Int[Array, "d 1 1 1"]:
     """Return the ticks that have passed since each entry of a history."""
-    return jnp.arange(len(history.words), 0, -1)[:, None, None, None]
+    return jnp.arange(length(history), 0, -1)[:, None, None, None]
 
 
 def word_degrees(lane: Lane) -> int:
@@ -119,13 +147,45 @@ def word_degrees(lane: Lane) -> int:
     return 1 if lane.law.holds else DEGREES
 
 
-def first_history(lane: Lane, late: int, judged: bool) -> History:
-    """Return the history before the first tick, for a delay of at most `late` ticks."""
-    links = lane.weights.shape
-    nothing, words = jnp.zeros((late, 2, *links)), jnp.zeros((late, 2, word_degrees(lane), *links))
-    drawn = lane.delay.draw(jnp.zeros(links[-1]), links[:-1])
-    ticks = None if drawn is None else jnp.full((late, *links), NOT_ARRIVING, int)
-    return History(words, (nothing,) * len(lane.gain) if judged else None, ticks)
+def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | None:
+    """Return the factors of derivatives in words if all links of a lane have the same, else None.
+
+    Sources then tell one sum.
+    """
+    if lane.law.local:
+        return None
+    if plan.extrapolate == "none":
+        return word_gains(lane.gain, None, plan.extrapolate)
+    if isinstance(lane.delay, SteadyDelay) and lane.delay.time.ndim == 1:
+        return word_gains(lane.gain, lane.delay.time, plan.extrapolate)
+    return None
+
+
+def first_history(lane: Lane, plan: Plan, changing: bool, rounded: bool) -> History:
+    """Return the history before the first tick, in which all is 0.
+
+    `changing` says whether the attacks' vectors change, `rounded` whether jets are rounded.
+    """
+    d, r, (slots, m, lanes) = plan.late, len(lane.gain), lane.weights.shape
+    orders, degrees = r + 1 if common_gains(lane, plan) is None else 1, word_degrees(lane)
+    functions = lane.vectors.shape[2]
+
+    def nothing(*shape: int) -> Float[Array, "*shape"]:
+        return jnp.zeros((d, *shape, lanes))
+
+    jets = None
+    if plan.decides:
+        jets = SentJets((nothing(2, m),) * r, nothing(r, 2), nothing(r, functions))
+    drawn = lane.delay.draw(jnp.zeros(lanes), (slots, m))
+    return History(
+        told=(nothing(2, degrees, m),) * orders,
+        path=nothing(orders, degrees, 2),
+        functions=nothing(orders, degrees, functions),
+        vectors=nothing(*lane.vectors.shape[:3]) if changing else None,
+        rounding=(nothing(2, slots, m),) * max(3, r) if rounded else None,
+        jets=jets,
+        ticks=None if drawn is None else jnp.full((d, slots, m, lanes), NOT_ARRIVING, int),
+    )
 
 
 def arrival(history: History, lane: Lane, time: LaneTimes) -> Arrival:
@@ -142,68 +202,102 @@ def without_lost(history: History, lost: Bool[Array, "slots m lanes"]) -> Histor
 
 
 def arriving_jets(
-    history: History, arrival: Arrival, navigator: Float[Array, "derivatives 2 lanes"]
+    history: History,
+    arrival: Arrival,
+    lane: Lane,
+    hearing: Hearing,
+    navigator: Float[Array, "derivatives 2 lanes"],
 ) -> CarriedJets:
     """Return the late jets that arrive at a tick, relative to the navigator's jets now."""
-    assert history.jets is not None
-    return tuple(
-        arrival.of(jet) - now[:, None, None] for jet, now in zip(history.jets, navigator, strict=False)
-    )
+
+    def carried(sent: History) -> CarriedJets:
+        assert sent.jets is not None
+        signals = signal.jets(vectors_of(sent, lane), sent.jets.functions)
+        sources = (jnp.concatenate([jnp.zeros_like(own[:, :1]), own], axis=1) for own in sent.jets.own)
+        found = (
+            hearing.received(*both) + then[:, None, None]
+            for *both, then in zip(sources, signals, sent.jets.navigator, strict=True)
+        )
+        return tuple(found) if sent.rounding is None else plane.plus(tuple(found), sent.rounding)
+
+    there = arrival.of(history, carried)
+    return tuple(jet - now[:, None, None] for jet, now in zip(there, navigator, strict=False))
+
+
+def arriving_words(
+    history: History, arrival: Arrival, lane: Lane, hearing: Hearing, plan: Plan
+) -> LinkPolynomials:
+    """Return the late words that arrive at a tick.
+
+    Under a local law only the navigator tells its r-th derivative.
+    """
+    ticks = None if arrival.entry is None else length(history) - arrival.entry
+    gains = word_gains(lane.gain, lane.delay.seconds(ticks, lane.interval), plan.extrapolate)
+
+    def carried(sent: History) -> tuple[LinkPolynomials, ...]:
+        vectors = vectors_of(sent, lane)
+
+        def on_links(
+            path: Float[Array, "2 lanes"], functions: Float[Array, "B lanes"], told: plane.Plane
+        ) -> Float[Array, "2 slots m lanes"]:
+            sources = jnp.concatenate([path[:, None], told], axis=1)
+            return hearing.received(sources, signal.combined(vectors, functions))
+
+        orders = zip(sent.path, sent.functions, sent.told, strict=True)
+        return tuple(jax.vmap(on_links, (0, 0, 1), 1)(*each) for each in orders)
+
+    each = list(arrival.of(history, carried))
+    if len(each) > 1:
+        each = [weighed(*both) for both in zip(each, gains, strict=True)]
+    if lane.law.local:
+        each[-1] = jnp.where((hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
+    words = sum(each[1:], each[0])
+    if history.rounding is None:
+        return words
+    rounding = arrival.of(history, lambda sent: sent.rounding)
+    return words.at[:, 0].add(sum(map(weighed, rounding, gains)))
+
+
+def vectors_of(sent: History, lane: Lane) -> Vectors:
+    """Return the attacks' vectors when something was sent."""
+    return lane.vectors if sent.vectors is None else sent.vectors
 
 
 def remember(
     history: History,
     lane: Lane,
-    network: Network,
     plan: Plan,
-    vectors: Vectors,
     told: tuple[Polynomials, ...],
-    jets: CarriedJets | None,
+    vectors: Vectors | None,
     rounding: CarriedJets | None,
+    jets: SentJets | None,
     time: LaneTimes,
 ) -> History:
     """Return the history after a tick.
 
-    `told` are y, ẏ, …, y^(r) as vehicles tell them from now on, or their words alone. Links carry the jets
-    `jets` now, with the errors `rounding`. Under a local law only the navigator tells its r-th derivative.
+    `told` are y, ẏ, …, y^(r) as vehicles tell them from now on, or their words alone.
     """
-    links = lane.weights.shape[:2]
-    ticks = lane.delay.draw(time, links)
-    gains = word_gains(lane.gain, lane.delay.seconds(ticks, lane.interval), plan.extrapolate)
-    alike = gains.ndim == 2 and not lane.law.local
     points = np.zeros(1) if lane.law.holds else POINTS
     instants = time[None] + jnp.asarray(points)[:, None] * lane.interval[None]
+    gains = common_gains(lane, plan)
 
     def sources(now: LaneTimes) -> tuple[Array, Array]:
-        """Return the navigator's and the attacks' part of a word, or of each derivative in a word."""
+        """Return the navigator's and the attacks' part of each order of a word."""
         known = lane.path(now), lane.basis(now)
-        told = (control.feedback(gains, each)[None] if alike else each[: len(gains)] for each in known)
-        return tuple(told)  # pyright: ignore[reportReturnType]
+        parts = (
+            each[: len(lane.gain) + 1] if gains is None else control.feedback(gains, each)[None]
+            for each in known
+        )
+        return tuple(parts)  # pyright: ignore[reportReturnType]
 
     path, functions = jax.vmap(sources)(instants)
     if not lane.law.holds:
         path, functions = (coefficients(each, lane.interval) for each in (path, functions))
-    if alike and len(told) > 1:
+    path, functions = path.swapaxes(0, 1), functions.swapaxes(0, 1)
+    if gains is not None and len(told) > 1:
         told = (control.feedback(gains, told),)
-
-    def carried(
-        path: Float[Array, "2 lanes"], functions: Float[Array, "B lanes"], told: plane.Plane
-    ) -> Float[Array, "2 slots m lanes"]:
-        sources = jnp.concatenate([path[:, None], told], axis=1)
-        return network.hearing.received(sources, signal.combined(vectors, functions))
-
-    each = [jax.vmap(carried, (0, 0, 1), 1)(path[:, n], functions[:, n], told[n]) for n in range(len(told))]
-    if not alike:
-        each = [weighed(*both) for both in zip(each, gains, strict=True)]
-    if lane.law.local:
-        each[-1] = jnp.where((network.hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
-    words = sum(each[1:], each[0])
-    if rounding is not None:
-        words = words.at[:, 0].add(sum(map(weighed, rounding, gains)))
-        jets = None if jets is None else plane.plus(jets, rounding)
-    last = None if history.jets is None or jets is None else tuple(map(push, history.jets, jets))
-    kept = None if ticks is None or history.ticks is None else push(history.ticks, ticks)
-    return History(push(history.words, words), last, kept)
+    ticks = lane.delay.draw(time, lane.weights.shape[:2])
+    return jax.tree.map(push, history, History(told, path, functions, vectors, rounding, jets, ticks))
 
 
 def weighed(term: Float[Array, "*some"], factor: Float[Array, "*fewer"]) -> Float[Array, "*some"]:
@@ -212,13 +306,13 @@ def weighed(term: Float[Array, "*some"], factor: Float[Array, "*fewer"]) -> Floa
 
 
 def word_gains(
-    gain: Float[Array, "r lanes"], delay: Float[Array, "*links lanes"], extrapolate: str
+    gain: Float[Array, "r lanes"], delay: Float[Array, "*links lanes"] | None, extrapolate: str
 ) -> Float[Array, "derivatives *some lanes"]:
     """Return the factors of y, ẏ, …, y^(r) in a word: those of R, or of R after the delay by Taylor.
 
     `jets` continues the derivatives below r, `jerk` also the r-th.
     """
-    if extrapolate == "none":
+    if extrapolate == "none" or delay is None:
         return jnp.concatenate([gain, jnp.ones_like(gain[:1])])
     order, powers = len(gain), [jnp.ones_like(delay)]
     gain = gain.reshape(order, *[1] * (delay.ndim - 1), -1)

@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine import detection, late
 from jaxnet.engine.detection import Detection
-from jaxnet.engine.late import History
+from jaxnet.engine.late import History, SentJets
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.defences import Neighbourhood
 from jaxnet.kinds.kind import KindError
@@ -215,7 +215,10 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
-    history = None if lane.delay is None else late.first_history(lane, plan.late, plan.decides)
+    history = None
+    if lane.delay is not None:
+        changing = plan.strategic or lane.periods is not None
+        history = late.first_history(lane, plan, changing, rounded=lane.steps is not None)
     channel = first_reception(lane, network, plan, errors, time, history), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     rest = noise, *channel, number, *first_link_errors(lane), history
@@ -348,14 +351,13 @@ def send(
 
     `held` is the r-th derivative that vehicles hold until now and tell, None under other laws.
     """
-    followed, vectors, history = drive(lane, state, plan), attack_vectors(lane, state), state.late
+    followed, history = drive(lane, state, plan), state.late
     assert history is not None
     assert followed.known is not None
     jets = None
     if plan.decides:
-        navigator = lane.path(time)[: len(lane.gain), :, None, None]
-        relative = attack(network, tell(sensed(errors, state.noise)), signal.jets(vectors, basis))
-        jets = plane.plus(relative, navigator)
+        order = len(lane.gain)
+        jets = SentJets(sensed(errors, state.noise)[:order], lane.path(time)[:order], basis[:order])
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
     if lane.law.holds:
         highest = jnp.zeros_like(own[0]) if held is None else held
@@ -372,8 +374,8 @@ def send(
         arrived = late.arrival(history, lane, time).came
         history = late.without_lost(history, arrived & ~state.reception.arrived)
     rounding = None if lane.steps is None else rounding_errors(lane, network, state, errors, basis, time)
-    sent = vectors, told, jets, rounding, time
-    return state._replace(late=late.remember(history, lane, network, plan, *sent))
+    sent = told, state.vectors, rounding, jets
+    return state._replace(late=late.remember(history, lane, plan, *sent, time))
 
 
 def held_derivative(
@@ -514,7 +516,7 @@ def listen(
     if last is None or now is None or last.words is None:
         return now
     if before.late is not None:
-        return now._replace(words=late_words(lane, before, state, time))
+        return now._replace(words=late_words(lane, network, plan, before, state, time))
     speaking, heard = (
         (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
     )
@@ -534,11 +536,13 @@ def listen(
     return now._replace(words=words)
 
 
-def late_words(lane: Lane, before: DecisionState, state: DecisionState, time: Instants) -> Words:
+def late_words(
+    lane: Lane, network: Network, plan: Plan, before: DecisionState, state: DecisionState, time: Instants
+) -> Words:
     """Return the late words that arrive, or where listeners hold a word, those heard last."""
     last, now, history = before.reception, state.reception, before.late
     assert history is not None
-    words = late.arrival(history, lane, time).of(history.words)
+    words = late.arriving_words(history, late.arrival(history, lane, time), lane, network.hearing, plan)
     if last is None or last.words is None or now is None or now.heard is None:
         return words
     if state.link_noise is not None:
@@ -682,7 +686,7 @@ def judge(
     received, arrived = attack(network, tell(own), signals), None
     if before.late is not None:
         arrival = late.arrival(before.late, lane, time)
-        received = late.arriving_jets(before.late, arrival, lane.path(time))
+        received = late.arriving_jets(before.late, arrival, lane, network.hearing, lane.path(time))
     if before.link_noise is not None:
         received = plane.plus(received, before.link_noise)
     if before.reception is not None:  # a slot without a message holds the vehicle itself
