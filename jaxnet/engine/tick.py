@@ -86,6 +86,24 @@ class Reading(NamedTuple):
     jets: Jets  # as sensed, relative to no navigator
 
 
+class KnownDrive(NamedTuple):
+    """What known words add to the drives until the next tick (see the module's docstring)."""
+
+    share: Float[Array, "axes m lanes"]  # of the weights of a row whose words are not live
+    drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³, …]
+    time: Instants | None  # of the tick [s]; None where the drive is constant
+
+    def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
+        """Return the drive at a time."""
+        total, factor = self.drive[:, 0], jnp.ones_like(time)
+        if self.time is None:
+            return total
+        for k in range(1, self.drive.shape[1]):
+            factor = factor * (time - self.time) / k
+            total = total + self.drive[:, k] * factor[None, None]
+        return total
+
+
 class DecisionState(NamedTuple):
     """Decisions of one tick, and the memory of defences and attackers. Absent parts are None."""
 
@@ -103,24 +121,7 @@ class DecisionState(NamedTuple):
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
     detection: Detection | None = None  # alarms until now; None without a detector
     reading: Reading | None = None  # what vehicles sense; None where no reading is read again
-
-
-class KnownDrive(NamedTuple):
-    """What known words add to the drives until the next tick (see the module's docstring)."""
-
-    share: Float[Array, "axes m lanes"]  # of the weights of a row whose words are not live
-    drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³, …]
-    time: Instants | None  # of the tick [s]; None where the drive is constant
-
-    def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
-        """Return the drive at a time."""
-        total, factor = self.drive[:, 0], jnp.ones_like(time)
-        if self.time is None:
-            return total
-        for k in range(1, self.drive.shape[1]):
-            factor = factor * (time - self.time) / k
-            total = total + self.drive[:, k] * factor[None, None]
-        return total
+    known: KnownDrive | None = None  # what late words add to the drives; None where words are not late
 
 
 class Drive(NamedTuple):
@@ -228,8 +229,8 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
-        return DecisionState(decision, memory, changing, None, *rest, weights, *last)
-    state = DecisionState(decision, memory, lane.vectors, None, *rest, None, *last)
+        return with_known(lane, DecisionState(decision, memory, changing, None, *rest, weights, *last), plan)
+    state = with_known(lane, DecisionState(decision, memory, lane.vectors, None, *rest, None, *last), plan)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
@@ -333,6 +334,7 @@ def decide(
     state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
     if state.late is None:
         return state
+    state = with_known(lane, state, plan)
     held = held_derivative(lane, before, errors, time, drive)
     return send(lane, network, plan, state, errors, basis, time, held)
 
@@ -513,10 +515,10 @@ def listen(
     hear words at ticks alone. Other words are continued; late ones stay as they were when their tick ended.
     """
     last, now = before.reception, state.reception
+    if now is not None and before.late is not None:
+        return now._replace(words=late_words(lane, network, plan, before, state, time))
     if last is None or now is None or last.words is None:
         return now
-    if before.late is not None:
-        return now._replace(words=late_words(lane, network, plan, before, state, time))
     speaking, heard = (
         (state, now.arrived | (time <= 0)[None, None]) if lane.law.holds else (before, last.arrived)
     )
@@ -719,9 +721,19 @@ def arrived_weights(lane: Lane, reception: Reception | None) -> Float[Array, "sl
 def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
-    strength, known = row_strength(lane, state, plan), known_drive(lane, state, plan, weights)
+    strength = row_strength(lane, state, plan)
+    known = known_drive(lane, state, plan, weights) if state.late is None else state.known
     live = weights if lane.delay is None else jnp.zeros_like(weights)
     return Drive(live, vectors, state.noise, state.coasting, strength, known)
+
+
+def with_known(lane: Lane, state: DecisionState, plan: Plan) -> DecisionState:
+    """Return the state with what late words add to the drives. Words stay only where listeners hold them."""
+    if state.late is None or state.reception is None:
+        return state
+    known = known_drive(lane, state, plan, weights_in_force(lane, state, plan))
+    words = None if state.reception.heard is None else state.reception.words
+    return state._replace(known=known, reception=state.reception._replace(words=words))
 
 
 def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights) -> KnownDrive | None:
