@@ -66,7 +66,10 @@ def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vector
     """
     weights, vectors, known = drive.weights, drive.vectors, drive.known
     functions = vectors.shape[2]
-    attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
+    if late:  # no live word carries an attack
+        attack = [jnp.zeros((2, *weights.shape[2:]))] * functions
+    else:
+        attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     if known is not None:
         attack += list(jnp.moveaxis(known.drive, 1, 0))
     each = jnp.stack(attack)  # (B, 2, m, few)
