@@ -4,11 +4,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxnet.engine import tick
 from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, Stretch, for_each, for_stretches, picked, put
-from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, VehicleFlags
+from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, PerAxis, VehicleFlags
 from jaxnet.model.lane import Lane, Network
 from jaxnet.model.signal import Vectors
 from jaxnet.solvers.choice import solved_at_once, solved_in_a_row
@@ -43,8 +44,11 @@ def solve_response(
     def some(few: LaneIndices | Stretch, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-        drive = tick.drive(part, chosen, plan)
-        new, residual = response_vectors(drive, network, late=lane.delay is not None)
+        drive, residual = tick.drive(part, chosen, plan), None
+        if lane.delay is None:
+            new, residual = response_vectors(drive, network)
+        else:
+            new = late_response(drive)
         if drive.known is None:
             cut = ~(residual < CONNECTED)
         else:
@@ -57,34 +61,42 @@ def solve_response(
     return for_each(flagged, solved_at_once(vehicles), some, carry)
 
 
-def response_vectors(drive: Drive, network: Network, late: bool) -> tuple[Vectors, Any]:
+def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
-    Where words are `late`, none is live: L is the identity, and the distance is None. Where vehicles sense
-    with errors or words are known before, the vectors of further functions follow (`signal.WithNavigator`,
-    `signal.WithPowers`): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
+    Where vehicles sense with errors or words are known before, the vectors of further functions follow
+    (`signal.WithNavigator`, `signal.WithPowers`): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
     """
     weights, vectors, known = drive.weights, drive.vectors, drive.known
     functions = vectors.shape[2]
-    if late:  # no live word carries an attack
-        attack = [jnp.zeros((2, *weights.shape[2:]))] * functions
-    else:
-        attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
+    attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     if known is not None:
         attack += list(jnp.moveaxis(known.drive, 1, 0))
     each = jnp.stack(attack)  # (B, 2, m, few)
     right = each.reshape(-1, len(weights), *each.shape[2:])  # (columns, axes, m, few)
     if known is not None:
         right = jnp.concatenate([right, -known.share[None]])
-    residual = None
-    if not late:
-        solution, residual = network.solver.solve(network.hearing, weights, right.transpose(2, 0, 1, 3))
-        right = solution.transpose(1, 2, 0, 3)
+    solution, residual = network.solver.solve(network.hearing, weights, right.transpose(2, 0, 1, 3))
+    right = solution.transpose(1, 2, 0, 3)
     response = right[: 2 * len(each) // len(weights)].reshape(each.shape)
-    nothing = jnp.zeros_like(each[0, 0])
     if known is not None:
-        share = jnp.stack([jnp.stack([right[-1, 0], nothing]), jnp.stack([nothing, right[-1, -1]])])
+        share = jnp.stack(of_navigator(right[-1]))
         response = jnp.concatenate([response[: functions + 1], share, response[functions + 1 :]])
     elif drive.noise is not None:
         response = jnp.concatenate([response, jnp.zeros((3, *each.shape[1:]))])
     return response.transpose(1, 2, 0, 3), residual
+
+
+def late_response(drive: Drive) -> Vectors:
+    """Return the vectors of `response_vectors` where all words are late: L is the identity, z has all."""
+    known = drive.known
+    assert known is not None
+    first, *powers = jnp.moveaxis(known.drive, 1, 0)
+    attacks = [jnp.zeros_like(first)] * drive.vectors.shape[2]
+    return jnp.stack([*attacks, first, *of_navigator(-known.share), *powers], axis=2)
+
+
+def of_navigator(share: Float[Array, "axes m lanes"]) -> tuple[PerAxis, PerAxis]:
+    """Return the vectors of both components of R(y_0)."""
+    nothing = jnp.zeros_like(share[0])
+    return jnp.stack([share[0], nothing]), jnp.stack([nothing, share[-1]])

@@ -20,7 +20,6 @@ else:
 
 TICK_ROUNDING = 1e-9  # [s] by which a tick may miss the time of something that begins or ends
 
-Distribution = Literal["uniform", "normal"]  # of random numbers
 Together = Literal["link", "transmitter", "all"]
 
 AnyDrawer = TypeVar("AnyDrawer", bound="DrawsAtTicks")
@@ -44,7 +43,7 @@ class DrawsAtTicks(Kind):
         self,
         time: LaneTimes,
         purpose: str,
-        distribution: Distribution,
+        distribution: str,
         shape: tuple[int, ...],
     ) -> AnyNumbers:
         """Return random numbers at a tick.
@@ -85,7 +84,7 @@ class DrawsTogether(DrawsAtTicks):
         self,
         time: LaneTimes,
         purpose: str,
-        distribution: Distribution,
+        distribution: str,
         sources: SlotSources,
         axes: tuple[int, ...] = (),
     ) -> AnyNumbers:

@@ -21,7 +21,7 @@ from jaxnet.model import xla
 
 LaneValues = Float[Array, " lanes"]
 Jet = Float[Array, "2 slots m lanes"]
-Words = tuple[UInt32[Array, "*some"], UInt32[Array, "*some"]]
+Words = tuple[UInt32[Array, "..."], UInt32[Array, "..."]]
 
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 PARITY = np.uint32(0x1BD11BDA)  # of the parts of a key

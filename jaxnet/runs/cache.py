@@ -8,8 +8,9 @@ from importlib import metadata
 from pathlib import Path
 
 SHORTEST_COMPILATION = 0.1  # [s], of compilations that are kept
-# Loops that move no more bytes than that are compiled as one function, not operation by operation. Level 2
-# compiles 1.4 times as fast as level 3, and its programs are as fast.
+# - Loops that move no more bytes than that are compiled as one function, not operation by operation.
+# - LLVM takes choices out of loops, which then run in vectors: 1.4 times, trimming, loss, 12 vehicles.
+# - Level 2 compiles 1.3 times as fast as level 3, and its programs are as fast.
 FLAGS = (
     "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=100000000,-enable-nontrivial-unswitch=true"
     " --xla_backend_optimization_level=2"
