@@ -2,7 +2,6 @@
 
 import itertools
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -142,7 +141,7 @@ class Disturbed(TrustedTrim):
         return True
 
     def overheard(self, announced, sources, time):
-        angle = 2 * np.pi * self.random(time, "angle", jax.random.uniform, sources.shape)
+        angle = 2 * np.pi * self.random(time, "angle", "uniform", sources.shape)
         wrong = announced + NU * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
         return jnp.where((sources > 0)[None, ..., None], wrong, announced)
 
