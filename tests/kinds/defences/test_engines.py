@@ -44,7 +44,7 @@ RULES = [
     WMSR.filled({"F": 1, "drop_trusted": False}),
     TrustedOnly.filled({"trusted": {}}),
 ]
-OF_AN_ENGINE_ALONE = {"none", "trust", "trusted_trim"}  # that remember; see tests/engine/test_drawn.py too
+REMEMBERING = {"trust", "trusted_trim"}  # the latter in both engines: tests/engine/test_drawn.py
 
 
 @pytest.mark.parametrize("defence", [EachItsOwn(), "trust"], ids=["each its own", "trust"])
@@ -53,7 +53,7 @@ def test_both_engines_agree_on_every_rule(defence):
 
     In one fleet each vehicle has another rule, in the other all remember. Messages are lost.
     """
-    assert {rule.kind for rule in RULES} | OF_AN_ENGINE_ALONE == set(registry.kind_names("defence"))
+    assert {rule.kind for rule in RULES} | REMEMBERING == set(NAMES)
     graph = {"vehicles": 7, "topology": {"kind": "circulant", "offsets": [1, 2, 3, 4]}, "tick": 0.1}
     keys = {**graph, "attack": {"kind": "rotating", "vehicles": [2]}, "defence": defence, **LOSSY}
     keys |= {"horizon": 2.0, "tail": 1.0, "output_step": 0.1}
