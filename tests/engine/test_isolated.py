@@ -19,7 +19,6 @@ TICK, TICKS = 0.1, 30
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
 NEAR = {"initial": {"position": {"uniform": [-20.0, 20.0]}}}
 TIMES = np.arange(TICKS + 1) * TICK
-ENGINES = ["exact", "nonlinear", "stacked"]
 
 
 class LastDrops(Defence):
@@ -44,17 +43,12 @@ def companion(gain):
     return matrix
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "gain"), [("two_wheeled", [2.0, 4.0, 2.5]), ("single_integrator", [1.5])]
-)
-def test_a_vehicle_cut_off_goes_to_rest_where_its_last_drive_leads(vehicle, gain):
+def test_a_vehicle_cut_off_goes_to_rest_where_its_last_drive_leads():
     """On the path the last vehicle keeps z, so its y solves `y^(r) + … + k0 y = z`; others are nominal."""
     defence = {"kind": f"{__name__}:LastDrops", "isolated": "coast"}
-    keys = KEYS | NEAR | {"topology": "path", "vehicles": 3, "gain": gain, "attack": "none"}
+    keys = KEYS | NEAR | {"topology": "path", "vehicles": 3, "gain": [2.0, 4.0, 2.5], "attack": "none"}
     begins = [0.0, 0.7]
-    given = systems.study(
-        engine="exact", vehicle=vehicle, defence=defence, sweep={"defence.since": begins}, **keys
-    )
+    given = systems.study(engine="exact", defence=defence, sweep={"defence.since": begins}, **keys)
     one = systems.lanes(given, 1)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
@@ -78,7 +72,7 @@ def coasting(one, number, since):
     navigator, lane = navigator_at(one, number), systems.lane(one, number)
     gain, initial = lane.gain, lane.initial
     r = len(gain)
-    start = initial[None, :2].swapaxes(1, 2) if r == 1 else reference.flat_jets(initial.T)
+    start = reference.flat_jets(initial.T)
     flow, error = companion(gain), start - navigator(0.0)[:r, None]
 
     def ahead(jets, time):
@@ -219,25 +213,20 @@ def attacked(engine, isolated, **keys):
     )
 
 
-@pytest.mark.parametrize(
-    ("engine", "law", "lossy"),
-    [
-        *((engine, "exact", False) for engine in ENGINES),
-        ("exact", "exact", True),
-        ("exact", TWO_ROUNDS, False),
-        ("nonlinear", TWO_ROUNDS, False),
-    ],
-)
-def test_vehicles_coast_as_the_plain_program(engine, law, lossy):
-    """Positions, and who is cut off, since when, how many and how often."""
+@pytest.mark.parametrize(("law", "lossy"), [("exact", True), (TWO_ROUNDS, False)])
+def test_vehicles_coast_as_the_plain_program(law, lossy):
+    """Positions, and who is cut off, since when, how many and how often.
+
+    Other engines: tests/engine/test_drawn.py and tests/engine/test_channel.py.
+    """
     keys = {"channel": {"loss": Striped()}} if lossy else {}
-    one = attacked(engine, "coast", law=law, **keys)
+    one = attacked("exact", "coast", law=law, **keys)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     for number in range(2):
         known, off, coasting = Plain(one, number, lossy, 0 if law == "exact" else 2).run()
         apart = np.abs(outcome.series["state"][number, :, :, :2] - known).max()
-        assert apart <= (1e-8 if engine == "exact" else 1e-5)
+        assert apart <= 1e-8
         first = next(n for n in range(TICKS + 1) if off[n])
         assert outcome.cut_off["cut_off"][number] == min(off[first]) + 1
         assert outcome.cut_off["cut_off_at"][number] == pytest.approx(first * TICK)
@@ -248,28 +237,32 @@ def test_vehicles_coast_as_the_plain_program(engine, law, lossy):
         assert sum(bool(a) != bool(b) for a, b in zip(off[1:], off, strict=False)) >= (1 if lossy else 2)
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
-def test_a_failed_lane_tells_who_was_cut_off_first_and_when(engine):
-    """The lane has numbers until then, of everybody."""
-    one = attacked(engine, "fail")
-    outcome = systems.simulate(one)
-    assert (outcome.status == Status.disconnected).all()
-    for number in range(2):
-        known, off, _ = Plain(one, number).run()
-        first = next(n for n in range(TICKS + 1) if off[n])
-        assert outcome.cut_off["cut_off"][number] == min(off[first]) + 1
-        assert outcome.cut_off["cut_off_at"][number] == pytest.approx(first * TICK)
-        states = outcome.series["state"][number, :, :, :2]
-        np.testing.assert_allclose(states[:first], known[:first], atol=1e-5, rtol=0)
-        assert np.isnan(states[first:]).all()
-
-
-def test_rows_tell_who_since_when_and_how_long():
-    """All rows of a study have the same columns; `show` names the vehicle of a failed lane."""
+@pytest.fixture(scope="module")
+def results():
+    """Lanes without decisions, lanes that fail, and lanes whose vehicles coast, two of each."""
     coasts = {"kind": "w_msr", "isolated": "coast", "label": "coasts"}
     defences = [{"kind": "none"}, {"kind": "w_msr"}, coasts]
     keys = {"engine": "exact", "seed": 6, "samples": 2, "sweep": {"defence": defences}}
-    results = jaxnet.simulate({**keys, **ATTACKED, **KEYS, **NEAR}, progress=False)
+    keys["save"] = {"trajectories": "all"}
+    return jaxnet.simulate({**keys, **ATTACKED, **KEYS, **NEAR}, progress=False)
+
+
+def test_a_failed_lane_tells_who_was_cut_off_first_and_when(results):
+    """The lane has numbers until then, of everybody. In the nonlinear engine: tests/engine/test_batch.py."""
+    one, failed = attacked("exact", "fail"), results.lanes[2:4].reset_index()
+    assert failed["status"].tolist() == ["disconnected"] * 2
+    for number in range(2):
+        known, off, _ = Plain(one, number).run()
+        first = next(n for n in range(TICKS + 1) if off[n])
+        assert failed["cut_off"][number] == min(off[first]) + 1
+        assert failed["cut_off_at"][number] == pytest.approx(first * TICK)
+        states = results.trajectories["states"].sel(cell=1, sample=number).values[..., :2]
+        np.testing.assert_allclose(states[:first], known[:first], atol=1e-8, rtol=0)
+        assert np.isnan(states[first:]).all()
+
+
+def test_rows_tell_who_since_when_and_how_long(results):
+    """All rows of a study have the same columns; `show` names the vehicle of a failed lane."""
     counted = results.lanes[["cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"]]
     assert counted["cut_off"].tolist() == [0, 0, 3, 4, 3, 4]
     np.testing.assert_allclose(counted["cut_off_at"], [np.nan, np.nan, 0.0, 1.2, 0.0, 1.2], atol=1e-12)

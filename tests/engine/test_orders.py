@@ -11,7 +11,6 @@ from jaxnet.view.text.check import check_text
 from tests.matrices import matrix_of
 
 VEHICLES = {1: "single_integrator", 2: "double_integrator"}
-GAINS = {1: [1.3], 2: [2.0, 0.9]}
 LIARS = [2, 5, 8, 11]
 
 
@@ -42,57 +41,33 @@ def paths(**keys):
     return results.trajectories["states"].sel(cell=0).values[..., :2], results.lanes
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "law"),
-    [
-        ("single_integrator", "exact"),
-        ("double_integrator", "rounds"),
-        ("unicycle", "local"),
-        ("planar_quadrotor", "exact"),
-    ],
-)
-def test_the_nonlinear_engine_agrees_with_the_exact_one(vehicle, law):
-    """Path by path to 1e-5 m, and in the speeds at output times."""
-    (exact, ours), (nonlinear, theirs) = (
-        paths(vehicle=vehicle, law=law, engine=engine) for engine in ("exact", "nonlinear")
-    )
-    np.testing.assert_allclose(nonlinear, exact, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(ours["min_speed"], theirs["min_speed"], rtol=0, atol=1e-4)
-
-
-@pytest.mark.parametrize(("vehicle", "other"), [("planar_quadrotor", "exact"), ("look_ahead", "nonlinear")])
-def test_the_stacked_engine_agrees_with_another(vehicle, other):
-    """The dense system with 2m unknowns, with trimming, noise of the sensors and lost messages."""
-    keys = {"defence": "w_msr", "topology": "complete", "sensing": {"kind": "gaussian", "position": 0.1}}
-    keys |= {"channel": {"loss": {"kind": "bernoulli", "probability": 0.3}}, "horizon": 1.0}
-    known, stacked = (paths(vehicle=vehicle, engine=engine, **keys)[0] for engine in (other, "stacked"))
-    np.testing.assert_allclose(stacked, known, rtol=0, atol=1e-5)
-
-
-def test_runge_kutta_steps_agree_with_the_exact_engine():
-    exact, steps = (
-        paths(vehicle="planar_quadrotor", engine=engine)[0]
+def test_engines_agree_on_vehicles_of_order_four():
+    """Runge–Kutta steps; windows: tests/kinds/attacks/test_fourth.py."""
+    (exact, ours), (steps, theirs) = (
+        paths(vehicle="planar_quadrotor", engine=engine)
         for engine in ("exact", {"kind": "nonlinear", "solver": "dopri8"})
     )
     np.testing.assert_allclose(steps, exact, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(theirs["min_speed"], ours["min_speed"], rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize("vehicle", ["single_integrator", "planar_quadrotor"])
-def test_static_gains_do_not_depend_on_the_order(vehicle):
-    """3.0000 in the mean and 3.1034 for the worst on the ring, 11/6 and 4 on the path."""
-    keys = {"vehicle": vehicle, "defence": "none", "horizon": 60.0, "samples": 2}
+def test_engines_agree_on_vehicles_with_states_inside():
+    """The dense system with 2m unknowns; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
+    exact, stacked = (paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked"))
+    np.testing.assert_allclose(stacked, exact, rtol=0, atol=1e-5)
+
+
+def test_static_gains_do_not_depend_on_the_order():
+    """3.0000 in the mean and 3.1034 for the worst on the ring."""
+    keys = {"vehicle": "planar_quadrotor", "defence": "none", "horizon": 60.0, "samples": 2}
     keys["attack"] = {"kind": "bias", "vehicles": LIARS, "magnitude": 5.0}
-    keys["sweep"] = {"topology": ["cyclic", "path"]}
-    rows = jaxnet.simulate({"engine": "exact", **keys}, progress=False).lanes.groupby("topology")
-    gains = rows[["tail_mean", "tail_max"]].max() / 5.0
-    np.testing.assert_allclose(gains.loc["cyclic"], [3.0, 3.1034], atol=5e-5)
-    np.testing.assert_allclose(gains.loc["path"], [11 / 6, 4.0], atol=5e-5)
+    rows = jaxnet.simulate({"engine": "exact", "topology": "cyclic", **keys}, progress=False).lanes
+    np.testing.assert_allclose(rows[["tail_mean", "tail_max"]].max() / 5.0, [3.0, 3.1034], atol=5e-5)
 
 
-@pytest.mark.parametrize("order", VEHICLES)
-def test_the_law_agrees_with_a_plain_integration(order):
+def test_the_law_agrees_with_a_plain_integration():
     """Of `L y^(r) = a0 y_0^(r) + d^(r) - P(ε)` by a Runge–Kutta method, under a rotating attack."""
-    gain = GAINS[order]
+    order, gain = 2, [2.0, 0.9]
     attack = {"kind": "rotating", "vehicles": LIARS, "magnitude": 5.0, "frequency": 1.7}
     keys = {"vehicle": VEHICLES[order], "gain": gain, "attack": attack, "defence": "none"}
     results = simulated(**keys)
@@ -219,16 +194,6 @@ def test_gains_follow_the_order():
     for gain in ([10, 4, 6, 4], [1, 4, 6, {"uniform": [0.1, 4]}]):
         with pytest.raises(jaxnet.ConfigError, match="gain: unstable"):
             jaxnet.load({"vehicle": "planar_quadrotor", "gain": gain})
-
-
-def test_both_engines_hold_the_local_law_alike():
-    """Robots of order 3, with an attack and the paper's trimming, path by path to 1e-5 m."""
-    keys = {"law": "local", "attack": {"kind": "rotating", "magnitude": 10}, "tick": 0.05, "samples": 2}
-    keys |= {"horizon": 10.0, "initial": {"speed": 20.0}}
-    exact, nonlinear = (simulated(**keys, engine=engine) for engine in ("exact", "nonlinear"))
-    assert (exact.lanes["status"] == "ok").all()
-    states = [each.trajectories["states"].values[..., :2] for each in (exact, nonlinear)]
-    np.testing.assert_allclose(*states, atol=1e-5)
 
 
 def test_check_tells_whether_the_local_law_is_stable():

@@ -30,10 +30,10 @@ def least_speed(one, number):
     """Of the velocities along the line on a grid of 1 ms, by closed form, the least after its first sign."""
     lane, navigator = systems.lane(one, number), navigator_at(one, number)
     times = np.arange(0.0, HORIZON + 5e-4, 1e-3)
-    paths = np.stack([navigator(t)[:2] for t in times])
+    path = navigator(times)[1, 0]
     error = reference.flat_jets(lane.initial.T) - navigator(0.0)[:3, None]
     flows = reference._flows(*map(float, lane.gain), *map(float, times))
-    velocity = paths[:, None, 1, 0] + np.einsum("tl,lm->tm", flows[:, 1], error[..., 0])
+    velocity = path[:, None] + np.einsum("tl,lm->tm", flows[:, 1], error[..., 0])
     return (velocity * np.sign(velocity[0])).min()
 
 
@@ -57,16 +57,15 @@ def test_who_turns_round_on_a_line_is_singular(engine, vehicle, known):
     assert (outcome.status == np.where(known < 0, Status.singular, Status.ok)).all()
 
 
-@pytest.mark.parametrize("engine", ["exact", "nonlinear"])
-def test_a_unicycle_that_turns_round_on_a_line_is_singular(engine):
+def test_a_unicycle_that_turns_round_on_a_line_is_singular():
     """As `E(t) = expm(A_c t) E(0)` says, whose acceleration jumps at t = 0."""
-    one, times = on_a_line(engine, 60.0, vehicle="unicycle"), np.arange(0.0, HORIZON, 1e-3)
+    one, times = on_a_line("exact", 60.0, vehicle="unicycle"), np.arange(0.0, HORIZON, 1e-3)
     flows = np.stack([expm(companion(np.array([1.0, 2.0])) * t) for t in times])
     least = []
     for number in range(LANES):
         state, navigator = systems.lane(one, number).initial, navigator_at(one, number)
         error = np.stack([state[0], state[3]]) - navigator(0.0)[:2, :1]
-        velocity = np.stack([navigator(t)[1, :1] for t in times]) + np.einsum("tl,lm->tm", flows[:, 1], error)
+        velocity = navigator(times)[1, 0, :, None] + np.einsum("tl,lm->tm", flows[:, 1], error)
         least.append(velocity.min())
     assert min(np.abs(least)) > 0.02
     assert {*np.sign(least)} == {-1.0, 1.0}
@@ -74,12 +73,10 @@ def test_a_unicycle_that_turns_round_on_a_line_is_singular(engine):
     assert systems.simulate(one).status.tolist() == known.tolist()
 
 
-SPOOF = {"kind": "spoof", "vehicles": [2], "magnitude": 1.0, "direction": 0.0}
-
-
-@pytest.mark.parametrize("keys", [{"attack": SPOOF}, {"defence": "trusted_trim"}])
-def test_engines_agree_whoever_lies_or_decides(keys):
-    """Derivatives that do not belong together, and trimming at ticks."""
+def test_engines_agree_whoever_lies_or_decides():
+    """Derivatives that do not belong together, and trimming at ticks: vehicle 3 drops one liar of two."""
+    spoof = {"kind": "spoof", "vehicles": [2, 4], "magnitude": 1.0, "direction": 0.0}
+    keys = {"attack": spoof, "defence": "trusted_trim"}
     ours, theirs = (systems.simulate(on_a_line(engine, **keys)).status for engine in ("exact", "nonlinear"))
     assert ours.tolist() == theirs.tolist()
     assert {*ours.tolist()} == {Status.ok, Status.singular}
@@ -102,14 +99,6 @@ def test_a_held_jerk_is_seen_to_turn_a_vehicle_round_within_a_tick():
     assert systems.simulate(exact).status.tolist() == known.tolist()
     assert systems.simulate(gauss).status.tolist() == known.tolist()
     assert {*known.tolist()} == {Status.ok, Status.singular}
-
-
-def test_lanes_in_the_plane_end_alike_in_both_engines():
-    """Nobody stands still there, however fast it turns."""
-    keys = {**KEYS, "navigator": "lissajous"}
-    for engine in ("exact", "nonlinear"):
-        outcome = systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 24, ()))
-        assert (outcome.status == Status.ok).all()
 
 
 @pytest.mark.parametrize("least", [0.0, 4e-10, 1.1e-9, 1e-6, 1e-3])
