@@ -8,7 +8,6 @@ from jaxnet.config.document import ConfigError
 from jaxnet.engine.status import Status
 from jaxnet.kinds.graphs.cyclic import Cyclic
 from jaxnet.kinds.graphs.path import Path
-from jaxnet.kinds.graphs.star import Star
 from tests import reference, systems
 from tests.engine.test_channel import (
     KEYS,
@@ -40,9 +39,7 @@ def factors(weights, frequency, delay):
     ("graph", "vehicle", "known"),
     [
         (Cyclic(), "two_wheeled", (19.649121, 18.697850)),
-        (Path(), "two_wheeled", (23.942441, None)),
-        (Star(), "planar_quadrotor", (1.999967, 1.999867)),
-        (Path(), "single_integrator", (23.942441, None)),
+        (Path(), "planar_quadrotor", (23.942441, None)),
     ],
 )
 def test_a_figure_eight_is_off_as_the_closed_form_says(graph, vehicle, known):
@@ -142,21 +139,22 @@ class PlainLate:
         return np.stack(path)
 
 
-@pytest.mark.parametrize(
-    ("engine", "late", "orders", "accuracy"),
-    [("exact", 2, [0], 1e-7), ("exact", 1, [0, 1, 2, 3], 1e-7), ("nonlinear", 3, [0, 1, 2, 3], 1e-5)],
-)
-def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders, accuracy):
-    """All at once: late and lost words, errors of sensors, attacks, trimming, and other gains."""
-    keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "vehicles": 5, "topology": "complete", "sensing": Wavy()}
-    keys |= {"attack": {"kind": "rotating", "orders": orders, "vehicles": [2, 4]}, "engine": engine}
-    keys |= {"defence": "trusted_trim", "channel": {"loss": Striped(), "delay": late * TICK}}
-    one = systems.lanes(systems.study(**keys), 1)
+def test_vehicles_with_late_words_move_as_the_plain_program():
+    """All at once: late and lost words, errors of sensors, attacks, trimming, and other gains.
+
+    Each link draws its delay, all the same one.
+
+    The nonlinear engine moves as another plain program does: tests/engine/test_drawn.py.
+    """
+    keys, late = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "vehicles": 5, "topology": "complete"}, 2
+    keys |= {"attack": {"kind": "rotating", "orders": [0], "vehicles": [2, 4]}, "engine": "exact"}
+    keys |= {"defence": "trusted_trim", "channel": {"loss": Striped(), "delay": {"choice": [late * TICK]}}}
+    one = systems.lanes(systems.study(**keys, sensing=Wavy()), 1)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     plain = PlainLate(one, 0, late, trims=True)
     apart = np.abs(outcome.series["state"][0, :, :, :2] - plain.positions()).max()
-    assert apart <= accuracy
+    assert apart <= 1e-7
     kept = np.stack(plain.weights) > 0
     np.testing.assert_array_equal(outcome.series["kept"][0] > 0, kept)
     assert 0.2 < kept[late:].mean() < 0.6
@@ -196,9 +194,9 @@ def test_extrapolated_words_are_off_less(extrapolate, known):
     """
     delay = {"jets": 0.1, "jerk": 0.03}[extrapolate]
     given = {"topology": "cyclic", "channel": {"delay": delay, "extrapolate": extrapolate}, "tick": delay}
-    keys = given | {"horizon": 240.0, "output_step": 0.3, "initial": {"position": 0.0}} | QUIET
+    keys = given | {"horizon": 240.0, "output_step": 0.6, "initial": {"position": 0.0}} | QUIET
     outcome = systems.simulate(systems.lanes(systems.study(**keys), 1))
-    time, weights, settled = np.arange(801) * 0.3, matrix_of(Cyclic(), 12), slice(700, None)
+    time, weights, settled = np.arange(401) * 0.6, matrix_of(Cyclic(), 12), slice(350, None)
     s = 0.2j
     taylor = [(s * delay) ** j / (1, 1, 2, 6)[j] for j in range(4)]
     word = s**3 + sum(k * s**n * sum(taylor[: 3 - n]) for n, k in enumerate([1.0, 3.0, 3.0]))
