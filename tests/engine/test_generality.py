@@ -17,7 +17,7 @@ from jaxnet.lanes.jobs import job
 from jaxnet.lanes.uniforms import Keyed
 from tests import reference, systems
 from tests.engine.marching import march, received
-from tests.engine.test_exactness import attack_on_links, navigator_at
+from tests.engine.test_exactness import navigator_at
 
 TICK, SMOOTHING = 0.05, 0.2
 FINER = {"kind": "nonlinear", "rtol": 1e-9, "atol": 1e-11}
@@ -121,21 +121,25 @@ class Returning(Steering):
         return jnp.broadcast_to(vectors, (2, seen.errors[0].shape[1], 1, memory.shape[0])), memory + 1
 
 
-def filtered_weights(kind, weights, carried, gain, attack):
-    """The plain program of the two defences: `choose` for `march`."""
-    memory = np.zeros((2, *weights.shape))
+def plain(kind, lane):
+    """The plain program of a defence and of the attack that chooses: `choose` for `march`, what it chose."""
+    carried, memory, chosen = np.ones(lane.weights.shape, bool), np.zeros((2, *lane.weights.shape)), []
 
     def choose(n, error):
         nonlocal memory
-        heard = received(error, carried, attack(n * TICK)[:3])
-        apart = heard - error[:, :, None]
-        distance = np.abs(apart[0] + apart[1] / gain[1] + apart[2] / gain[2])
+        vector = (1.0 if n % 3 == 2 else -1.0) * 5.0 * error[0].mean(axis=0)
+        vector = MAGNITUDE * vector / max(1.0, np.hypot(*vector))
+        chosen.append(vector)
+        added = np.zeros((3, *lane.weights.shape, 2))
+        added[0][lane.links] = vector
+        apart = received(error, carried, added) - error[:, :, None]
+        distance = np.abs(apart[0] + apart[1] / lane.gain[1] + apart[2] / lane.gain[2])
         memory = memory + SMOOTHING * (np.moveaxis(distance, -1, 0) - memory)
         seen = memory if kind == "filtered" else np.stack([memory.mean(axis=0)] * 2)
-        raw = weights if kind == "filtered" else np.maximum(weights, 0.01)
-        return np.where(weights > 0, raw, 0.0) / (1.0 + seen**2), lambda t: attack(t)[:3]
+        raw = lane.weights if kind == "filtered" else np.maximum(lane.weights, 0.01)
+        return np.where(lane.weights > 0, raw, 0.0) / (1.0 + seen**2), lambda t: added
 
-    return choose
+    return choose, carried, chosen
 
 
 def named(kind):
@@ -145,8 +149,10 @@ def named(kind):
 
 KEYS = {"horizon": 5.0, "tail": 1.0, "output_step": TICK, "tick": TICK}
 INSTANTS = np.arange(101) * TICK
-ATTACK = {"kind": "rotating", "magnitude": 5.0, "threat": "replaces"}
-SMALL = {"vehicles": 6, "topology": RANDOM, "attack": ATTACK | {"vehicles": [2, 5]}}
+MAGNITUDE = 0.3
+CIRCLE = {"kind": "lissajous", "amplitude": [1.0, 1.0], "frequency": [0.4, 0.4], "phase": [0.0, 1.57]}
+SMALL = {"vehicles": 6, "topology": RANDOM, "navigator": CIRCLE, "gain": [6.0, 11.0, 6.0]}
+SMALL |= {"initial": {"position": {"uniform": [-2, 2]}}}
 
 
 def simulated(engine, samples=2, **keys):
@@ -171,20 +177,29 @@ def start_of(one, number):
     ("engine", "kind", "accuracy"),
     [("exact", Alike, 1e-9), ("nonlinear", Filtered, 1e-5)],
 )
-def test_weights_that_are_numbers_with_a_memory(engine, kind, accuracy):
-    """They follow received positions, velocities and accelerations and the gain; each lane's own graph."""
-    one, outcome = simulated(engine, defence=named(kind), gain=[2.0, 4.0, 2.5], **SMALL)
+def test_weights_that_are_numbers_and_an_attack_that_chooses_at_ticks(engine, kind, accuracy):
+    """Weights follow received positions, velocities, accelerations and the gain; each lane's own graph.
+
+    The attack is against or along the mean error, scaled down to ā where it is far and not where it is near.
+    """
+    attack = named(Steering) | {"magnitude": MAGNITUDE, "vehicles": [2, 5]}
+    one, outcome = simulated(engine, defence=named(kind), attack=attack, **SMALL)
     assert (outcome.status == Status.ok).all()
+    sizes = []
     for number in range(2):
-        lane, attack = systems.lane(one, number), attack_on_links(one, number)
-        carried = ~lane.links
-        choose = filtered_weights(kind.kind, lane.weights, carried, lane.gain, attack)
+        lane = systems.lane(one, number)
+        choose, carried, chosen = plain(kind.kind, lane)
         known = march(choose, carried, lane.gain, start_of(one, number), TICK, 100)
         assert np.abs(errors_of(one, outcome, number) - known[:, 0]).max() <= accuracy
-        kept = outcome.series["kept"][number]
+        kept, signal = outcome.series["kept"][number], outcome.series["attack"][number]
         assert not kept[:, lane.weights == 0].any()
         assert np.ptp(kept, axis=0).max() > 0.1
+        np.testing.assert_allclose(signal[:100, 1], chosen, rtol=0, atol=10 * accuracy)
+        assert not signal[:, 0].any()
+        sizes += np.linalg.norm(signal[:, 1], axis=-1).tolist()
     assert outcome.switches.tolist() == [0, 0]
+    assert max(sizes) <= MAGNITUDE * (1 + 1e-12)
+    assert min(sizes) < 0.29
 
 
 def test_a_defence_in_the_vector_field_is_told_the_time():
@@ -198,44 +213,6 @@ def test_a_defence_in_the_vector_field_is_told_the_time():
     positions = (outcome.series["state"][..., :2] for outcome in (ticked, literal))
     assert np.abs(np.subtract(*positions)).max() <= 1e-5
     assert (ticked.series["kept"][0, [0, -1], 0, 0] == [0.1, 1.0]).all()
-
-
-def steered(m, links, magnitude):
-    """The plain program of the strategic attack, and the vectors that it chose."""
-    chosen = []
-
-    def choose(n, error):
-        vector = (1.0 if n % 3 == 2 else -1.0) * 5.0 * error[0].mean(axis=0)
-        vector = magnitude * vector / max(1.0, np.hypot(*vector))
-        chosen.append(vector)
-        added = np.zeros((3, m, m + 1, 2))
-        added[0][links] = vector
-        return choose.weights, lambda t: added
-
-    return choose, chosen
-
-
-@pytest.mark.parametrize(("engine", "accuracy"), [("exact", 1e-9), ("nonlinear", 1e-5)])
-def test_an_attack_that_chooses_at_ticks(engine, accuracy):
-    """Against or along the mean error, scaled down to ā where it is far and not where it is near."""
-    keys = {"topology": "cyclic", "gain": [6.0, 11.0, 6.0], "initial": {"position": {"uniform": [-2, 2]}}}
-    navigator = {"kind": "lissajous", "amplitude": [1.0, 1.0], "frequency": [0.4, 0.4], "phase": [0.0, 1.57]}
-    attack = named(Steering) | {"magnitude": 0.3}
-    one, outcome = simulated(engine, attack=attack, defence="none", navigator=navigator, **keys)
-    assert (outcome.status == Status.ok).all()
-    sizes = []
-    for number in range(2):
-        lane = systems.lane(one, number)
-        choose, chosen = steered(12, lane.links, 0.3)
-        choose.weights = np.stack([lane.weights] * 2)
-        known = march(choose, np.ones((12, 13), bool), lane.gain, start_of(one, number), TICK, 100)
-        assert np.abs(errors_of(one, outcome, number) - known[:, 0]).max() <= accuracy
-        signal = outcome.series["attack"][number]
-        np.testing.assert_allclose(signal[:100, 1], chosen, rtol=0, atol=10 * accuracy)
-        assert not signal[:, 0].any()
-        sizes += np.linalg.norm(signal[:, 1], axis=-1).tolist()
-    assert max(sizes) <= 0.3 * (1 + 1e-12)
-    assert min(sizes) < 0.29
 
 
 @pytest.mark.parametrize("number", [0.5, 1.0, 7.0, 1e150, 1e300, float("nan"), float("inf")])
