@@ -43,7 +43,6 @@ def test_between_ticks_the_error_is_of_the_order_of_the_tick():
     [
         ({"score": "feedback"}, True),
         ({"score": "feedback", "filter": 1.0}, False),
-        ({"score": "announced"}, False),
     ],
 )
 def test_what_passes_through_zero_is_retained_unless_filtered(score, lost):

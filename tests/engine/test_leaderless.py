@@ -60,7 +60,7 @@ def test_vehicles_step_by_the_weights_of_their_neighbours():
     assert row["tail_max"] == pytest.approx(np.linalg.norm(middle, axis=1).max(), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["saldana canonical7", "oddi Test_1", "zhao L1 N6", "jia 10 union"])
+@pytest.mark.parametrize("name", ["saldana canonical7", "zhao L1 N6"])
 def test_a_network_that_is_robust_enough_agrees_inside_the_box_of_its_starts(name):
     """(2, 2)-robust graphs, with each vehicle as the liar in some of 64 lanes, by two attacks."""
     keys = {
@@ -135,10 +135,9 @@ def test_a_law_that_asks_for_a_navigator_is_refused_and_check_says_what_is_known
     assert "the theorems presuppose a navigator" in text
 
 
-@pytest.mark.parametrize("vehicles", [[5], {"random": 1}])
-def test_a_link_that_is_replaced_carries_the_signal_alone(vehicles):
-    """One step of a plain program, whether the liar is named or drawn."""
-    attack = {"kind": "bias", "magnitude": 7.0, "threat": "replaces", "vehicles": vehicles}
+def test_a_link_that_is_replaced_carries_the_signal_alone():
+    """One step of a plain program, with a liar that is drawn."""
+    attack = {"kind": "bias", "magnitude": 7.0, "threat": "replaces", "vehicles": {"random": 1}}
     results = simulated(topology=edges_of("jia 10 union"), attack=attack, defence="none", horizon=0.1)
     states, signal = (
         results.trajectories[name].sel(cell=0, sample=0).values for name in ("states", "attack")

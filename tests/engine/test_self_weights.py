@@ -6,19 +6,19 @@ from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.view.text.check import check_text
+from tests import systems
 from tests.engine.test_orders import subsequence
 
 H = 0.1
 KEYS = {"vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1 / H], "tick": H}
-KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0, "save": {"trajectories": "all"}}
+KEYS |= {"engine": "exact", "horizon": 5.0, "output_step": H, "tail": 0.0}
 RING = [[i, j % 6 + 1, 1.0 + i / 10] for i in range(1, 7) for j in (i, i + 1, i + 3)]
 
 
 def paths(**keys):
     """States (times, vehicles, 2) of one lane, and what the attacks add (times, vehicles, 2)."""
-    results = jaxnet.simulate(KEYS | keys, progress=False)
-    data = results.trajectories.sel(cell=0, sample=0)
-    return data["states"].values, data["attack"].values
+    series = systems.simulate(systems.lanes(systems.study(**KEYS | keys), 1)).series
+    return series["state"][0], series["attack"][0]
 
 
 def test_vehicles_step_by_weights_that_count_themselves():
@@ -115,11 +115,11 @@ def test_check_tells_the_factor_of_the_slowest_disagreement(topology, radius):
 
 def test_a_lost_word_leaves_the_weight_on_oneself():
     """With every word lost the fleet stands still, and W of those who came moves it otherwise."""
-    keys = {"topology": {"kind": "complete", "own_weight": 1.0}, "vehicles": 4, "attack": "none"}
+    keys = {"topology": {"kind": "complete", "own_weight": 1.0}, "vehicles": 7, "attack": "none"}
     still, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 0.999999}}, horizon=1.0)
     np.testing.assert_array_equal(still[-1], still[0])
     moved, _ = paths(**keys, channel={"loss": {"kind": "bernoulli", "probability": 1e-9}}, horizon=0.1)
-    np.testing.assert_allclose(moved[1], np.tile(moved[0].mean(axis=0), (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(moved[1], np.tile(moved[0].mean(axis=0), (7, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -39,20 +39,11 @@ def stepped(x, weights, told, F):
     return new
 
 
-@pytest.mark.parametrize(
-    ("times", "number"),
-    [
-        ({"every": 7.0}, lambda t: t // 7 % 3),
-        (
-            {"at": [3.0, 4.0, 250.0, 251.5]},
-            lambda t: [0, 1, 2, 0, 1][sum(t >= s for s in (3, 4, 250, 251.5))],
-        ),
-    ],
-)
-def test_agents_step_by_the_network_in_force(times, number):
+def test_agents_step_by_the_network_in_force():
     """W-MSR with F = 1, a liar at -5 and weights of agents on themselves; 500 steps to 1e-12."""
+    at, networks = [3.0, 4.0, 250.0, 251.5], [RING, PAIRS, SPARSE, RING, PAIRS]
     keys = LINE | {"horizon": 500.0, "defence": {"kind": "w_msr", "F": 1}, "attack": LIAR}
-    keys["topology"] = {"kind": "switching", "networks": NETWORKS, **times}
+    keys["topology"] = {"kind": "switching", "networks": NETWORKS, "at": at}
     one = systems.lanes(systems.study(**keys), 2)
     outcome = systems.simulate(one)
     for lane in range(2):
@@ -60,7 +51,7 @@ def test_agents_step_by_the_network_in_force(times, number):
         x = places[0]
         for t in range(500):
             told = np.where(np.arange(6) == 2, -5.0, x)
-            x = stepped(x, matrix([RING, PAIRS, SPARSE][number(t)]), told, F=1)
+            x = stepped(x, matrix(networks[sum(t >= s for s in at)]), told, F=1)
             assert np.abs(x - places[t + 1]).max() <= 1e-12
         assert np.ptp(places[0]) > 10
 
