@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_a_liar_that_announces_honestly_is_believed(signal):
 
 def test_consistent_announcements_expose_the_liar_from_any_first_announcement():
     """Theorem 3 with Λ = 0: nothing is left of a constant attack."""
-    for first in (0.0, 1.0, 100.0):
+    for first in (1.0, 100.0):
         assert ends(ring("consistent", first_announcement=first)).max() < 1e-9
 
 
@@ -111,13 +112,12 @@ def test_who_hears_outsiders_is_not_safe():
     A vehicle outside runs through a cycle of six ticks. Relays average what it announces over one period,
     so announcements vanish where the motion's R(E) has another mean.
     """
-    for first in (0.0, 1.0):
-        study = jaxnet.load(CYCLE, {"defence.first_announcement": first})
-        assert not any(12 in vehicles for vehicles in certificate(study).values())
-        states = systems.simulate(systems.lanes(study, 4)).series["state"]
-        path = study.cells[0].scenario.navigator.jets(np.arange(55.0, 60.5, 0.5))[0].T
-        off = np.linalg.norm(states[:, -11:, 11, :2] - path[None], axis=-1) / 8.0
-        assert (np.abs(off - 0.525) < 2e-4).all()
+    study = jaxnet.load(CYCLE, {"defence.first_announcement": 1.0})
+    assert not any(12 in vehicles for vehicles in certificate(study).values())
+    states = systems.simulate(systems.lanes(study, 4)).series["state"]
+    path = study.cells[0].scenario.navigator.jets(np.arange(55.0, 60.5, 0.5))[0].T
+    off = np.linalg.norm(states[:, -11:, 11, :2] - path[None], axis=-1) / 8.0
+    assert (np.abs(off - 0.525) < 2e-4).all()
 
 
 def test_noise_far_below_the_lie_changes_nothing_and_noise_above_it_does():
@@ -133,8 +133,8 @@ def test_announcements_are_overheard_with_noise_but_the_navigators():
     drawn = type(defence).filled({**vars(defence), "noise": jnp.array([2.0]), "key": jnp.array([0.3])})
     sources = np.tile(np.array([0, 1, 2]), (4000, 1)).T
     told = jnp.zeros((2, *sources.shape, 1))
-    overheard = np.asarray(drawn.overheard(told, sources, jnp.array([0.5])))
+    overheard = np.asarray(jax.jit(drawn.overheard)(told, sources, jnp.array([0.5])))
     assert (overheard[:, 0] == 0).all()
     assert overheard[:, 1:].std() == pytest.approx(2.0, rel=0.03)
-    seen = np.asarray(drawn.observed((told,), jnp.array([0.5]))[0])
+    seen = np.asarray(jax.jit(drawn.observed)((told,), jnp.array([0.5]))[0])
     assert abs(np.corrcoef(seen[:, 1:].ravel(), overheard[:, 1:].ravel())[0, 1]) < 0.05

@@ -66,8 +66,8 @@ def test_the_smoother_rise_has_four_continuous_derivatives():
 
 
 def test_the_engines_agree_on_planar_quadrotors():
-    """Path by path, to 1e-5 m, in the rise of an envelope about harmonics."""
-    attack = ENVELOPE | {"of": "multisine", "vehicles": [2, 4]}
+    """Path by path, to 1e-5 m, in the rise of an envelope about a harmonic."""
+    attack = ENVELOPE | {"of": "sinusoid", "vehicles": [2, 4]}
     keys = QUADROTOR | {"attack": attack, "horizon": 2.0, "save": {"trajectories": "all"}}
     keys |= {"sweep": {"engine": ["exact", "nonlinear"]}}
     data = jaxnet.simulate(keys, samples=1, progress=False).trajectories["states"]

@@ -27,9 +27,7 @@ def constant_response(gain, rho, start, times):
 @pytest.mark.parametrize(
     ("vehicle", "magnitude", "gain"),
     [
-        ("two_wheeled", [15, 10, 5], [1.0, 3.0, 3.0]),
         ("double_integrator", [2, 0, 7], [2.0, 0.9]),
-        ("single_integrator", [3], [1.3]),
         ("planar_quadrotor", [3, 1, 0, 0.5, 2], [1.0, 4.0, 6.0, 4.0]),
     ],
 )
@@ -54,16 +52,14 @@ def test_a_star_responds_to_a_constant_disturbance(vehicle, magnitude, gain):
 
 
 @pytest.mark.parametrize("kind", ["sinusoid", "envelope"])
-def test_both_engines_hear_each_order_within_its_magnitude(kind):
+def test_each_order_is_heard_within_its_magnitude(kind):
     """A sinusoid in position and acceleration; a spoof in an envelope, which is no path either."""
     attack = {"kind": "sinusoid", "orders": [0, 2], "frequency": 1.7, "phase": 0.2}
     if kind == "envelope":
         attack = {"kind": "envelope", "of": "spoof", "start": 0.5, "rise": 1.0}
-    keys = {"attack": attack | {"magnitude": [4, 0, 9]}, "sweep": {"engine": ["exact", "nonlinear"]}}
-    keys |= {"horizon": 2.0, "tail": 0.0, "save": {"trajectories": "all"}}
+    keys = {"attack": attack | {"magnitude": [4, 0, 9]}, "engine": "exact"}
+    keys |= {"horizon": 2.0, "tail": 0.0, "save": {"trajectories": "all"}, "defence": "none"}
     results = jaxnet.simulate(keys, samples=1, progress=False)
-    exact, nonlinear = (results.trajectories["states"].sel(cell=cell).values[..., :2] for cell in (0, 1))
-    np.testing.assert_allclose(nonlinear, exact, atol=1e-5)
     signal = results.trajectories["attack"].sel(cell=0, sample=0)
     time = signal["time"].values
     unit = np.sin(1.7 * time + 0.2) if kind == "sinusoid" else binom.sf(3, 7, np.clip(time - 0.5, 0, 1))
