@@ -3,6 +3,7 @@
 import math
 import statistics
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -186,9 +187,14 @@ def test_random_trust_errs_as_often_as_coins_do():
     around = Neighbourhood(None, weights, jnp.zeros((4, 1), bool), None, None, (), (), jnp.asarray(attacked))
     own, received, everybody = jnp.zeros((2, 1, lanes)), jnp.zeros((2, 4, 1, lanes)), weights > 0
     memory = rule.start(around)
+
+    @jax.jit
+    def after(memory, time):
+        here = around._replace(time=time)
+        return rule.decide((own,) * 3, (received,) * 3, everybody, memory, here)[1]
+
     for tick in range(1, ticks + 1):
-        here = around._replace(time=jnp.full(lanes, 0.1 * tick))
-        _, memory = rule.decide((own,) * 3, (received,) * 3, everybody, memory, here)
+        memory = after(memory, jnp.full(lanes, 0.1 * tick))
         positive = np.asarray(memory) >= 0
         against = (tick - 1) // 2  # observations that still retain an attacked source, of those that err
         rates = (~positive[:2]).mean(), positive[2:].mean()

@@ -8,7 +8,7 @@ from tests import systems
 
 GRAPH = {"kind": "random_regular", "degree": 5, "navigator_weight": 0.1, "redraw": True}
 KEYS = {"engine": "exact", "topology": GRAPH, "horizon": 10.0, "tail": 5.0, "tick": 0.1}
-SCORES = ("position", "feedback", "announced")
+SCORES = ("position", "announced")
 DEFENCES = [
     *({"kind": "trusted_trim", "score": score} for score in SCORES),
     "ms_norm",
@@ -35,7 +35,7 @@ def test_the_last_bit_moves_nobody(defence):
     """Four attackers tell the navigator's path with an offset of one size; two starts differ by rounding."""
     attack = {"kind": "bias" if defence == "coordinate_median" else "rotating", "threat": "replaces"}
     study = systems.study(defence=defence, attack=attack, **KEYS)
-    one = systems.lanes(study, LANES, ())
+    one = systems.lanes(study, LANES)
     ours, theirs = systems.simulate(one), systems.simulate(a_bit_off(one, 0))
     assert (ours.status == 0).all()
     jax.tree.map(

@@ -10,7 +10,8 @@ from jaxnet.config.scenario import safe_in, situation_of
 from jaxnet.engine.status import Status
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.losses import Loss
-from tests import systems
+from tests import reference, systems
+from tests.engine.test_exactness import navigator_at
 
 QUIET = {"attack": "none", "defence": "none", "engine": "exact"}
 
@@ -32,13 +33,13 @@ def test_a_vehicle_with_one_source_keeps_its_drive_as_often_as_messages_are_lost
 def test_where_everybody_hears_somebody_the_error_is_nominal():
     """Each of 12 vehicles hears all others: weights do not matter without attack and noise."""
     keys = QUIET | {"topology": "complete", "horizon": 10.0, "tail": 1.0}
-    plain, lossy = (
-        systems.simulate(systems.lanes(systems.study(**keys, channel=channel), 4))
-        for channel in (loss(0.0), loss(0.3))
-    )
-    assert lossy.unheard.tolist() == [0, 0, 0, 0]
-    states = (outcome.series["state"][..., :2] for outcome in (plain, lossy))
-    assert np.abs(np.subtract(*states)).max() <= 1e-9
+    one = systems.lanes(systems.study(**keys, channel=loss(0.3)), 4)
+    outcome, times = systems.simulate(one), np.arange(101) * 0.1
+    assert outcome.unheard.tolist() == [0, 0, 0, 0]
+    for number, states in enumerate(outcome.series["state"][..., :2]):
+        lane, path = systems.lane(one, number), navigator_at(one, number)
+        known = reference.nominal(path, lane.gain, reference.flat_jets(lane.initial.T), times)
+        assert np.abs(states - known).max() <= 1e-9
 
 
 def test_who_never_hears_anything_goes_on_as_it_began():

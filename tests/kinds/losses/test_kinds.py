@@ -29,7 +29,7 @@ def lost_words(loss, ticks, lanes=4, **keys):
         lost, memory = lane.loss.lost(messages(number), memory)
         return memory, lost
 
-    memory = lane.loss.start(messages(jnp.asarray(0)))
+    memory = jax.jit(lambda: lane.loss.start(messages(jnp.asarray(0))))()
     lost = np.asarray(jax.lax.scan(at_tick, memory, jnp.arange(ticks))[1])
     found = np.zeros((ticks, sources.shape[1], sources.shape[1] + 1, lanes), bool)
     for slot, listener in np.ndindex(*sources.shape):

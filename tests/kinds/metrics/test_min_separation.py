@@ -7,7 +7,7 @@ import jaxnet
 from jaxnet.kinds.metrics import Metric
 from tests import systems
 
-KEYS = {"horizon": 4.0, "tail": 1.0}
+KEYS = {"horizon": 4.0, "tail": 1.0, "defence": "none"}
 
 
 def force(seen):
@@ -61,7 +61,7 @@ def test_a_metric_of_one_s_own_is_reduced_as_it_says(measured, name):
 
 def test_one_vehicle_is_infinitely_far_from_the_next():
     """In lanes that are ok, and in the cell."""
-    alone = {"vehicles": 1, "topology": "star", "attack": "none", "defence": "none", "engine": "exact"}
+    alone = {"vehicles": 1, "topology": "star", "attack": "none", "engine": "exact"}
     results = jaxnet.simulate({"metrics": ["min_separation"], **alone, **KEYS}, 2, progress=False)
     assert results.lanes["status"].tolist() == ["ok", "ok"]
     assert np.isinf(results.lanes["min_separation"]).all()

@@ -53,7 +53,7 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
     for _ in range(3):
         derivatives.append(jax.jacfwd(derivatives[-1]))
     times = np.array([0.1, 7.3, 9.9999, 12.0, 21.7, 29.0])
-    expected = np.stack([jax.vmap(each)(times).T for each in derivatives])
+    expected = np.stack([jax.jit(jax.vmap(each))(times).T for each in derivatives])
     np.testing.assert_allclose(WEAVING.jets(times), expected, rtol=0, atol=1e-7)
 
     class Alike:

@@ -8,12 +8,13 @@ from jaxnet.model.graph import dense
 from jaxnet.theory import noise
 from jaxnet.view.text.check import check_text
 from tests import systems
+from tests.engine.test_exactness import navigator_at
 
 # Variance of E over s² g at gain (1, 3, 3) and a tick of 0.05 s, white and with a correlation time of 1 s.
 WHITE, CORRELATED = 0.00937435, 0.312565
 SIZES = {"position": 0.1, "velocity": 0.05, "acceleration": 0.02}
 DRIVE = 0.1**2 + (3 * 0.05) ** 2 + (3 * 0.02) ** 2  # s² = Σ k_k² σ_k²
-QUIET = {"attack": "none", "defence": "none", "horizon": 30.0, "output_step": 30.0, "tail": 0.0}
+QUIET = {"attack": "none", "defence": "none", "horizon": 20.0, "output_step": 20.0, "tail": 0.0}
 
 
 def covariance(topology, of):
@@ -44,9 +45,9 @@ def test_words_with_errors_drive_the_fleet_as_the_theory_says(topology, of, corr
     """Sum of squares over vehicles, and of each vehicle, inside 99 % intervals."""
     noise = {**SIZES, "of": of, "correlation": correlation}
     keys = QUIET | {"engine": "exact", "topology": topology, "channel": {"noise": noise}}
-    positions = systems.simulate(systems.lanes(systems.study(**keys), 250)).series["state"][:, -1, :, :2]
-    path = systems.simulate(systems.lanes(systems.study(**keys | {"channel": {}}), 1)).series["state"]
-    error = (positions - path[0, -1, :, :2]).transpose(0, 2, 1).reshape(-1, 12)
+    one = systems.lanes(systems.study(**keys), 250)
+    positions = systems.simulate(one).series["state"][:, -1, :, :2]
+    error = (positions - navigator_at(one, 0)(20.0)[0]).transpose(0, 2, 1).reshape(-1, 12)
     known = DRIVE * (CORRELATED if correlation else WHITE) * covariance(topology, of)
     width = 2.576 * np.sqrt(2 * (known**2).sum() / len(error))
     assert abs((error**2).sum(axis=1).mean() - np.trace(known)) <= width
@@ -68,19 +69,18 @@ OUTLIERS = {"outliers": 0.05, "outlier_factor": 6.0}
 TOTAL = 1 + 0.05 * 35  # of variances, by the law of total variance
 
 
-@pytest.mark.parametrize("correlation", [0.0, 1.0])
-def test_outliers_and_errors_of_jerks_drive_the_fleet(correlation):
+def test_outliers_and_errors_of_jerks_drive_the_fleet():
     """Variance of E on a star: `(Σ k_k² σ_k² + σ_3²) (1 + p (f² - 1))` times that of the held drive."""
-    noise = {"position": 0.1, "jerk": 0.2, "correlation": correlation, **OUTLIERS}
     keys = QUIET | {"engine": "exact", "topology": "star"}
-    positions = systems.simulate(systems.lanes(systems.study(**keys, channel={"noise": noise}), 200)).series[
-        "state"
-    ][:, -1, :, :2]
+    studies = {}
+    for correlation in (0.0, 1.0):
+        noise = {"position": 0.1, "jerk": 0.2, "correlation": correlation, **OUTLIERS}
+        studies[correlation] = systems.study(**keys, channel={"noise": noise})
+        known = (0.1**2 + 0.2**2) * TOTAL * (CORRELATED if correlation else WHITE)
+        assert f"leave {np.sqrt(known):.4g} m rms" in told(studies[correlation])
+    positions = systems.simulate(systems.lanes(studies[1.0], 200)).series["state"][:, -1, :, :2]
     squares = (positions - positions.mean(axis=(0, 1))) ** 2
-    known = (0.1**2 + 0.2**2) * TOTAL * (CORRELATED if correlation else WHITE)
     assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
-    study = systems.study(**keys, channel={"noise": noise})
-    assert f"leave {np.sqrt(known):.4g} m rms" in told(study)
 
 
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
@@ -100,12 +100,14 @@ def test_vehicles_under_the_local_law_tell_no_jerk():
         systems.study(law="local", channel={"noise": {"jerk": 0.1}})
 
 
-@pytest.mark.parametrize("missing", ["hold", "extrapolate"])
-def test_engines_draw_the_same_errors(missing):
-    """Path by path to 1e-5 m, with outliers and errors of jerks, where lost words are replaced."""
+def test_engines_draw_the_same_errors():
+    """Path by path to 1e-5 m, with outliers and errors of jerks, where words are lost together.
+
+    Words that stand in for lost ones: tests/kinds/vehicles/test_look_ahead.py and tests/engine/test_drawn.py.
+    """
     loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
     noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
-    channel = {"noise": noise, "loss": loss, "missing": missing}
+    channel = {"noise": noise, "loss": loss}
     keys = {"attack": "none", "defence": "none", "vehicles": 4, "channel": channel, "tick": 0.1}
     keys |= {
         "sensing": {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS},
