@@ -10,9 +10,7 @@ from tests.engine.test_defended import PAIR
 MAGNITUDE = 5.0
 RULES = [
     {"kind": "trusted_trim", "theta": {1: 1, 2: 1}, "trusted": {1: [2], 2: [1]}},
-    {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "noise": 0.1},
     {"kind": "trusted_trim", "score": "announced", "theta": {1: 1, 2: 1}, "filter": 1.0},
-    {"kind": "centerpoint"},
     {"kind": "w_msr"},
 ]
 
