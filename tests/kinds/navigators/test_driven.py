@@ -4,11 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import jaxnet
 from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.navigators.driven import Driven
 from jaxnet.kinds.navigators.lissajous import Lissajous
+from tests import systems
 
 TIMES = np.linspace(0.0, 30.0, 301)
 WEAVING = Driven(speed=[15.0, 25.0, 5.0, -20.0], turn_rate=[0.4, -1.9, 3.0, 0.0], every=10.1, heading=1.0)
@@ -70,13 +72,18 @@ def test_jets_are_derivatives_across_pieces_and_lanes():
 
 
 def test_a_fleet_tracks_the_robot():
-    """As it tracks the circle that a Lissajous figure gives."""
-    circle = {"amplitude": [40.0, 40.0], "frequency": [0.5, 0.5], "phase": [np.pi / 2, 0.0]}
+    """`E'' + 2 E' + E = 0` of double integrators behind a robot on a circle."""
     robot = {"kind": "driven", "speed": [20.0] * 3, "turn_rate": [0.5] * 3, "every": 15.0}
     robot |= {"position": [40.0, 0.0], "heading": np.pi / 2}
     keys = {"engine": "exact", "horizon": 5.0, "tail": 5.0, "vehicle": "double_integrator"}
-    found = [jaxnet.simulate(keys | {"navigator": each}, samples=2).lanes for each in (circle, robot)]
-    np.testing.assert_allclose(found[1]["tail_max"], found[0]["tail_max"], rtol=1e-10)
+    study = systems.study(**keys, navigator=robot, attack="none", defence="none")
+    states, times = systems.simulate(systems.lanes(study, 2)).series["state"], np.arange(51) * 0.1
+    angle = 0.5 * times
+    path = 40.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    start = states[:, 0].reshape(2, 12, 2, 2) - [[40.0, 0.0], [0.0, 20.0]]
+    flows = np.stack([expm(np.array([[0.0, 1.0], [-1.0, -2.0]]) * time)[0] for time in times])
+    known = path[:, None] + np.einsum("tk,lmkx->ltmx", flows, start)
+    np.testing.assert_allclose(states[..., :2], known, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,7 @@
-"""Errors of words and correlated errors of sensors: covariances, and engines path by path."""
+"""Errors of words and correlated errors of sensors: covariances, and what check tells.
+
+Engines draw the same: tests/kinds/detectors/test_chi_squared.py, tests/kinds/defences/test_engines.py.
+"""
 
 import numpy as np
 import pytest
@@ -98,27 +101,6 @@ def test_vehicles_under_the_local_law_tell_no_jerk():
     """So errors of it are refused."""
     with pytest.raises(ConfigError, match="do not tell their highest derivative"):
         systems.study(law="local", channel={"noise": {"jerk": 0.1}})
-
-
-def test_engines_draw_the_same_errors():
-    """Path by path to 1e-5 m, with outliers and errors of jerks, where words are lost together.
-
-    Words that stand in for lost ones: tests/kinds/vehicles/test_look_ahead.py and tests/engine/test_drawn.py.
-    """
-    loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
-    noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
-    channel = {"noise": noise, "loss": loss}
-    keys = {"attack": "none", "defence": "none", "vehicles": 4, "channel": channel, "tick": 0.1}
-    keys |= {
-        "sensing": {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS},
-        "horizon": 3.0,
-        "tail": 1.0,
-    }
-    exact, nonlinear = (
-        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][..., :2]
-        for engine in ("exact", "nonlinear")
-    )
-    assert np.abs(exact - nonlinear).max() <= 1e-5
 
 
 def test_one_network_without_errors_is_the_default():
