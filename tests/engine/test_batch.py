@@ -60,19 +60,9 @@ def test_a_lane_is_the_same_alone_and_among_others(engine):
         np.testing.assert_array_equal(same, theirs)
 
 
-@pytest.mark.parametrize(("engine", "rtol"), [("nonlinear", 1e-12), ("exact", 0.0)])
-def test_what_is_saved_changes_no_row(engine, rtol):
-    """Rows are the same with trajectories and without (optimised to the last bit: tests/runs/test_run.py)."""
-    given = systems.study(engine=engine, **SHORTEST)
-    bare = systems.simulate(systems.lanes(given, 40, ()))
-    saving = systems.simulate(systems.lanes(given, 40))
-    for ours, theirs in zip(*map(jax.tree.leaves, (bare, saving._replace(series={}))), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=rtol)
-
-
 def test_chunks_of_another_width_agree():
     """To 1e-9, with the same decisions; nonlinear ones to the last bit above."""
-    one = systems.lanes(systems.study(engine="exact", **SHORT), 40, ())
+    one = systems.lanes(systems.study(engine="exact", **SHORTEST), 40)
     ours, theirs = systems.simulate(one), batch.simulate(one, batch.Machine(chunk=5))
     np.testing.assert_array_equal(ours.switches, theirs.switches)
     for metric, other in zip(ours.metrics.values(), theirs.metrics.values(), strict=True):

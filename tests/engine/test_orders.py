@@ -41,16 +41,6 @@ def paths(**keys):
     return results.trajectories["states"].sel(cell=0).values[..., :2], results.lanes
 
 
-def test_engines_agree_on_vehicles_of_order_four():
-    """Runge–Kutta steps; windows: tests/kinds/attacks/test_fourth.py."""
-    (exact, ours), (steps, theirs) = (
-        paths(vehicle="planar_quadrotor", engine=engine)
-        for engine in ("exact", {"kind": "nonlinear", "solver": "dopri8"})
-    )
-    np.testing.assert_allclose(steps, exact, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(theirs["min_speed"], ours["min_speed"], rtol=0, atol=1e-4)
-
-
 def test_engines_agree_on_vehicles_with_states_inside():
     """The dense system with 2m unknowns; windows and steps: tests/kinds/vehicles/test_look_ahead.py."""
     exact, stacked = (paths(vehicle="look_ahead", engine=engine)[0] for engine in ("exact", "stacked"))

@@ -158,7 +158,7 @@ def test_many_rounds_and_short_ticks_come_to_the_law_itself():
 
 
 def test_what_a_lane_that_diverges_comes_to():
-    """Its error as far as numbers go, the same in both engines; Runge-Kutta steps become too short before."""
+    """Its error as far as numbers go, the same in both engines."""
     keys = {"law": "rounds", "tick": 0.5, "output_step": 1.0, "attack": "none", "defence": "none"}
     ends = {
         (engine, horizon): systems.simulate(
@@ -173,8 +173,6 @@ def test_what_a_lane_that_diverges_comes_to():
         assert near == (end.metrics["tail_mean"] > 1e25)
     exact, nonlinear = (ends[engine, 30.0].metrics["tail_mean"] for engine in ("exact", "nonlinear"))
     np.testing.assert_allclose(nonlinear, exact, rtol=1e-9)
-    steps = systems.study(engine={"solver": "dopri5", "max_steps": 3000}, horizon=30.0, **keys)
-    assert systems.simulate(systems.lanes(steps, 1)).status == [Status.max_steps]
 
 
 def test_numbers_of_rounds_share_a_program_and_lanes_may_differ():

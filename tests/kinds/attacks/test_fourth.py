@@ -66,11 +66,14 @@ def test_the_smoother_rise_has_four_continuous_derivatives():
 
 
 def test_the_engines_agree_on_planar_quadrotors():
-    """Path by path, to 1e-5 m, in the rise of an envelope about a harmonic."""
+    """Path by path, to 1e-5 m, and in speeds, by windows and by steps, in the rise of an envelope."""
     attack = ENVELOPE | {"of": "sinusoid", "vehicles": [2, 4]}
     keys = QUADROTOR | {"attack": attack, "horizon": 2.0, "save": {"trajectories": "all"}}
-    keys |= {"sweep": {"engine": ["exact", "nonlinear"]}}
-    data = jaxnet.simulate(keys, samples=1, progress=False).trajectories["states"]
-    exact, nonlinear = (data.sel(cell=cell).values[..., :2] for cell in (0, 1))
+    keys |= {"sweep": {"engine": ["exact", "nonlinear", {"kind": "nonlinear", "solver": "dopri8"}]}}
+    results = jaxnet.simulate(keys, samples=1, progress=False)
+    exact, *others = (results.trajectories["states"].sel(cell=cell).values[..., :2] for cell in range(3))
     assert np.isfinite(exact).all()
-    np.testing.assert_allclose(nonlinear, exact, atol=1e-5)
+    for other in others:
+        np.testing.assert_allclose(other, exact, rtol=0, atol=1e-5)
+    slowest = results.lanes["min_speed"].to_numpy()
+    np.testing.assert_allclose(slowest[1:], slowest[0], rtol=0, atol=1e-4)
