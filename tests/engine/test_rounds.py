@@ -16,7 +16,6 @@ from tests.engine.test_exactness import attack_on_links, navigator_at
 
 TICK, TICKS = 0.05, 120
 KEYS = {"horizon": TICK * TICKS, "tail": 1.0, "output_step": TICK, "tick": TICK}
-SMALL = {"topology": "figure1", "vehicles": 5}
 CASES = {
     "trimmed": {"attack": {"kind": "rotating", "magnitude": 5.0}},
     "replaced": {
@@ -86,7 +85,6 @@ def random_digraph(seed):
 
 GRAPHS = {  # each with a tick and rounds that are stable, and others that are not
     "ring": ({"topology": "cyclic"}, (0.05, 2), (0.05, 1)),
-    "figure1": (SMALL, (0.2, 1), (0.4, 1)),
     "digraph": ({"topology": random_digraph(0), "vehicles": 7}, (0.05, 2), (0.2, 1)),
 }
 

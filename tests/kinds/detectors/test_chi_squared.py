@@ -114,15 +114,13 @@ def test_p_values_are_those_of_chi_squared():
 
 
 def test_a_vehicle_that_moves_as_it_tells_is_covert():
-    """All residuals are those of the lane without attack, bit for bit; one that obeys the law is seen."""
+    """All residuals are those of the lane without attack, bit for bit."""
     attack = {"kind": "own_path", "vehicles": [2], "magnitude": 5.0, "swing": [3.0, 1.0]}
     keys = {"horizon": 3.0, "detector": Parity(), "vehicle": "single_integrator"}
     attacked, honest = shares(**keys, attack=attack | {"moves": "as_told"})
     _, silent = shares(**keys, **SILENT)
     np.testing.assert_allclose((2 * attacked + 16 * honest) / 18, silent, rtol=0, atol=1e-15)
     assert 0.3 < silent.mean() < 0.7
-    seen, _ = shares(**keys | {"detector": KEYS["detector"]}, attack=attack)
-    assert seen.mean() > 0.9
 
 
 @pytest.mark.parametrize("keys", [{"engine": "nonlinear"}, {"law": "rounds"}])
