@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def few_resamples(monkeypatch):
     """The intervals are tested elsewhere."""
-    monkeypatch.setattr(fit, "RESAMPLES", 50)
+    monkeypatch.setattr(fit, "RESAMPLES", 2)
 
 
 def invoke(*words):
