@@ -225,8 +225,8 @@ def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
     monkeypatch.setattr(explored, "FRESH", 8)
     attack = {"kind": "own_path", "vehicles": [2], "centre": [30, 0], "frequency": {"uniform": [0.1, 1]}}
     over = {"over": {"attack.frequency": [0.1, 1]}, "maximise": "spread", "budget": 100, "until": 1.0}
-    keys = KEYS | {"attack": attack, "sweep": {"defence": ["none", "w_msr"]}, "search": over, "save": {}}
-    results = jaxnet.search(keys, tmp_path / "out", progress=False)
+    keys = KEYS | {"attack": attack, "defence": "w_msr", "sweep": {"gain": [[8.0], [6.0]]}, "save": {}}
+    results = jaxnet.search(keys | {"search": over}, tmp_path / "out", progress=False)
     told = worst.search_text(results)
     assert "the worst spread [m]; late" in told
     assert not re.search("ā|bound", told)
