@@ -23,6 +23,7 @@ import jaxnet
 from jaxnet import ConfigError, FolderError, KindError
 from jaxnet.cli import main
 from jaxnet.config.study import native
+from jaxnet.explore import worst
 from jaxnet.kinds.attacks.sinusoid import Sinusoid
 from jaxnet.kinds.defences.w_msr import WMSR
 from jaxnet.runs import cache, watched
@@ -78,8 +79,10 @@ def examples(name):
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_every_public_name_has_an_example_that_runs(name):
+def test_every_public_name_has_an_example_that_runs(name, monkeypatch):
     """Each name of docs/api.md; the examples of its methods run too, and print what they show."""
+    monkeypatch.setattr(fits, "RESAMPLES", 2)  # the intervals are tested elsewhere
+    monkeypatch.setattr(worst, "FRESH", 8)
     found, runner = examples(name), doctest.DocTestRunner()
     assert next(each for each in found if each.name == name).examples, "no example"
     for example in found:
@@ -310,7 +313,7 @@ def test_a_lane_that_is_none_is_refused(results, cell, sample, said):
 
 def test_results_are_fitted_and_reported(results, monkeypatch):
     """Into the tables, bounds and figures that the commands write."""
-    monkeypatch.setattr(fits, "RESAMPLES", 50)  # the intervals are tested elsewhere
+    monkeypatch.setattr(fits, "RESAMPLES", 2)  # the intervals are tested elsewhere
     monkeypatch.setattr(watched, "replay_watched", lambda *_: iter(()))  # and so are the lanes shown
     with pytest.raises(FolderError, match=r"^the study in memory has no bounds.csv: Results.fit\(\) makes"):
         _ = results.bounds
@@ -334,7 +337,7 @@ def test_run_and_search_take_the_same_arguments():
 
 def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeypatch):
     """Into `out`, with the values that are returned; nothing is added to the results' own folder."""
-    monkeypatch.setattr(fits, "RESAMPLES", 5)
+    monkeypatch.setattr(fits, "RESAMPLES", 2)
     results = jaxnet.run(KEYS, tmp_path / "results", progress=False)
     before = sorted(results.path.rglob("*"))
     table, lane = results.fit(tmp_path / "out"), results.replay(1, 0, out=tmp_path / "out")
@@ -346,7 +349,9 @@ def test_fits_and_replays_are_written_where_they_are_asked_for(tmp_path, monkeyp
 
 def test_results_in_memory_are_reported_and_filmed_in_a_folder(tmp_path, monkeypatch):
     """Nothing that a user reads names a place in memory, and nothing is added there."""
-    monkeypatch.setattr(fits, "RESAMPLES", 50)
+    monkeypatch.setattr(fits, "RESAMPLES", 2)
+    drawn = every.draw_figures  # the other figures are alike
+    monkeypatch.setattr(every, "draw_figures", lambda results, told=None: drawn(results, ("tails",)))
     results = jaxnet.simulate(KEYS | {"save": {"trajectories": "none"}}, progress=False)
     before = len(MemoryFileSystem.store)
     page = results.report(tmp_path / "report")

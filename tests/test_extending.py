@@ -55,12 +55,10 @@ def environment():
     return {**plain, "PYTHONPATH": str(ROOT)}
 
 
-def jaxnet_in(folder, *words, check=True, **options):
+def jaxnet_in(folder, *words):
     """The command line, in that folder, as a process of its own."""
     command = [sys.executable, "-m", "jaxnet", *words]
-    return subprocess.run(
-        command, cwd=folder, env=environment(), check=check, capture_output=True, text=True, **options
-    )
+    subprocess.run(command, cwd=folder, env=environment(), check=True, capture_output=True, text=True)
 
 
 COMMANDS = """
@@ -83,6 +81,13 @@ def all_in(folder, *commands):
         capture_output=True,
         text=True,
     ).stdout
+
+
+def invoke(*words):
+    """What a command prints, by this process; it must end well."""
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    return done.output
 
 
 def test_a_stranger_s_kinds_work_end_to_end(folder):
@@ -139,17 +144,18 @@ def test_the_page_s_script_runs(folder):
     assert done.stdout.endswith("[1.0, 2.0]\n[8, 2]\n"), "the vehicle and the networks of the page's end"
 
 
-def test_a_folder_never_mixes_two_versions_of_a_module(folder):
+def test_a_folder_never_mixes_two_versions_of_a_module(folder, monkeypatch):
     """Changed between two runs: refused, told why; as it was again: taken up."""
+    monkeypatch.chdir(folder)
     small = ("run", "study.yaml", "samples=2", "horizon=2.0", "tail=1.0", "sweep={}")
-    jaxnet_in(folder, *small)
+    invoke(*small)
     text = (folder / "my_kinds.py").read_text()
     (folder / "my_kinds.py").write_text(text.replace("1j", "2j"))
-    refused = jaxnet_in(folder, *small, check=False)
-    assert refused.returncode == 2
+    refused = CliRunner().invoke(main, small)
+    assert refused.exit_code == 2
     assert "my_kinds was changed since its rows were made" in refused.stderr
     (folder / "my_kinds.py").write_text(text)
-    assert jaxnet_in(folder, *small).returncode == 0
+    invoke(*small)
 
 
 CELL = """
@@ -329,11 +335,12 @@ def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     assert lanes.loc[lanes["status"] != "ok", "tail_mean"].isna().all()
 
 
-def test_a_strangers_loss_decides_which_messages_arrive(folder):
+def test_a_strangers_loss_decides_which_messages_arrive(folder, monkeypatch):
     """Within 1,000 km everybody hears everybody, within 1 mm nobody hears anybody."""
     keys = ["engine=exact", "samples=2", "sweep={channel.loss.radius: [1.0e+6, 1.0e-3]}"]
     loss = "channel={loss: {kind: 'my_losses:Range'}}"
-    jaxnet_in(folder, "run", "study.yaml", loss, *keys, "--out", "found")
+    monkeypatch.chdir(folder)
+    invoke("run", "study.yaml", loss, *keys, "--out", "found")
     found = jaxnet.open(folder / "found")
     config, counts = found.study.config, found.lanes.groupby("channel.loss.radius")["unheard"]
     pairs = config.vehicles * (round(config.horizon / config.tick) + 1)

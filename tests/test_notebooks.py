@@ -4,6 +4,7 @@
 comes with the extra `docs`.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -16,6 +17,11 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 ROUNDED = 2e-3  # numbers are shown with three decimals, and the tests compile otherwise than users
 MOST_BYTES = 300_000
+OPTIMISED = "worst_case"  # simulates 20,000 lanes: less time to compile a little better than to wait for
+STARTUP = """
+from jaxnet.statistics import fits
+fits.RESAMPLES = 2  # the intervals are tested elsewhere
+"""
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
@@ -25,9 +31,15 @@ def stored(request):
 
 
 @pytest.fixture
-def as_a_user_has_it(tmp_path, monkeypatch):
+def as_a_user_has_it(stored, tmp_path, monkeypatch):
     """Give kernels this checkout, folders of their own, and JAX's own settings in place of the tests'."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    if stored.stem == OPTIMISED:
+        level = "xla_backend_optimization_level="
+        monkeypatch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"].replace(f"{level}0", f"{level}1"))
+    startup = tmp_path / "ipython" / "profile_default" / "startup"
+    startup.mkdir(parents=True)
+    (startup / "few_resamples.py").write_text(STARTUP)
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     monkeypatch.setenv("JUPYTER_RUNTIME_DIR", str(tmp_path / "runtime"))
     for strict in ("JAX_ENABLE_X64", "JAX_NUMPY_DTYPE_PROMOTION", "JAX_NUMPY_RANK_PROMOTION"):

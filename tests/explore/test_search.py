@@ -135,7 +135,7 @@ TRIMMED = {"attack": {"kind": "rotating", "magnitude": 10.0}, "defence": "truste
 def whole(tmp_path_factory):
     """A search that nobody disturbed, of two cells."""
     over = {"sweep": {"gain": [[1, 3, 3], [1.2, 3, 3]]}, "search": {"until": 40.0}}
-    given = study(OVER, budget=400, **over, **TRIMMED)
+    given = study(OVER, budget=200, **over, **TRIMMED)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst, "FRESH", 48)
         yield jaxnet.search(given, tmp_path_factory.mktemp("whole") / "s", progress=False), given
@@ -152,7 +152,7 @@ def test_the_worst_is_a_study_of_its_own(whole):
         again = jaxnet.simulate(longer, progress=False)
         assert again.lanes["tail_max"].mean() == row["late"]
         assert row["nonlinear"] == pytest.approx(row["found"], rel=0.01)
-        assert row["lanes"] <= 400
+        assert row["lanes"] <= 200
         random = results.lanes.query(f"cell == {cell}")["tail_max"]
         assert row["random"] == random.max()
         assert row["fresh_low"] <= row["fresh"] <= row["fresh_high"]
@@ -183,7 +183,7 @@ def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(Trials, "simulate", counting)
 
     def stop(what, lanes, total):
-        if lanes > 200:
+        if lanes > 100:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -295,7 +295,7 @@ def members(group):
 def test_a_client_that_is_stopped(config, whole, tmp_path, number):
     """Its workers go with it, what is finished is kept, and the same command goes on."""
     out = tmp_path / "out"
-    client = command(config, out, "samples=3000", "--workers", "2")
+    client = command(config, out, "samples=1000", "--workers", "2")
     awaited(lambda: len(done(out)) > 1)
     assert len(members(client.pid)) > 2
     os.killpg(client.pid, number) if number == signal.SIGINT else client.send_signal(number)
@@ -306,10 +306,10 @@ def test_a_client_that_is_stopped(config, whole, tmp_path, number):
         assert client.returncode == 130
         assert said == "interrupted; what is finished is kept, the same command goes on\n"
     kept = {path: path.stat().st_mtime_ns for path in done(out)}
-    results = jaxnet.run(jaxnet.load(config, {"samples": 3000}), out)
+    results = jaxnet.run(jaxnet.load(config, {"samples": 1000}), out)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     rows = results.lanes
-    assert len(rows) == SHARDS * 3000
+    assert len(rows) == SHARDS * 1000
     first = rows[rows["sample"] < 256].reset_index(drop=True)
     pd.testing.assert_frame_equal(first, whole.lanes, check_exact=True)
 
@@ -324,7 +324,7 @@ def test_workers_whose_client_has_lost_the_folder_write_no_more(study, whole, tm
             time.sleep(0.2)  # for a file that is being renamed
             before.update({path: path.stat().st_mtime_ns for path in done(out)})
 
-    longer = jaxnet.load(STUDY, {"samples": 3000})
+    longer = jaxnet.load(STUDY, {"samples": 1000})
     with pytest.raises(
         TakenError, match="was taken over by process 1 on Mars at an unknown time: this process"
     ):

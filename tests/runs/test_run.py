@@ -384,14 +384,6 @@ def test_chosen_lanes_that_were_harmed_are_stored_again(tmp_path):
     assert first.stat().st_mtime_ns == written
 
 
-def test_no_lane_to_be_chosen(config, tmp_path):
-    """Where all have failed: the store is there, and has none."""
-    keys = {"engine": {"max_steps": 1}, "sweep": {}, "save.trajectories": {"worst": 1}}
-    results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "out")
-    assert results.trajectories["states"].shape == (0, 21, 12, 6)
-    panels.panels_figure(results, results.study.cells, trajectories=True, errors=False)
-
-
 def test_saving_more_later_keeps_the_rows(config, tmp_path):
     """`save` is not part of the study's identity."""
     keys = {"sweep.topology": ["star"], "sweep.attack.magnitude": [5.5]}
@@ -423,13 +415,18 @@ def test_what_is_saved_may_change_at_any_time(config, tmp_path):
 
 
 def test_a_failed_lane_keeps_its_row(config, tmp_path):
-    """With its status, NaN metrics, NaN arrays from where it failed, and is counted."""
-    given = jaxnet.load(config, {"engine": {"max_steps": 3}, "sweep": {}, "samples": 6})
-    results = jaxnet.run(given, tmp_path / "failing")
+    """With its status, NaN metrics, NaN arrays from where it failed, and is counted.
+
+    All have failed, so none is chosen: the store of trajectories is there, and has none.
+    """
+    keys = {"engine": {"max_steps": 1}, "sweep": {}, "samples": 6, "save.trajectories": {"worst": 1}}
+    results = jaxnet.run(jaxnet.load(config, keys), tmp_path / "failing")
+    assert results.trajectories["states"].shape == (0, 21, 12, 6)
+    panels.panels_figure(results, results.study.cells, trajectories=True, errors=False)
     failed = results.lanes[results.lanes["status"] == "max_steps"]
-    assert 0 < len(failed) <= 6
+    assert len(failed) == 6
     assert failed[["tail_mean", "peak_error", "min_speed"]].isna().all(axis=None)
-    assert (failed["steps"] == 3).all()
+    assert (failed["steps"] == 1).all()
     assert results.manifest["lanes"]["failed"] == len(failed) == results.cells["failed"][0]
     assert np.isnan(results.errors["tracking"].values[0, failed["sample"], -1]).all()
     assert not np.isnan(results.errors["tracking"].values[0, failed["sample"], 0]).any()

@@ -273,12 +273,12 @@ def test_no_interval_of_too_few_draws():
 
 def test_nothing_is_resampled_where_all_is_rounding():
     """Draws that are off may be unseen, so curves have no intervals; the slope has one, under its bound."""
-    y = X[:, None] * 1e-28 * np.random.default_rng(0).random((1, 400))
+    y = X[:, None] * 1e-28 * np.random.default_rng(0).random((1, 1000))
     rows = pd.DataFrame(fit.fit_rows(fit.Errors(X, y), most=7.0))
     squares = rows[rows["quantile"].isna()].set_index(["model", "parameter"]).sort_index()
     slope = squares.loc[("proportional", "s")]
     assert slope["low"] < 1e-28
-    assert slope["high"] == pytest.approx(7 * (1 - 0.025 ** (1 / 400)), rel=1e-2)
+    assert slope["high"] == pytest.approx(7 * (1 - 0.025 ** (1 / 1000)), rel=1e-2)
     assert squares.drop(index=[("proportional", "s")])[["low", "high"]].isna().all(axis=None)
 
 

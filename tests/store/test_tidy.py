@@ -10,6 +10,7 @@ from jaxnet import FolderError
 from jaxnet.cli import main
 
 KEYS = {
+    "vehicle": "car",
     "samples": 2,
     "horizon": 0.4,
     "tail": 0.2,
@@ -17,17 +18,21 @@ KEYS = {
     "vehicles": 3,
     "topology": "star",
     "attack": {"vehicles": [2]},
-    "sweep": {"attack.magnitude": [1, 5.5], "defence": ["none", "trusted_trim"]},
+    "sweep": {"attack.magnitude": [1, 5.5], "topology": ["star", {"kind": "star", "label": "other"}]},
 }
 ARRAYS = ("states", "state", ""), ("inputs", "input", ""), ("attack", "axis", "attack_")
 
 
-@pytest.mark.parametrize("saved", ["all", {"samples": [1]}], ids=["all", "chosen"])
-def test_csv_files_read_back_equal_the_arrays(tmp_path, saved):
+@pytest.fixture(scope="module", params=["all", {"samples": [1]}], ids=["all", "chosen"])
+def results(request):
+    """Four cells of two lanes, with the trajectories of all or of one lane a cell."""
+    return jaxnet.simulate(KEYS | {"save": {"errors": True, "trajectories": request.param}}, progress=False)
+
+
+def test_csv_files_read_back_equal_the_arrays(tmp_path, results):
     """To the last bit, lane by lane, with the swept values in columns."""
-    results = jaxnet.simulate(KEYS | {"save": {"trajectories": saved}}, progress=False)
     folder = results.export(tmp_path / "csv", form="csv")
-    samples = [0, 1] if saved == "all" else [1]
+    samples = [0, 1] if "lane" not in results.trajectories.dims else [1]
     names = {f"cell-{cell}-sample-{sample}.csv" for cell in range(4) for sample in samples}
     assert {path.name for path in folder.iterdir()} == names
     for path in folder.iterdir():
@@ -56,7 +61,8 @@ def lane_of(data, cell, sample):
 
 def test_the_command_writes_csv_and_says_what_is_missing(tmp_path):
     """Into RESULTS/csv, or a folder; MATLAB's file as before; an unknown form is refused."""
-    results = jaxnet.run(KEYS | {"save": {"trajectories": "all"}}, tmp_path / "run", progress=False)
+    save = {"errors": True, "trajectories": "all"}
+    results = jaxnet.run(KEYS | {"save": save}, tmp_path / "run", progress=False)
     done = CliRunner().invoke(main, ["export", str(results.path), "--csv"])
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "run" / "csv").glob("*.csv"))) == 8
@@ -66,16 +72,13 @@ def test_the_command_writes_csv_and_says_what_is_missing(tmp_path):
     assert (tmp_path / "run" / "results.mat").exists()
     with pytest.raises(FolderError, match=r"^form: one of mat, csv \(got 'xls'\)$"):
         results.export(form="xls")
-    bare = jaxnet.simulate(KEYS, progress=False)
+    bare = jaxnet.simulate(KEYS | {"save": {"errors": True}}, progress=False)
     with pytest.raises(FolderError, match=r"the study in memory has no trajectories.zarr: run it with save"):
         bare.export(tmp_path / "none", form="csv")
 
 
-@pytest.mark.parametrize("saved", ["all", {"worst": 1}], ids=["all", "chosen"])
-def test_every_array_tells_its_unit_and_meaning(saved):
+def test_every_array_tells_its_unit_and_meaning(results):
     """Variables, coordinates and swept keys; states and inputs one unit for each label."""
-    car = {"vehicle": "car", "save": {"errors": True, "trajectories": saved}}
-    results = jaxnet.simulate(KEYS | car, progress=False)
     for data in (results.errors, results.trajectories):
         for name, array in data.variables.items():
             if name != "lane" or array.attrs:  # the index of chosen lanes is xarray's own

@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 from scipy.stats import binomtest
 
 import jaxnet
+from jaxnet.explore import worst as explored
 from jaxnet.film import film_figure, film_of
 from jaxnet.runs.replay import trajectory_of
 from jaxnet.statistics import pairs
@@ -219,12 +220,13 @@ def test_the_page_says_nothing_of_errors(browser, results):
     assert [left[each.start() - 40 : each.end() + 40] for each in OF_A_NAVIGATOR.finditer(left)] == []
 
 
-def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path):
+def test_a_search_speaks_of_metres_and_of_no_bound(tmp_path, monkeypatch):
     """The spread is told in metres; a panel is not empty where vehicles agree."""
+    monkeypatch.setattr(explored, "FRESH", 8)
     attack = {"kind": "own_path", "vehicles": [2], "centre": [30, 0], "frequency": {"uniform": [0.1, 1]}}
     over = {"over": {"attack.frequency": [0.1, 1]}, "maximise": "spread", "budget": 100, "until": 1.0}
-    keys = KEYS | {"attack": attack, "sweep": {"defence": ["none", "w_msr"]}, "search": over, "save": {}}
-    results = jaxnet.search(keys, tmp_path / "out", progress=False)
+    keys = KEYS | {"attack": attack, "defence": "w_msr", "sweep": {"gain": [[8.0], [6.0]]}, "save": {}}
+    results = jaxnet.search(keys | {"search": over}, tmp_path / "out", progress=False)
     told = worst.search_text(results)
     assert "the worst spread [m]; late" in told
     assert not re.search("ā|bound", told)
