@@ -67,7 +67,7 @@ class DrawsAtTicks(Kind):
         """
         if "key" not in vars(self):
             raise KindError(f"{self.kind}: a kind that calls random(…) gives draws(self), which returns True")
-        if distribution not in chance.DISTRIBUTIONS:
+        if distribution not in chance.SAMPLERS:
             raise KindError(f"{self.kind}: random(…) draws from 'uniform' or 'normal' (got {distribution!r})")
         return chance.drawn(vars(self)["key"], time, purpose, distribution, shape)
 

@@ -21,7 +21,7 @@ from jaxnet.model import xla
 
 LaneValues = Float[Array, " lanes"]
 Jet = Float[Array, "2 slots m lanes"]
-Words = tuple[UInt32[Array, "..."], UInt32[Array, "..."]]
+Bits = tuple[UInt32[Array, "..."], UInt32[Array, "..."]]
 
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 PARITY = np.uint32(0x1BD11BDA)  # of the parts of a key
@@ -42,16 +42,16 @@ def drawn(
     for word in (named, *halves(time)):
         # Once for a lane, not for each number: 4 times.
         found = xla.materialised(functools.partial(threefry, found, (jnp.zeros_like(word), word)))
-    return DISTRIBUTIONS[distribution](found, shape)
+    return SAMPLERS[distribution](found, shape)
 
 
-def halves(number: LaneValues) -> Words:
+def halves(number: LaneValues) -> Bits:
     """Return the 64 bits of numbers as two halves of 32 bits."""
     both = jax.lax.bitcast_convert_type(number, jnp.uint32)
     return both[..., 0], both[..., 1]
 
 
-def threefry(key: Words, counter: Words) -> Words:
+def threefry(key: Bits, counter: Bits) -> Bits:
     """Return the two words of Threefry 2x32 for a key and a counter."""
     keys = *key, key[0] ^ key[1] ^ PARITY
     first, second = counter[0] + keys[0], counter[1] + keys[1]
@@ -64,21 +64,21 @@ def threefry(key: Words, counter: Words) -> Words:
     return first, second
 
 
-def words(key: Words, shape: tuple[int, ...]) -> Words:
+def words(key: Bits, shape: tuple[int, ...]) -> Bits:
     """Return two words of 32 random bits for each number of each lane."""
     number = np.arange(np.prod(shape, dtype=int), dtype=np.uint32).reshape(*shape, 1)
     keys = [part.reshape(*[1] * len(shape), -1) for part in key]
     return threefry((keys[0], keys[1]), (jnp.zeros_like(number), jnp.asarray(number)))
 
 
-def uniform(key: Words, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
+def uniform(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
     """Return uniform numbers of 52 random bits, at least 0 and less than 1."""
     high, low = (part.astype(jnp.uint64) for part in words(key, shape))
     mantissa = (high << np.uint64(32) | low) >> np.uint64(12)
     return jax.lax.bitcast_convert_type(mantissa | np.uint64(0x3FF0000000000000), float) - 1.0
 
 
-def normal(key: Words, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
+def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
     """Return normal numbers of 24 random bits, none greater than 5.5.
 
     They are computed in single precision: 3 times.
@@ -89,7 +89,7 @@ def normal(key: Words, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
     return found.astype(float) * np.sqrt(2.0)
 
 
-DISTRIBUTIONS: dict[str, Callable[[Words, tuple[int, ...]], Array]] = {
+SAMPLERS: dict[str, Callable[[Bits, tuple[int, ...]], Array]] = {
     "uniform": uniform,
     "normal": normal,
 }
