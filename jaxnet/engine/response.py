@@ -44,11 +44,8 @@ def solve_response(
     def some(few: LaneIndices | Stretch, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
-        drive, residual = tick.drive(part, chosen, plan), None
-        if lane.delay is None:
-            new, residual = response_vectors(drive, network)
-        else:
-            new = late_response(drive)
+        drive = tick.drive(part, chosen, plan)
+        new, residual = response_vectors(drive, network) if lane.delay is None else late_response(drive)
         if drive.known is None:
             cut = ~(residual < CONNECTED)
         else:
@@ -87,13 +84,13 @@ def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
     return response.transpose(1, 2, 0, 3), residual
 
 
-def late_response(drive: Drive) -> Vectors:
-    """Return the vectors of `response_vectors` where all words are late: L is the identity, z has all."""
+def late_response(drive: Drive) -> tuple[Vectors, Any]:
+    """Return what `response_vectors` does where all words are late: L is the identity, and z has all."""
     known = drive.known
     assert known is not None
     first, *powers = jnp.moveaxis(known.drive, 1, 0)
     attacks = [jnp.zeros_like(first)] * drive.vectors.shape[2]
-    return jnp.stack([*attacks, first, *of_navigator(-known.share), *powers], axis=2)
+    return jnp.stack([*attacks, first, *of_navigator(-known.share), *powers], axis=2), None
 
 
 def of_navigator(share: Float[Array, "axes m lanes"]) -> tuple[PerAxis, PerAxis]:
