@@ -104,7 +104,7 @@ class SteadyDelay(NamedTuple):
         came = time[lift] > self.time - interval[lift] / 2
         if not lift:
             return Arrival(came[None, None], None)
-        return Arrival(came, length(history) - jnp.round(self.time / interval[lift]).astype(int))
+        return Arrival(came, depth(history) - jnp.round(self.time / interval[lift]).astype(int))
 
 
 class DrawnDelay(NamedTuple):
@@ -132,14 +132,14 @@ class DrawnDelay(NamedTuple):
         return Arrival(due.any(axis=0), last)
 
 
-def length(history: History) -> int:
+def depth(history: History) -> int:
     """Return the number of ticks in a history."""
     return len(history.path)
 
 
 def ages(history: History) -> Int[Array, "d 1 1 1"]:
     """Return the ticks that have passed since each entry of a history."""
-    return jnp.arange(length(history), 0, -1)[:, None, None, None]
+    return jnp.arange(depth(history), 0, -1)[:, None, None, None]
 
 
 def word_degrees(lane: Lane) -> int:
@@ -231,7 +231,7 @@ def arriving_words(
 
     Under a local law only the navigator tells its r-th derivative.
     """
-    ticks = None if arrival.entry is None else length(history) - arrival.entry
+    ticks = None if arrival.entry is None else depth(history) - arrival.entry
     gains = word_gains(lane.gain, lane.delay.seconds(ticks, lane.interval), plan.extrapolate)
 
     def carried(sent: History) -> tuple[LinkPolynomials, ...]:
