@@ -46,7 +46,7 @@ LinkNumbers = Int[Array, "slots m lanes"]
 class SentJets(NamedTuple):
     """Jets of y at a tick, which listeners judge by."""
 
-    own: tuple[Float[Array, "*d 2 m lanes"], ...]  # as vehicles sense them, relative to the navigator
+    told: tuple[Float[Array, "*d 2 sources lanes"], ...]  # relative to the navigator, which comes first
     navigator: Float[Array, "*d r 2 lanes"]
     functions: Float[Array, "*d r B lanes"]  # of the attacks
 
@@ -161,28 +161,25 @@ def common_gains(lane: Lane, plan: Plan) -> Float[Array, "derivatives lanes"] | 
     return None
 
 
-def first_history(lane: Lane, plan: Plan, changing: bool, rounded: bool) -> History:
-    """Return the history before the first tick, in which all is 0.
-
-    `changing` says whether the attacks' vectors change, `rounded` whether jets are rounded.
-    """
+def first_history(lane: Lane, plan: Plan) -> History:
+    """Return the history before the first tick, in which all is 0."""
     d, r, (slots, m, lanes) = plan.late, len(lane.gain), lane.weights.shape
     orders, degrees = r + 1 if common_gains(lane, plan) is None else 1, word_degrees(lane)
-    functions = lane.vectors.shape[2]
+    functions, changing = lane.vectors.shape[2], plan.strategic or lane.periods is not None
 
     def nothing(*shape: int) -> Float[Array, "*shape"]:
         return jnp.zeros((d, *shape, lanes))
 
     jets = None
     if plan.decides:
-        jets = SentJets((nothing(2, m),) * r, nothing(r, 2), nothing(r, functions))
+        jets = SentJets((nothing(2, 1 + m),) * r, nothing(r, 2), nothing(r, functions))
     drawn = lane.delay.draw(jnp.zeros(lanes), (slots, m))
     return History(
         told=(nothing(2, degrees, m),) * orders,
         path=nothing(orders, degrees, 2),
         functions=nothing(orders, degrees, functions),
         vectors=nothing(*lane.vectors.shape[:3]) if changing else None,
-        rounding=(nothing(2, slots, m),) * max(3, r) if rounded else None,
+        rounding=(nothing(2, slots, m),) * max(3, r) if lane.steps is not None else None,
         jets=jets,
         ticks=None if drawn is None else jnp.full((d, slots, m, lanes), NOT_ARRIVING, int),
     )
@@ -213,10 +210,9 @@ def arriving_jets(
     def carried(sent: History) -> CarriedJets:
         assert sent.jets is not None
         signals = signal.jets(vectors_of(sent, lane), sent.jets.functions)
-        sources = (jnp.concatenate([jnp.zeros_like(own[:, :1]), own], axis=1) for own in sent.jets.own)
         found = (
             hearing.received(*both) + then[:, None, None]
-            for *both, then in zip(sources, signals, sent.jets.navigator, strict=True)
+            for *both, then in zip(sent.jets.told, signals, sent.jets.navigator, strict=True)
         )
         return tuple(found) if sent.rounding is None else plane.plus(tuple(found), sent.rounding)
 

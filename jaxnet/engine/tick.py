@@ -216,10 +216,7 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
         shape = jax.eval_shape(lambda: lane.defence.decide(errors, carried, everybody, memory, around))
         decision = first_decision(shape[0], lane)
     noise = None if lane.sensor is None else (zero,) * max(3, len(lane.gain))
-    history = None
-    if lane.delay is not None:
-        changing = plan.strategic or lane.periods is not None
-        history = late.first_history(lane, plan, changing, rounded=lane.steps is not None)
+    history = None if lane.delay is None else late.first_history(lane, plan)
     channel = first_reception(lane, network, plan, errors, time, history), first_coasting(lane)
     number = None if lane.turns is None else jnp.zeros(time.shape, int)
     rest = noise, *channel, number, *first_link_errors(lane), history
@@ -353,13 +350,14 @@ def send(
 
     `held` is the r-th derivative that vehicles hold until now and tell, None under other laws.
     """
-    followed, history = drive(lane, state, plan), state.late
+    known, history = state.known, state.late
     assert history is not None
-    assert followed.known is not None
+    assert known is not None
     jets = None
     if plan.decides:
         order = len(lane.gain)
-        jets = SentJets(sensed(errors, state.noise)[:order], lane.path(time)[:order], basis[:order])
+        relative = tell(sensed(errors, state.noise)[:order])
+        jets = SentJets(relative, lane.path(time)[:order], basis[:order])
     own = plane.plus(errors, lane.path(time)[: len(errors), :, None])
     if lane.law.holds:
         highest = jnp.zeros_like(own[0]) if held is None else held
@@ -367,11 +365,11 @@ def send(
     elif lane.law.local or plan.extrapolate != "none":
         strength = None
         if lane.law.local:
-            strength = (followed.known.share > 0).astype(float)
-            strength = strength if followed.strength is None else strength * followed.strength
-        told = late.motion_of(lane.gain, followed.known.drive, own, state.noise, strength)
+            strength, given = (known.share > 0).astype(float), row_strength(lane, state, plan)
+            strength = strength if given is None else strength * given
+        told = late.motion_of(lane.gain, known.drive, own, state.noise, strength)
     else:
-        told = (followed.known.drive,)
+        told = (known.drive,)
     if state.reception is not None and lane.loss is not None:
         arrived = late.arrival(history, lane, time).came
         history = late.without_lost(history, arrived & ~state.reception.arrived)

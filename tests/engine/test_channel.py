@@ -144,31 +144,42 @@ class Plain:
         return end.reshape(3, m, 2), jerk(t + TICK, end.reshape(3, m, 2))
 
 
+CASES = {
+    "noise": {"noisy": True, "lossy": False},
+    "loss": {"noisy": False, "lossy": True},
+    "both": {"noisy": True, "lossy": True},
+}
 TWO_ROUNDS = {"kind": "rounds", "rounds": 2}
 
 
 @pytest.mark.parametrize(
-    ("engine", "law", "orders"),
+    ("case", "engine", "law", "orders"),
     [
-        ("exact", "exact", [0]),  # what is received is no path with its derivatives
-        ("stacked", "exact", [0, 1, 2, 3]),
-        ("exact", TWO_ROUNDS, [0, 1, 2, 3]),
+        ("both", "exact", "exact", [0, 1, 2, 3]),
+        ("loss", "exact", "exact", [0]),  # what is received is no path with its derivatives
+        ("both", "nonlinear", "exact", [0, 1, 2, 3]),
+        ("both", "stacked", "exact", [0, 1, 2, 3]),
+        ("both", "exact", TWO_ROUNDS, [0, 1, 2, 3]),
+        ("noise", "nonlinear", TWO_ROUNDS, [0, 1, 2, 3]),
     ],
 )
-def test_vehicles_move_as_the_plain_program(engine, law, orders):
-    """On the ring under attack, with gains other than the default. Nonlinear: tests/engine/test_drawn.py."""
+def test_vehicles_move_as_the_plain_program(case, engine, law, orders):
+    """On the ring under attack, with gains other than the default."""
     keys = KEYS | NEAR | {"gain": [2.0, 4.0, 2.5], "defence": "none", "law": law}
-    keys |= {"sensing": Wavy(), "channel": {"loss": Striped()}}
     keys["attack"] = {"kind": "rotating", "orders": orders}
+    if CASES[case]["noisy"]:
+        keys["sensing"] = Wavy()
+    if CASES[case]["lossy"]:
+        keys["channel"] = {"loss": Striped()}
     one = systems.lanes(systems.study(engine=engine, **keys), 2)
     outcome = systems.simulate(one)
     assert (outcome.status == Status.ok).all()
     for number in range(2):
-        plain = Plain(one, number, noisy=True, lossy=True, rounds=0 if law == "exact" else 2)
-        known, count = plain.positions()
+        known, count = Plain(one, number, rounds=0 if law == "exact" else 2, **CASES[case]).positions()
         apart = np.abs(outcome.series["state"][number, :, :, :2] - known).max()
         assert apart <= (1e-7 if engine == "exact" else 1e-5)
-        assert outcome.unheard[number] == count > 20
+        assert outcome.unheard[number] == count
+        assert (count > 20) == CASES[case]["lossy"]
 
 
 def dropped(arrived, error, attack):
@@ -180,3 +191,21 @@ def dropped(arrived, error, attack):
             told = [np.append(np.zeros((1, 2)), error, axis=0)[j] + attack[i, j] for j in heard]
             away[i, heard[np.linalg.norm(told - told[0], axis=1).argmax()]] = True
     return away
+
+
+def test_trimming_judges_what_arrived():
+    """Everybody hears everybody: at every tick the farthest of those who arrived is dropped, if three did."""
+    keys = KEYS | {"topology": "complete", "vehicles": 5, "engine": "exact", "channel": {"loss": Striped()}}
+    keys |= {"attack": {"kind": "rotating", "vehicles": [2, 4]}, "defence": "trusted_trim"}
+    one = systems.lanes(systems.study(**keys), 1)
+    outcome, lane = systems.simulate(one), systems.lane(one, 0)
+    attack, navigator, drops = attack_on_links(one, 0), navigator_at(one, 0), 0
+    for n in range(TICKS + 1):
+        arrived = (lane.weights > 0) & ~is_lost(n, np.arange(5)[:, None], np.arange(6)[None])
+        error = outcome.series["state"][0, n, :, :2] - navigator(n * TICK)[0]
+        away = dropped(arrived, error, attack(n * TICK)[0])
+        keeping = keepers(arrived & ~away)
+        expected = arrived & ~away & ~np.isin(np.arange(5), list(keeping))[:, None]
+        np.testing.assert_array_equal(outcome.series["kept"][0, n] > 0, expected)
+        drops += away.sum()
+    assert drops > 20

@@ -1,7 +1,4 @@
-"""Errors of words and correlated errors of sensors: covariances, and what check tells.
-
-Engines draw the same: tests/kinds/detectors/test_chi_squared.py, tests/kinds/defences/test_engines.py.
-"""
+"""Errors of words and correlated errors of sensors: covariances, check, and engines path by path."""
 
 import numpy as np
 import pytest
@@ -84,6 +81,20 @@ def test_outliers_and_errors_of_jerks_drive_the_fleet():
     positions = systems.simulate(systems.lanes(studies[1.0], 200)).series["state"][:, -1, :, :2]
     squares = (positions - positions.mean(axis=(0, 1))) ** 2
     assert abs(squares.mean() - known) <= 2.576 * squares.std() / np.sqrt(squares.size)
+
+
+def test_engines_draw_the_same_errors():
+    """Path by path to 1e-5 m, with outliers, errors of jerks and held readings, where lost words are held."""
+    loss = {"kind": "gilbert_elliott", "fail": 0.3, "recover": 0.4, "of": "transmitter"}
+    noise = {**SIZES, "correlation": 0.3, "jerk": 0.1, **OUTLIERS}
+    keys = {"attack": "none", "defence": "none", "vehicles": 4, "tick": 0.1, "horizon": 3.0, "tail": 1.0}
+    keys["channel"] = {"noise": noise, "loss": loss, "missing": "hold"}
+    keys["sensing"] = {"position": 0.1, "correlation": 0.2, "dropout": 0.2, **OUTLIERS}
+    exact, nonlinear = (
+        systems.simulate(systems.lanes(systems.study(engine=engine, **keys), 2)).series["state"][..., :2]
+        for engine in ("exact", "nonlinear")
+    )
+    assert np.abs(exact - nonlinear).max() <= 1e-5
 
 
 def test_the_highest_derivative_of_single_integrators_is_their_velocity():
