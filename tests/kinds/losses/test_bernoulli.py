@@ -30,6 +30,17 @@ def test_a_vehicle_with_one_source_keeps_its_drive_as_often_as_messages_are_lost
     assert low <= outcome.unheard.sum() <= high
 
 
+@pytest.mark.parametrize(("probability", "known"), [(0.1, 0.484321), (0.3, 0.628338)])
+def test_dropped_words_leave_more_of_the_noise(probability, known):
+    """The mean of `Σ_j w_ij²` over vehicles that hear somebody, 0.415 without loss: 99 % interval."""
+    keys = QUIET | {"law": "local", "topology": {"kind": "cyclic", "navigator_weight": 0.1}, "horizon": 10.0}
+    study = systems.study(**keys, channel=loss(probability), tail=1.0)
+    squares = (systems.simulate(systems.lanes(study, 20, ("kept",))).series["kept"] ** 2).sum(axis=-1)
+    heard = squares[squares > 0]
+    assert len(heard) > 15_000
+    assert abs(heard.mean() - known) <= 2.576 * heard.std() / np.sqrt(len(heard))
+
+
 def test_where_everybody_hears_somebody_the_error_is_nominal():
     """Each of 12 vehicles hears all others: weights do not matter without attack and noise."""
     keys = QUIET | {"topology": "complete", "horizon": 10.0, "tail": 1.0}
