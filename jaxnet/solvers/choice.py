@@ -44,12 +44,13 @@ def choose_solver(sources: Sources) -> Choice:
     """Return the solver for the sources of each listener, slot by slot."""
     m = sources.shape[1]
     if m <= ONE_BLOCK:
-        return Choice(Dense(), f"at most {ONE_BLOCK} vehicles")
+        return Choice(Dense.of(sources), f"at most {ONE_BLOCK} vehicles")
     vehicles, place, size = near_each_other(sources)
     blocks = -(-m // size)
     if blocks < LEAST_BLOCKS and m <= LARGEST_BLOCK:
         return Choice(
-            Dense(), f"fewer than {LEAST_BLOCKS} blocks ({blocks}), at most {LARGEST_BLOCK} vehicles"
+            Dense.of(sources),
+            f"fewer than {LEAST_BLOCKS} blocks ({blocks}), at most {LARGEST_BLOCK} vehicles",
         )
     if blocks < LEAST_BLOCKS:
         return Choice(Iterative(), f"fewer than {LEAST_BLOCKS} blocks ({blocks})")
@@ -113,7 +114,8 @@ HEAD = f"""# Solvers
 The law couples the vehicles by a linear system `L x = b`. A solver solves or factorises L at
 ticks where weights changed:
 
-- `Dense` eliminates one dense matrix.
+- `Dense` eliminates one dense matrix. Up to half of the vehicles, which hear none of each other,
+  need no elimination.
 - `Blocks` eliminates from block to block. A block hears only itself and the two adjacent blocks.
 - `Windowed` is `Blocks` with an update of the solution near the vehicles that changed their
   decision.

@@ -64,6 +64,7 @@ class Problem:
             jnp.asarray(self.navigator),
             tuple(jnp.asarray(self.signal)),
             heard,
+            Dense.of(np.asarray(heard.sources)),
             jnp.asarray(self.gain),
         )
 
@@ -91,12 +92,12 @@ class Problem:
 
 
 @jax.jit
-def structured(state, weights, navigator, signal, heard, gain):
+def structured(state, weights, navigator, signal, heard, solver, gain):
     """`u` as the engine finds it."""
     own, attack = ROBOT.output_jets(state), control.driven(gain, signal)
     demand = control.demand(own, control.driven(gain, navigator), attack, heard, weights[None], gain)
-    factors, _ = Dense().factorise(heard, weights[None, ..., None])
-    return ROBOT.inputs_for(state, Dense().apply(heard, factors, demand[..., None], None)[..., 0])
+    factors, _ = solver.factorise(heard, weights[None, ..., None])
+    return ROBOT.inputs_for(state, solver.apply(heard, factors, demand[..., None], None)[..., 0])
 
 
 @jax.jit

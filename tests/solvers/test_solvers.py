@@ -70,7 +70,7 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     links = matrices.links_of(registry.find("topology", kind)(**keys), m)
     links[:, 0] = True
     heard, solver = listening(links)
-    assert solver == Dense() if blocks is None else solver.vehicles.shape == blocks
+    assert isinstance(solver, Dense) if blocks is None else solver.vehicles.shape == blocks
     weights = retained(links, seed)
     right = np.random.default_rng(seed).normal(size=(m, 3, 2, weights.shape[-1]))
     solution, residual = solve(solver, heard, by_slot(heard, weights), jnp.asarray(right))
@@ -80,6 +80,18 @@ def test_each_axis_of_each_lane_is_solved_for_the_weights_in_force(name, seed):
     assert (residual < 1e-12).all()
     twice = apply(solver, heard, factors, jnp.asarray(right[:, 0].swapaxes(0, 1)))
     np.testing.assert_allclose(twice.swapaxes(0, 1), known(weights, right)[:, 0], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(("name", "vehicles"), [("cyclic", 12), ("cyclic", 7), ("path", 9), ("complete", 8)])
+def test_vehicles_that_need_no_elimination_hear_none_of_each_other(name, vehicles):
+    """They are a half, a third or a quarter of the fleet, or nobody."""
+    links = matrices.links_of(registry.find("topology", name)(), vehicles)
+    solver = listening(links)[1]
+    apart, coupled = solver.apart.vehicles, solver.coupled.vehicles
+    expected = {"cyclic": vehicles // 2, "path": vehicles // 2, "complete": 0}
+    assert len(apart) == expected[name]
+    assert sorted([*apart, *coupled]) == list(range(vehicles))
+    assert not links[np.ix_(apart, apart + 1)].any()
 
 
 def test_many_vehicles_are_solved_for_as_few_are():
