@@ -4,7 +4,7 @@ A number depends only on the lane, the time and the purpose. Other lanes and the
 
 The bits are those of `jax.random` with the same key: Threefry 2x32 of 20 rounds (Salmon, Moraes, Dror, Shaw,
 Parallel random numbers: as easy as 1, 2, 3, SC 2011). On CPUs `jax.random` runs the rounds as a loop with the
-lanes first. Here the rounds are one expression with the lanes last: 2.8 times, uniform numbers; 8 times,
+lanes first. Here the rounds are one expression with the lanes last: 2.8 times, uniform numbers; 16 times,
 normal numbers.
 """
 
@@ -15,15 +15,39 @@ from collections.abc import Callable, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt32
+from jaxtyping import Array, Float, Float32, UInt32
 
 from jaxnet.model import xla
+from jaxnet.model.circle import polynomial
 
 LaneValues = Float[Array, " lanes"]
 Jet = Float[Array, "2 slots m lanes"]
 Bits = tuple[UInt32[Array, "..."], UInt32[Array, "..."]]
 
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+# Of the inverse of the error function, where -log(1 - x²) is less than 5, and beyond.
+INNER = (
+    1.50140941,
+    0.246640727,
+    -0.00417768164,
+    -0.00125372503,
+    0.00021858087,
+    -4.39150654e-06,
+    -3.5233877e-06,
+    3.43273939e-07,
+    2.81022636e-08,
+)
+OUTER = (
+    2.83297682,
+    1.00167406,
+    0.00943887047,
+    -0.0076224613,
+    0.00573950773,
+    -0.00367342844,
+    0.00134934322,
+    0.000100950558,
+    -0.000200214257,
+)
 PARITY = np.uint32(0x1BD11BDA)  # of the parts of a key
 
 
@@ -81,12 +105,23 @@ def uniform(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
 def normal(key: Bits, shape: tuple[int, ...]) -> Float[Array, "*shape lanes"]:
     """Return normal numbers of 24 random bits, none greater than 5.5.
 
-    They are computed in single precision: 3 times.
+    They are computed in single precision, and err by less than 1e-6.
     """
     first, _ = words(key, shape)
     odd = (first >> np.uint32(8)).astype(np.int32) * np.int32(2) - np.int32(2**24 - 1)
-    found = jax.lax.erf_inv(odd.astype(np.float32) * np.float32(2.0**-24))
-    return found.astype(float) * np.sqrt(2.0)
+    return inverse_error(odd.astype(np.float32) * np.float32(2.0**-24)).astype(float) * np.sqrt(2.0)
+
+
+def inverse_error(number: Float32[Array, "*some"]) -> Float32[Array, "*some"]:
+    """Return the inverse of the error function (Giles, Approximating the erfinv function, GPU Computing Gems,
+    2011).
+
+    Both polynomials are computed, then one is chosen: twice as fast as `jax.lax.erf_inv`, normal numbers.
+    """
+    depth = -jnp.log((1 - number) * (1 + number))
+    inner = polynomial(INNER, depth - np.float32(2.5))
+    outer = polynomial(OUTER, jnp.sqrt(depth) - np.float32(3))
+    return number * jnp.where(depth < 5, inner, outer)
 
 
 SAMPLERS: dict[str, Callable[[Bits, tuple[int, ...]], Array]] = {
