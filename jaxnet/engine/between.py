@@ -7,7 +7,7 @@ searches the interval since the previous tick.
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -49,13 +49,22 @@ def stopped(
     return run_if(straight.any(), work, (status, straight))
 
 
+class Parts(NamedTuple):
+    """The functions that may drive vehicles, in this order; then the constant, the path, and powers."""
+
+    idle: int  # functions of attacks that drive nobody, since all words are late
+    attacks: int  # functions of attacks
+    leads: bool  # whether the navigator's path is among the functions
+
+
 def stood(
     errors: Jets,
     forced: Vectors,
-    effect: flow.Effect,
+    effect: Float[Array, "r all lanes"],
     lane: Lane,
     reach: Float[Array, "r lanes"],
     time: Durations,
+    parts: Parts,
     interval: Any,
     plan: Plan,
 ) -> LaneFlags:
@@ -66,21 +75,22 @@ def stood(
     functions.
     """
     (path, functions), order = lane.sizes, len(lane.gain)
-    attack = lane.vectors.shape[2]
+    idle, attack, leads = parts
     pull = norm(forced[:, :, :attack]) * greatest_drive(lane.gain, functions)
-    if forced.shape[2] > attack:  # the functions of `signal.WithNavigator`
-        constant, tracked = forced[:, :, attack], forced[:, :, attack + 1 : attack + 3]
-        pull = pull + length(constant) + norm(tracked) * greatest_drive(lane.gain, path)
-        for k in range(1, forced.shape[2] - attack - 2):  # the functions of `signal.WithPowers`
-            pull = pull + length(forced[:, :, attack + 2 + k]) * (interval**k / math.factorial(k))
+    if forced.shape[2] > attack:  # the functions of `signal.WithConstant` and what follows
+        pull, rest = pull + length(forced[:, :, attack]), forced[:, :, attack + 1 :]
+        if leads:
+            pull, rest = pull + norm(rest[:, :, :2]) * greatest_drive(lane.gain, path), rest[:, :, 2:]
+        for k in range(rest.shape[2]):  # the functions of `signal.WithPowers`
+            pull = pull + length(rest[:, :, k]) * (interval ** (k + 1) / math.factorial(k + 1))
     pull = pull * (1.0 + interval * reach[-1])[None]
     highest = path[order][None] + pull + sum(reach[k][None] * length(errors[k]) for k in range(order))
-    forcing = signal.jets(forced, effect)
+    forcing = signal.jets(forced, effect[:, idle:])
     free = tuple(jet - other for jet, other in zip(errors, forcing, strict=True))
 
     def pace(state: Any) -> tuple[Plane, Plane]:
         now, free, effect = state
-        path, driven = lane.path(now), signal.jets(forced, effect)
+        path, driven = lane.path(now), signal.jets(forced, effect[:, idle:])
         jets = tuple(a[:, None] + b + c for a, b, c in zip(path, driven, free, strict=False))
         return standstill.backwards(lane.vehicle, jets, highest)
 

@@ -22,10 +22,11 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.shapes import LaneTimes
-from jaxnet.model import chance, control, plane, signal
-from jaxnet.model.hearing import Hearing
+from jaxnet.model import chance, control, plane, signal, xla
+from jaxnet.model.hearing import AxisWeights, Hearing
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
+from jaxnet.model.shapes import LoopIndex
 from jaxnet.model.signal import Vectors
 
 # Coefficients of a polynomial. A harmonic of ω [rad/s] errs by under (ωh/4)⁸ / 20,160 of its size.
@@ -58,32 +59,36 @@ class History(NamedTuple):
     of one, or of those of y, ẏ, …, y^(r).
     """
 
-    told: tuple[Float[Array, "*d 2 degrees m lanes"], ...]  # coefficients of s^k / k!, s since the tick
-    path: Float[Array, "*d orders degrees 2 lanes"]  # the navigator's
+    told: tuple[Float[Array, "*d 2 degrees sources lanes"], ...]  # coefficients of s^k / k!, s since the tick
     functions: Float[Array, "*d orders degrees B lanes"]  # of the attacks
     vectors: Float[Array, "*d 2 signals B lanes"] | None  # of the attacks; None: at all times the lane's
     rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...] | None  # errors of jets; None: none are rounded
     jets: SentJets | None  # None where nobody judges
     ticks: Int[Array, "*d slots m lanes"] | None  # by which messages are late, where each has its own delay
+    leading: Float[Array, "degrees 2 lanes"] | None  # R(y_0) from the last tick on
 
 
 class Arrival(NamedTuple):
     """The messages that arrive at a tick: the newest one on each link that is newer than all before."""
 
     came: LinkFlags
-    entry: LinkNumbers | None  # its place in the history; None for the first
+    entry: Int[Array, "*links lanes"] | None  # its place in the history; None for the first
 
-    def of(self, history: History, carried: Callable[[History], Any]) -> Any:
-        """Return what the messages carry, where `carried` gives what all links carry of one tick."""
+    def entries(self, history: Any) -> Any:
+        """Return the tick of a history that all messages are of, or where links differ, all ticks."""
+        return history if self.entry is not None else jax.tree.map(lambda leaf: leaf[0], history)
+
+    def carried(self, entries: Any, links: Callable[[Any], Any]) -> Any:
+        """Return what the messages carry, where `links` gives what all links carry of one tick."""
         if self.entry is None:
-            return carried(jax.tree.map(lambda leaf: leaf[0], history))
+            return links(entries)
         entry = self.entry
 
         def of_entry(each: Float[Array, "d *some"]) -> Float[Array, "*some"]:
-            place = entry.reshape(*[1] * (each.ndim - 3), *entry.shape)
+            place = entry.reshape(*[1] * (each.ndim - entry.ndim), *entry.shape)
             return jnp.take_along_axis(each, place, axis=0)[0]
 
-        return jax.tree.map(of_entry, jax.vmap(carried)(history))
+        return jax.tree.map(of_entry, jax.vmap(links)(entries))
 
 
 class SteadyDelay(NamedTuple):
@@ -94,9 +99,15 @@ class SteadyDelay(NamedTuple):
     def draw(self, time: LaneTimes, links: tuple[int, ...]) -> None:
         """Return that messages have no delays of their own."""
 
-    def seconds(self, ages: LinkNumbers | None, interval: LaneTimes) -> Float[Array, "*links lanes"]:
+    def seconds(
+        self, ages: Int[Array, "*_ lanes"] | None, interval: LaneTimes
+    ) -> Float[Array, "*links lanes"]:
         """Return the delay [s] of messages, which arrive so many ticks late."""
         return self.time
+
+    def on(self, links: Callable[[Array], Array]) -> "SteadyDelay":
+        """Return the delay on some links."""
+        return self if self.time.ndim == 1 else SteadyDelay(links(self.time))
 
     def arrival(self, history: History, time: LaneTimes, interval: LaneTimes) -> Arrival:
         """Return the messages that arrive at a tick."""
@@ -118,9 +129,13 @@ class DrawnDelay(NamedTuple):
         drawn = chance.drawn(self.key, time, "delay", "uniform", links)
         return 1 + (drawn[None] >= self.chances[:-1, None, None]).sum(axis=0)
 
-    def seconds(self, ages: LinkNumbers, interval: LaneTimes) -> Float[Array, "slots m lanes"]:
+    def seconds(self, ages: Int[Array, "*links lanes"], interval: LaneTimes) -> Float[Array, "*links lanes"]:
         """Return the delay [s] of messages, which arrive so many ticks late."""
-        return ages.astype(float) * interval[None, None]
+        return ages.astype(float) * interval.reshape(*[1] * (ages.ndim - 1), -1)
+
+    def on(self, links: Callable[[Array], Array]) -> "DrawnDelay":
+        """Return the delay on some links, which each message has on its own."""
+        return self
 
     def arrival(self, history: History, time: LaneTimes, interval: LaneTimes) -> Arrival:
         """Return the messages that arrive at a tick."""
@@ -134,7 +149,7 @@ class DrawnDelay(NamedTuple):
 
 def depth(history: History) -> int:
     """Return the number of ticks in a history."""
-    return len(history.path)
+    return len(history.functions)
 
 
 def ages(history: History) -> Int[Array, "d 1 1 1"]:
@@ -175,13 +190,13 @@ def first_history(lane: Lane, plan: Plan) -> History:
         jets = SentJets((nothing(2, 1 + m),) * r, nothing(r, 2), nothing(r, functions))
     drawn = lane.delay.draw(jnp.zeros(lanes), (slots, m))
     return History(
-        told=(nothing(2, degrees, m),) * orders,
-        path=nothing(orders, degrees, 2),
+        told=(nothing(2, degrees, 1 + m),) * orders,
         functions=nothing(orders, degrees, functions),
         vectors=nothing(*lane.vectors.shape[:3]) if changing else None,
         rounding=(nothing(2, slots, m),) * max(3, r) if lane.steps is not None else None,
         jets=jets,
         ticks=None if drawn is None else jnp.full((d, slots, m, lanes), NOT_ARRIVING, int),
+        leading=jnp.zeros((degrees, 2, lanes)),
     )
 
 
@@ -207,7 +222,7 @@ def arriving_jets(
 ) -> CarriedJets:
     """Return the late jets that arrive at a tick, relative to the navigator's jets now."""
 
-    def carried(sent: History) -> CarriedJets:
+    def on_links(sent: History) -> CarriedJets:
         assert sent.jets is not None
         signals = signal.jets(vectors_of(sent, lane), sent.jets.functions)
         found = (
@@ -216,42 +231,127 @@ def arriving_jets(
         )
         return tuple(found) if sent.rounding is None else plane.plus(tuple(found), sent.rounding)
 
-    there = arrival.of(history, carried)
+    there = arrival.carried(arrival.entries(history._replace(leading=None)), on_links)
     return tuple(jet - now[:, None, None] for jet, now in zip(there, navigator, strict=False))
 
 
 def arriving_words(
     history: History, arrival: Arrival, lane: Lane, hearing: Hearing, plan: Plan
 ) -> LinkPolynomials:
-    """Return the late words that arrive at a tick.
+    """Return the late words that arrive at a tick."""
+    told, rounding = map(arrival.entries, (history.told, history.rounding))
+    words = sent_words(told, rounding, arrival, lane, hearing, plan, depth(history))
 
-    Under a local law only the navigator tells its r-th derivative.
+    def plus_lie(slot: LoopIndex, listener: LoopIndex, words: LinkPolynomials) -> LinkPolynomials:
+        lie = false_word(history, arrival, lane, hearing, plan, slot, listener)
+        return xla.add_slice(words, (0, 0, slot, listener), lie[:, :, None, None])
+
+    return hearing.over_attacked_links(plus_lie, words)
+
+
+def mean_words(
+    history: History,
+    arrival: Arrival,
+    lane: Lane,
+    hearing: Hearing,
+    plan: Plan,
+    weights: AxisWeights,
+    start: Polynomials,
+) -> Polynomials:
+    """Return `start` plus the late words that arrive at a tick, by weight."""
+    told, rounding = map(arrival.entries, (history.told, history.rounding))
+
+    def word(slot: LoopIndex) -> Polynomials:
+        def one(leaf: Array, axis: int) -> Array:
+            return jax.lax.dynamic_index_in_dim(leaf, slot, axis)
+
+        here = Hearing(*(one(each, 0) for each in hearing))
+        entry = None if arrival.entry is None else one(arrival.entry, 0)
+        errors = None if rounding is None else tuple(one(each, -3) for each in rounding)
+        there = lane._replace(delay=lane.delay.on(lambda links: one(links, 0)))
+        given = told, errors, Arrival(arrival.came, entry), there, here, plan, depth(history)
+        return sent_words(*given)[:, :, 0]
+
+    def plus_lie(slot: LoopIndex, listener: LoopIndex, total: Polynomials) -> Polynomials:
+        lie = false_word(history, arrival, lane, hearing, plan, slot, listener)
+        return xla.add_slice(total, (0, 0, listener), (weights[:, slot, listener][:, None] * lie)[:, :, None])
+
+    return hearing.over_attacked_links(plus_lie, plus_slots(start, weights, word))
+
+
+def sent_words(
+    told: tuple[Float[Array, "*d 2 degrees sources lanes"], ...],
+    rounding: tuple[Float[Array, "*d 2 slots m lanes"], ...] | None,
+    arrival: Arrival,
+    lane: Lane,
+    hearing: Hearing,
+    plan: Plan,
+    depth: int,
+) -> LinkPolynomials:
+    """Return the late words that arrive at a tick, without what attacks add to them.
+
+    `told` and `rounding` are `Arrival.entries` of a history of this depth. Under a local law only the
+    navigator tells its r-th derivative.
     """
-    ticks = None if arrival.entry is None else depth(history) - arrival.entry
+    ticks = None if arrival.entry is None else depth - arrival.entry
     gains = word_gains(lane.gain, lane.delay.seconds(ticks, lane.interval), plan.extrapolate)
 
-    def carried(sent: History) -> tuple[LinkPolynomials, ...]:
-        vectors = vectors_of(sent, lane)
+    def on_links(sources: Float[Array, "2 degrees sources lanes"]) -> LinkPolynomials:
+        return sources.at[:, :, hearing.carried_sources].get(mode="promise_in_bounds")
 
-        def on_links(
-            path: Float[Array, "2 lanes"], functions: Float[Array, "B lanes"], told: plane.Plane
-        ) -> Float[Array, "2 slots m lanes"]:
-            sources = jnp.concatenate([path[:, None], told], axis=1)
-            return hearing.received(sources, signal.combined(vectors, functions))
-
-        orders = zip(sent.path, sent.functions, sent.told, strict=True)
-        return tuple(jax.vmap(on_links, (0, 0, 1), 1)(*each) for each in orders)
-
-    each = list(arrival.of(history, carried))
+    each = [arrival.carried(order, on_links) for order in told]
     if len(each) > 1:
         each = [weighed(*both) for both in zip(each, gains, strict=True)]
     if lane.law.local:
         each[-1] = jnp.where((hearing.sources == 0)[None, None, ..., None], each[-1], 0.0)
     words = sum(each[1:], each[0])
-    if history.rounding is None:
+    if rounding is None:
         return words
-    rounding = arrival.of(history, lambda sent: sent.rounding)
-    return words.at[:, 0].add(sum(map(weighed, rounding, gains)))
+    errors = arrival.carried(rounding, lambda jets: jets)
+    return words.at[:, 0].add(sum(map(weighed, errors, gains)))
+
+
+def false_word(
+    history: History,
+    arrival: Arrival,
+    lane: Lane,
+    hearing: Hearing,
+    plan: Plan,
+    slot: LoopIndex,
+    listener: LoopIndex,
+) -> Float[Array, "2 degrees lanes"]:
+    """Return what an attack adds to the late word that arrives on a link."""
+    number = jnp.asarray(hearing.signals)[slot, listener]
+    entry = None if arrival.entry is None else arrival.entry[slot, listener]
+    here = Arrival(arrival.came, entry)
+
+    def signals(sent: History) -> Float[Array, "orders 2 degrees lanes"]:
+        vectors = vectors_of(sent, lane)[:, number]  # (2, B, lanes)
+        parts = (vectors[None, :, None, b] * sent.functions[:, None, :, b] for b in range(vectors.shape[1]))
+        return sum(parts, jnp.zeros(()))
+
+    each = here.carried(here.entries(history._replace(leading=None)), signals)
+    if len(each) > 1:
+        delay = lane.delay.on(lambda links: links[slot, listener])
+        ticks = None if entry is None else depth(history) - entry
+        gains = word_gains(lane.gain, delay.seconds(ticks, lane.interval), plan.extrapolate)
+        each = each * gains[:, None, None]
+    if lane.law.local:
+        leads = jnp.asarray(hearing.sources)[slot, listener] == 0
+        each = each.at[-1].multiply(jnp.where(leads, 1.0, 0.0))
+    return each.sum(axis=0)
+
+
+def plus_slots(
+    start: Polynomials, weights: AxisWeights, word: Callable[[LoopIndex], Polynomials]
+) -> Polynomials:
+    """Return `start` plus the words of all slots by weight, where `word` gives those of one slot."""
+
+    def add(slot: LoopIndex, total: Polynomials) -> Polynomials:
+        weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
+        return total + weight[:, None] * word(slot)
+
+    return jax.lax.fori_loop(0, weights.shape[1], add, start)
 
 
 def vectors_of(sent: History, lane: Lane) -> Vectors:
@@ -277,23 +377,26 @@ def remember(
     instants = time[None] + jnp.asarray(points)[:, None] * lane.interval[None]
     gains = common_gains(lane, plan)
 
-    def sources(now: LaneTimes) -> tuple[Array, Array]:
-        """Return the navigator's and the attacks' part of each order of a word."""
-        known = lane.path(now), lane.basis(now)
-        parts = (
-            each[: len(lane.gain) + 1] if gains is None else control.feedback(gains, each)[None]
-            for each in known
-        )
-        return tuple(parts)  # pyright: ignore[reportReturnType]
+    def functions_at(now: LaneTimes) -> tuple[Array, Array, Array]:
+        """Return the navigator's and the attacks' part of each order of a word, and R(y_0)."""
+        path, functions = (each[: len(lane.gain) + 1] for each in (lane.path(now), lane.basis(now)))
+        drive = control.driven(lane.gain, path)
+        if gains is None:
+            return path, functions, drive
+        return *(control.feedback(gains, each)[None] for each in (path, functions)), drive
 
-    path, functions = jax.vmap(sources)(instants)
+    parts = xla.materialised(lambda: jax.vmap(functions_at)(instants))
     if not lane.law.holds:
-        path, functions = (coefficients(each, lane.interval) for each in (path, functions))
-    path, functions = path.swapaxes(0, 1), functions.swapaxes(0, 1)
+        parts = (coefficients(each, lane.interval) for each in parts)
+    path, functions, drive = parts
+    functions = functions.swapaxes(0, 1)
     if gains is not None and len(told) > 1:
         told = (control.feedback(gains, told),)
+    of_navigator = path.transpose(1, 2, 0, 3)[:, :, :, None]  # (orders, 2, degrees, 1, lanes)
+    told = tuple(jnp.concatenate(both, axis=2) for both in zip(of_navigator, told, strict=True))
     ticks = lane.delay.draw(time, lane.weights.shape[:2])
-    return jax.tree.map(push, history, History(told, path, functions, vectors, rounding, jets, ticks))
+    now = History(told, functions, vectors, rounding, jets, ticks, None)
+    return jax.tree.map(push, history._replace(leading=None), now)._replace(leading=drive)
 
 
 def weighed(term: Float[Array, "*some"], factor: Float[Array, "*fewer"]) -> Float[Array, "*some"]:
@@ -346,9 +449,12 @@ def coefficients(
     values: Float[Array, "points *some lanes"], interval: Float[Array, " lanes"]
 ) -> Float[Array, "degrees *some lanes"]:
     """Return the coefficients of s^k / k! of the polynomials with these values at POINTS of a tick."""
-    scale = interval[None] ** -jnp.arange(float(DEGREES))[:, None]
-    scale = scale.reshape(DEGREES, *[1] * (values.ndim - 2), -1)
-    return jnp.tensordot(jnp.asarray(TO_COEFFICIENTS), values, 1) * scale
+    powers, lift = [jnp.ones_like(interval)], (None,) * (values.ndim - 2)
+    for _ in range(1, DEGREES):
+        powers.append(powers[-1] / interval)
+    matrix = jnp.asarray(TO_COEFFICIENTS).reshape(DEGREES, DEGREES, *[1] * (values.ndim - 1))
+    found = sum(matrix[:, n] * values[n][None] for n in range(DEGREES))
+    return found * jnp.stack(powers)[(slice(None), *lift)]
 
 
 def push(queue: Shaped[Array, "d *some"], last: Shaped[Array, "*some"]) -> Shaped[Array, "d *some"]:

@@ -47,22 +47,22 @@ from jaxnet.engine.stepper import States
 from jaxnet.engine.subset import LaneIndices, picked, run_if
 from jaxnet.engine.tick import DecisionState, Instants
 from jaxnet.model import control, plane, signal
-from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets, Plane
-from jaxnet.model.signal import Basis, Vectors, WithNavigator, WithPowers, up_to
+from jaxnet.model.signal import Basis, ByFunction, Vectors, WithConstant, WithNavigator, WithPowers, up_to
 
 
 class PropagationState(NamedTuple):
     """State of lanes at a tick."""
 
     jets: Jets  # x
-    vectors: Vectors  # v
+    response: ByFunction  # v, which act until the next tick
     time: Instants
     basis: Basis  # the attacks' functions β now
     effect: Effect | None  # g now, with two derivatives; None where g = β
     straight: LaneFlags  # lanes in which some vehicle may have gone straight on until now
     noise: Jets | None  # errors of the sensed jets until the next tick
     inner: Inner | None = None  # what the outputs leave undetermined; None where they determine all states
+    since: Instants | None = None  # of the last tick [s]; None where no powers of time drive the vehicles
 
 
 class Propagation(Motion[PropagationState]):
@@ -74,7 +74,7 @@ class Propagation(Motion[PropagationState]):
 
     def forced(self, state: PropagationState) -> Vectors:
         """Return the vectors v until the next tick."""
-        return state.vectors
+        return signal.of_functions(state.response)
 
     def navigator(self, state: PropagationState) -> Float[Array, "derivatives 2 lanes"]:
         """Return the navigator's jets now."""
@@ -177,42 +177,52 @@ class Solved(Propagation):
         self.responses = None if consistent else impulse_responses(lane.gain, self.clock.interval)
         # The lanes with all functions that drive them.
         self.driven = lane
-        known = lane.sensor is not None or not lane.exact_words
-        if known or lane.lossy or tick.coasts(lane):
-            self.driven = lane._replace(signal=WithNavigator(lane.signal, lane.navigator, lane.gain))
-        self.terms = tick.degrees(lane, batch.plan)
+        silent = lane.lossy or tick.coasts(lane)
+        if silent or lane.sensor is not None or not lane.exact_words:
+            self.driven = lane._replace(signal=WithConstant(lane.signal, lane.gain))
+        self.leads = (
+            silent and lane.delay is None
+        )  # late words have the navigator's path in their polynomials
+        if self.leads:
+            path = WithNavigator(self.driven.signal, lane.navigator, lane.gain)
+            self.driven = lane._replace(signal=path)
+        self.attacks = 0 if lane.delay is not None else lane.vectors.shape[2]  # functions that drive vehicles
+        self.idle = lane.vectors.shape[2] - self.attacks
+        terms, self.inverse, self.pushed = tick.degrees(lane, batch.plan), None, None
+        if terms > 1:
+            self.inverse = signal.inverse_series(lane.gain, terms)
+            start = self.instant(0)
+            self.pushed = self.push_of_powers(start, start, self.clock.interval, self.numbers.flow)
 
     def begin(self) -> PropagationState:
         """Return the state at t = 0; the attacks have no effect on the fleet yet."""
         lane, time = self.lane, self.instant(0)
-        basis, attack = self.driven_since(time).basis(time), lane.vectors.shape[2]
+        basis, attack = self.driven.basis(time), lane.vectors.shape[2]
+        powers = 0 if self.inverse is None else len(self.inverse) - 1
         jets = lane.vehicle.output_jets(lane.initial)
         return PropagationState(
             jets=plane.relative(jets, lane.path(time)),
-            vectors=jnp.zeros((2, lane.weights.shape[1], *basis.shape[1:])),
+            response=jnp.zeros((basis.shape[1] - self.idle + powers, 2, *lane.weights.shape[1:])),
             time=time,
             basis=basis,
             effect=None if self.plan.consistent else basis[: len(jets)].at[:, :attack].set(0.0),
             straight=jnp.ones(time.shape, bool),
             noise=tick.sense(lane, (jnp.zeros_like(lane.initial[:2]),) * 3, time),
             inner=inner.inner_at_start(lane, self.clock.interval),
+            since=time if powers else None,
         )
 
-    def driven_since(self, time: Instants) -> Lane:
-        """Return the lanes with all functions that drive them, powers of the time since then among them."""
-        if self.terms < 2:
-            return self.driven
-        inverse = signal.inverse_series(self.lane.gain, self.terms)
-        return self.driven._replace(signal=WithPowers(self.driven.signal, inverse, time))
+    def with_powers(self, since: Instants) -> WithPowers:
+        """Return all functions that drive the vehicles, with powers of the time since a tick."""
+        return WithPowers(self.driven.signal, self.inverse, since)
 
-    def begun_anew(self, state: PropagationState) -> PropagationState:
-        """Return the state in which the time of the powers begins now."""
-        driving, last = self.driven_since(state.time).signal, self.lane.vectors.shape[2] + 3
-        powers = up_to(len(self.lane.gain), driving.powers, state.time)
-        effect = state.effect
-        if effect is not None:
-            effect = effect.at[:, last:].set(powers[: len(effect)])
-        return state._replace(basis=state.basis.at[:, last:].set(powers), effect=effect)
+    def push_of_powers(
+        self, since: Instants, time: Instants, span: Float[Array, "*some"], flow: Transition
+    ) -> Float[Array, "r powers lanes"]:
+        """Return the part of f that belongs to powers of the time since a tick, over a span [s]."""
+        driving, order = self.with_powers(since).powers, len(flow) - 1
+        before, now = (up_to(order, driving, each)[: order + 1] for each in (time, time + span))
+        return now - jnp.stack(propagate(flow, before))
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its derivatives below the order now."""
@@ -232,36 +242,39 @@ class Solved(Propagation):
         lane, network, plan = self.lane, self.network, self.plan
         changed = (at.vehicles | at.first[None]) if plan.choosing else jnp.ones_like(at.vehicles)
 
-        def solve(carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
-            vectors, cut_off = carry
-            return response.solve_response(vectors, cut_off, at.anew, changed, decided, lane, network, plan)
+        def solve(carry: tuple[ByFunction, LaneFlags]) -> tuple[ByFunction, LaneFlags]:
+            last, cut_off = carry
+            return response.solve_response(last, cut_off, at.anew, changed, decided, lane, network, plan)
 
-        vectors, cut_off = run_if(at.anew.any(), solve, (state.vectors, jnp.zeros_like(at.anew)))
-        state = state._replace(vectors=vectors, noise=decided.noise)
-        return self.begun_anew(state) if self.terms > 1 else state, cut_off
+        carry = state.response, jnp.zeros_like(at.anew)
+        solved, cut_off = solve(carry) if decided.late is not None else run_if(at.anew.any(), solve, carry)
+        state = state._replace(response=solved, noise=decided.noise)
+        return state if state.since is None else state._replace(since=state.time), cut_off
 
     def forced(self, state: PropagationState) -> Vectors:
         """Return the vectors v until the next tick, with those of the sensor's errors: `-P(n)`."""
         if state.noise is None:
-            return state.vectors
-        constant = self.lane.vectors.shape[2]
-        return state.vectors.at[:, :, constant].add(-control.feedback(self.lane.gain, state.noise))
+            return super().forced(state)
+        error = control.feedback(self.lane.gain, state.noise)
+        return signal.of_functions(state.response.at[self.attacks].add(-error))
 
     def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `R(y_0) + Σ_b v_b R(β_b)`, in which the sensor's errors cancel."""
         gain = self.lane.gain
         path, functions = (
             control.driven(gain, self.navigator(state)),
-            control.drive_functions(gain, state.basis),
+            control.drive_functions(gain, state.basis[:, self.idle :]),
         )
-        return path[:, None] + signal.combined(control.drive_vectors(gain, state.vectors), functions)
+        if state.since is not None and self.inverse is not None:
+            powers = signal.powers_of(state.time - state.since, len(self.inverse))
+            functions = jnp.concatenate([functions, powers[1:]])
+        return path[:, None] + signal.combined(control.drive_vectors(gain, super().forced(state)), functions)
 
     def over_tick(
         self, state: PropagationState, time: Instants
     ) -> tuple[Transition, Effect, PropagationState]:
         """Return Φ, f, and the state with the functions at the next tick, whose time is `time` [s]."""
-        given = self.clock.interval, self.numbers.flow, self.responses
-        return self.over(state, time, self.driven_since(state.time), *given)
+        return self.over(state, time, self.clock.interval, self.numbers.flow, self.responses, self.pushed)
 
     def later(
         self, state: PropagationState, decided: DecisionState, span: Instants, since: Instants
@@ -269,40 +282,55 @@ class Solved(Propagation):
         """Return the state a span [s] later, at most `longest`, in the tick that began at `since` [s]."""
         gain, time = self.lane.gain, state.time + span
         responses = None if state.effect is None else brief_responses(gain, span)
-        given = span, brief(gain, span), responses
-        return self.moved(state, *self.over(state, time, self.driven_since(since), *given))
+        flow, pushed = brief(gain, span), None
+        if self.inverse is not None:
+            pushed = self.push_of_powers(since, state.time, span, flow)
+        return self.moved(state, *self.over(state, time, span, flow, responses, pushed))
 
     def over(
         self,
         state: PropagationState,
         time: Instants,
-        driven: Lane,
-        span: Float[Array, "*lanes"],
+        span: Float[Array, "*some"],
         flow: Transition,
         responses: Responses | None,
+        pushed: Float[Array, "r powers lanes"] | None,
     ) -> tuple[Transition, Effect, PropagationState]:
-        """Return Φ, f, and the state with the functions at a time, which is a span [s] later."""
-        basis = barrier(driven.basis(time))
+        """Return Φ, f, and the state with the functions at a time, which is a span [s] later.
+
+        `pushed` is the part of f that belongs to powers of time, None where there are none.
+        """
+        basis = barrier(self.driven.basis(time))
         before, effect = state.basis, None
         if state.effect is not None and responses is not None:
             before = state.effect
-            effect = barrier(passed_on(before, flow, responses, driven, state.time, span))
+            effect = barrier(passed_on(before, flow, responses, self.driven, state.time, span))
         now = basis if effect is None else effect
+        before, now = before[:, self.idle :], now[:, self.idle :]
         there = state._replace(time=time, basis=basis, effect=effect)
         if control.is_matrix(self.lane.gain):  # Φ does not act on functions alone
             forced = signal.jets(self.forced(state), before)
             free = tuple(a - b for a, b in zip(state.jets, forced, strict=False))
             return flow, now[: len(flow)], there._replace(jets=free)
         forcing = barrier(now[: len(flow)] - jnp.stack(propagate(flow, before)))
+        if pushed is not None:
+            forcing = jnp.concatenate([forcing, pushed], axis=1)
         return flow, forcing, there
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
         effect = state.basis[: len(state.jets)] if state.effect is None else state.effect
-        driven = self.driven_since(state.time - self.clock.interval)
+        driven = self.driven
+        if self.inverse is not None:
+            powers = self.with_powers(state.time - self.clock.interval)
+            driven = driven._replace(signal=powers)
+            effect = jnp.concatenate(
+                [effect, up_to(len(effect) - 1, powers.powers, state.time)[: len(effect)]], axis=1
+            )
         given = state.jets, self.forced(state), effect, driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
-        return between.stood(*some, interval=self.clock.interval, plan=self.plan)
+        parts = between.Parts(self.idle, self.attacks, self.leads)
+        return between.stood(*some, parts=parts, interval=self.clock.interval, plan=self.plan)
 
 
 class Held(Propagation):
@@ -312,10 +340,10 @@ class Held(Propagation):
         """Return the state at t = 0; no jerk is held yet."""
         lane, time = self.lane, self.instant(0)
         jets = lane.vehicle.output_jets(lane.initial)
-        vectors = jnp.zeros_like(jets[0])[:, :, None]
+        held = jnp.zeros_like(jets[0])[None]
         straight, basis = jnp.ones(time.shape, bool), lane.basis(time)
         within = inner.inner_at_start(lane, self.clock.interval)
-        return PropagationState(jets, vectors, time, basis, None, straight, None, within)
+        return PropagationState(jets, held, time, basis, None, straight, None, within)
 
     def errors(self, state: PropagationState) -> Jets:
         """Return E and its derivatives below the order now."""
@@ -336,18 +364,18 @@ class Held(Propagation):
             (control.driven(lane.gain, path), control.drive_functions(lane.gain, basis))
         )
         told = tick.Told(path, basis, leading, functions, state.time)
-        jerk = tick.exchange(lane, network, drive, state.jets, told, state.vectors[:, :, 0])
+        jerk = tick.exchange(lane, network, drive, state.jets, told, state.response[0])
         cut_off = run_if(
             at.first.any() | plan.decides,
             lambda _: tick.disconnected(lane, network, decided, plan),
             jnp.zeros_like(at.here),
         )
-        return state._replace(vectors=jerk[:, :, None]), cut_off
+        return state._replace(response=jerk[None]), cut_off
 
     def drive_now(self, state: PropagationState, decided: DecisionState) -> Float[Array, "2 m lanes"]:
         """Return `y‴ + P(ŷ)`."""
         own = tick.sensed(state.jets, decided.noise)
-        return state.vectors[:, :, 0] + control.feedback(self.lane.gain, own)
+        return state.response[0] + control.feedback(self.lane.gain, own)
 
     def over_tick(
         self, state: PropagationState, time: Instants
@@ -372,6 +400,6 @@ class Held(Propagation):
 
     def stood(self, state: PropagationState, few: LaneIndices) -> LaneFlags:
         """Return which of a few lanes have a vehicle that stood still in the tick before now."""
-        given = self.lane.vehicle, state.jets, state.vectors
+        given = self.lane.vehicle, state.jets, self.forced(state)
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         return between.stood_held(*some, interval=self.clock.interval)

@@ -11,13 +11,13 @@ from jaxnet.engine.plan import CONNECTED, Plan
 from jaxnet.engine.subset import LaneIndices, Stretch, for_each, for_stretches, picked, put
 from jaxnet.engine.tick import DecisionState, Drive, LaneFlags, PerAxis, VehicleFlags
 from jaxnet.model.lane import Lane, Network
-from jaxnet.model.signal import Vectors
+from jaxnet.model.signal import ByFunction
 from jaxnet.solvers.choice import solved_at_once, solved_in_a_row
 from jaxnet.solvers.solver import System
 
 
 def solve_response(
-    response: Vectors,
+    response: ByFunction,
     cut_off: LaneFlags,
     flagged: LaneFlags,
     changed: VehicleFlags,
@@ -25,7 +25,7 @@ def solve_response(
     lane: Lane,
     network: Network,
     plan: Plan,
-) -> tuple[Vectors, LaneFlags]:
+) -> tuple[ByFunction, LaneFlags]:
     """Return the response, solved again in flagged lanes, and the lanes with a vehicle cut off.
 
     `changed` are the vehicles whose retained sources changed. Where a tick changes only the rows of these
@@ -41,11 +41,14 @@ def solve_response(
         system = System(network.hearing, lane.weights, decision, lane.vectors)
         response, flagged = network.solver.update(system, response, flagged, changed)
 
-    def some(few: LaneIndices | Stretch, carry: tuple[Vectors, LaneFlags]) -> tuple[Vectors, LaneFlags]:
+    if decided.late is not None:
+        return late_response(decided), tick.disconnected(lane, network, decided, plan) & flagged
+
+    def some(few: LaneIndices | Stretch, carry: tuple[ByFunction, LaneFlags]) -> tuple[ByFunction, LaneFlags]:
         response, cut_off = carry
         part, chosen = jax.tree.map(lambda leaf: picked(leaf, few), (lane, decided))
         drive = tick.drive(part, chosen, plan)
-        new, residual = response_vectors(drive, network) if lane.delay is None else late_response(drive)
+        new, residual = response_vectors(drive, network)
         if drive.known is None:
             cut = ~(residual < CONNECTED)
         else:
@@ -58,39 +61,40 @@ def solve_response(
     return for_each(flagged, solved_at_once(vehicles), some, carry)
 
 
-def response_vectors(drive: Drive, network: Network) -> tuple[Vectors, Any]:
+def response_vectors(drive: Drive, network: Network) -> tuple[ByFunction, Any]:
     """Return the vectors `L⁻¹ d` of the attacks' effect, and the distance of `L⁻¹ a0` from 1.
 
     Where vehicles sense with errors or words are known before, the vectors of further functions follow
-    (`signal.WithNavigator`, `signal.WithPowers`): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
+    (`signal.WithConstant` and those after it): `L_r x = z - share R(y_0)`, as x is relative to R(y_0).
     """
     weights, vectors, known = drive.weights, drive.vectors, drive.known
-    functions = vectors.shape[2]
+    functions, share = vectors.shape[2], None if known is None else known.share
     attack = [network.hearing.mean_added(weights, vectors[:, :, b]) for b in range(functions)]
     if known is not None:
         attack += list(jnp.moveaxis(known.drive, 1, 0))
     each = jnp.stack(attack)  # (B, 2, m, few)
     right = each.reshape(-1, len(weights), *each.shape[2:])  # (columns, axes, m, few)
-    if known is not None:
-        right = jnp.concatenate([right, -known.share[None]])
-    solution, residual = network.solver.solve(network.hearing, weights, right.transpose(2, 0, 1, 3))
+    if share is not None:
+        right = jnp.concatenate([right, -share[None]])
+    solution, residual = network.solver.solve(network.hearing, weights, jnp.moveaxis(right, 2, 0))
     right = solution.transpose(1, 2, 0, 3)
     response = right[: 2 * len(each) // len(weights)].reshape(each.shape)
-    if known is not None:
-        share = jnp.stack(of_navigator(right[-1]))
-        response = jnp.concatenate([response[: functions + 1], share, response[functions + 1 :]])
-    elif drive.noise is not None:
-        response = jnp.concatenate([response, jnp.zeros((3, *each.shape[1:]))])
-    return response.transpose(1, 2, 0, 3), residual
+    if share is not None:
+        path = jnp.stack(of_navigator(right[-1]))
+        response = jnp.concatenate([response[: functions + 1], path, response[functions + 1 :]])
+    elif known is None and drive.noise is not None:
+        response = jnp.concatenate([response, jnp.zeros_like(response[:1])])
+    return response, residual
 
 
-def late_response(drive: Drive) -> tuple[Vectors, Any]:
-    """Return what `response_vectors` does where all words are late: L is the identity, and z has all."""
-    known = drive.known
+def late_response(decided: DecisionState) -> ByFunction:
+    """Return the vectors of the constant and of powers of time where all words are late and L is 1."""
+    known, history = decided.known, decided.late
     assert known is not None
-    first, *powers = jnp.moveaxis(known.drive, 1, 0)
-    attacks = [jnp.zeros_like(first)] * drive.vectors.shape[2]
-    return jnp.stack([*attacks, first, *of_navigator(-known.share), *powers], axis=2), None
+    assert known.share is not None
+    assert history is not None
+    assert history.leading is not None
+    return jnp.moveaxis(known.drive, 1, 0) - known.share[None] * history.leading[:, :, None]
 
 
 def of_navigator(share: Float[Array, "axes m lanes"]) -> tuple[PerAxis, PerAxis]:

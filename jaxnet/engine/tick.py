@@ -39,11 +39,13 @@ from jaxnet.model import control, plane, retained, signal, xla
 from jaxnet.model.hearing import AxisWeights
 from jaxnet.model.lane import Lane, Network, in_period
 from jaxnet.model.plane import Jets
+from jaxnet.model.shapes import LoopIndex
 from jaxnet.model.signal import Basis, Vectors
 
 Instants = Float[Array, " lanes"]
 Sent = tuple[Float[Array, "2 sources lanes"], ...]
 Received = tuple[Float[Array, "2 slots m lanes"], ...]
+SomeReceived = tuple[Float[Array, "2 slots m lanes"] | None, ...]
 LaneFlags = Bool[Array, " lanes"]
 PerAxis = Float[Array, "2 m lanes"]
 Words = Float[Array, "2 degrees slots m lanes"]  # coefficients of s^k / k!, with s the time since the tick
@@ -89,7 +91,7 @@ class Reading(NamedTuple):
 class KnownDrive(NamedTuple):
     """What known words add to the drives until the next tick (see the module's docstring)."""
 
-    share: Float[Array, "axes m lanes"]  # of the weights of a row whose words are not live
+    share: Float[Array, "axes m lanes"] | None  # of the weights of a row whose words are not live; None: 0
     drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³, …]
     time: Instants | None  # of the tick [s]; None where the drive is constant
 
@@ -115,13 +117,18 @@ class DecisionState(NamedTuple):
     reception: Reception | None = None  # None where every message arrives
     coasting: Coasting | None = None  # None where no vehicle ever keeps its drive
     network: Int[Array, " lanes"] | None = None  # number of the one in force; None where there is one
-    link_noise: Received | None = None  # errors of the jets on each link; None without
-    drawn: Received | None = None  # of these errors, those of the noise; None where words are not rounded
+    link_noise: SomeReceived | None = None  # errors of jets on links, None for an exact order
+    drawn: SomeReceived | None = None  # of these errors, those of the noise; None where words are not rounded
     late: History | None = None  # what links carried in the last ticks; None where words are not late
     weights: Float[Array, "slots m lanes"] | None = None  # of links; None where all times have the lane's
     detection: Detection | None = None  # alarms until now; None without a detector
     reading: Reading | None = None  # what vehicles sense; None where no reading is read again
     known: KnownDrive | None = None  # what late words add to the drives; None where words are not late
+
+    @property
+    def link_errors(self) -> Received | None:
+        """Return the errors of the jets on each link, None without."""
+        return None if self.link_noise is None else of_all_orders(self.link_noise)
 
 
 class Drive(NamedTuple):
@@ -226,20 +233,36 @@ def before_first(lane: Lane, network: Network, plan: Plan) -> DecisionState:
     if not plan.strategic:
         changing = None if lane.periods is None else lane.vectors
         weights = None if lane.periods is None or lane.periods.weights is None else lane.weights
-        return with_known(lane, DecisionState(decision, memory, changing, None, *rest, weights, *last), plan)
-    state = with_known(lane, DecisionState(decision, memory, lane.vectors, None, *rest, None, *last), plan)
+        state = DecisionState(decision, memory, changing, None, *rest, weights, *last)
+        return with_known(lane, network, state, plan)
+    state = DecisionState(decision, memory, lane.vectors, None, *rest, None, *last)
+    state = with_known(lane, network, state, plan)
     seen = sight(lane, network, plan, state, errors, lane.basis(time), time)
     return state._replace(attacker_memory=lane.signal.begin(seen))
 
 
-def first_link_errors(lane: Lane) -> tuple[Received | None, Received | None]:
+def first_link_errors(lane: Lane) -> tuple[SomeReceived | None, SomeReceived | None]:
     """Return that jets on links have no errors before the first tick, as `disturb` returns their errors."""
-    jets, rounded = max(3, len(lane.gain)), lane.steps is not None and lane.delay is None
-    silent = (jnp.zeros((2, *lane.weights.shape)),)
-    if lane.noise is None:
-        return silent * jets if rounded else None, None
-    errors = silent * (jets + lane.noise.errs_in_highest())
-    return errors, errors if rounded else None
+    rounded, silent = lane.steps is not None and lane.delay is None, jnp.zeros((2, *lane.weights.shape))
+    drawn = None
+    if lane.noise is not None:
+        drawn = tuple(silent if errs else None for errs in erring_orders(lane))
+    if not rounded:
+        return drawn, None
+    jets = max(3, len(lane.gain)) if drawn is None else len(drawn)
+    return (silent,) * jets, drawn
+
+
+def erring_orders(lane: Lane) -> list[bool]:
+    """Return the orders of the jets on links that noise gives errors, of `max(3, r)`, and then the r-th."""
+    below = [*lane.noise.erring(), *[False] * (len(lane.gain) - 3)]
+    return below + [True] * lane.noise.errs_in_highest()
+
+
+def of_all_orders(errors: SomeReceived) -> Received:
+    """Return errors with 0 for the orders that have none."""
+    nothing = jnp.zeros_like(next(error for error in errors if error is not None))
+    return tuple(nothing if error is None else error for error in errors)
 
 
 def first_decision(decided: jax.ShapeDtypeStruct, lane: Lane) -> Decision:
@@ -267,8 +290,8 @@ def first_reception(
     messages = messages_of(lane, network, history, errors, time)
     memory = None if lane.loss is None else lane.loss.start(messages)
     terms = degrees(lane, plan)
-    words = jnp.zeros((2, terms, *lane.weights.shape)) if terms else None
     holds = plan.missing == "hold" and history is not None
+    words = jnp.zeros((2, terms, *lane.weights.shape)) if terms and (holds or history is None) else None
     return Reception(messages.present, memory, time, words, messages.present if holds else None)
 
 
@@ -331,7 +354,7 @@ def decide(
     state = state._replace(coasting=keep_drive(lane, network, plan, state, drive))
     if state.late is None:
         return state
-    state = with_known(lane, state, plan)
+    state = with_known(lane, network, state, plan)
     held = held_derivative(lane, before, errors, time, drive)
     return send(lane, network, plan, state, errors, basis, time, held)
 
@@ -365,6 +388,7 @@ def send(
     elif lane.law.local or plan.extrapolate != "none":
         strength = None
         if lane.law.local:
+            assert known.share is not None
             strength, given = (known.share > 0).astype(float), row_strength(lane, state, plan)
             strength = strength if given is None else strength * given
         told = late.motion_of(lane.gain, known.drive, own, state.noise, strength)
@@ -419,7 +443,7 @@ def disturb(
     errors: Jets,
     basis: Basis,
     time: Instants,
-) -> dict[str, Received | None]:
+) -> dict[str, SomeReceived | None]:
     """Return the errors of the jets on each link, and what noise draws of them; None without.
 
     Errors of the r-th derivative come last, after `max(3, r)` errors of lower ones.
@@ -427,14 +451,21 @@ def disturb(
     jets = max(3, len(lane.gain))
     last, drawn = before.link_noise if before.drawn is None else before.drawn, None
     if lane.noise is not None and last is not None:
-        sources, before_now = network.hearing.sources, (*last[:3], *last[jets:])
-        noise = xla.materialised(lambda: lane.noise.next_errors(before_now, time, lane.interval, sources))
-        drawn = *noise[:3], *[jnp.zeros_like(noise[0])] * (jets - 3), *noise[3:]
+        sources, whole, erring = network.hearing.sources, of_all_orders(last), erring_orders(lane)
+        before_now = *whole[:3], *whole[jets:]
+
+        def draw() -> SomeReceived:
+            found = list(lane.noise.next_errors(before_now, time, lane.interval, sources))
+            found[3:3] = [None] * (jets - 3)
+            return tuple(error if errs else None for error, errs in zip(found, erring, strict=True))
+
+        drawn = xla.materialised(draw)
     if lane.steps is None or lane.delay is not None:  # late words are rounded when they are sent
         return {"link_noise": drawn}
     rounding = rounding_errors(lane, network, state, errors, basis, time)
     if drawn is not None:
-        rounding = *plane.plus(rounding, drawn), *drawn[jets:]
+        noise = of_all_orders(drawn)
+        rounding = *plane.plus(rounding, noise), *noise[jets:]
     return {"link_noise": rounding, "drawn": drawn}
 
 
@@ -514,6 +545,8 @@ def listen(
     """
     last, now = before.reception, state.reception
     if now is not None and before.late is not None:
+        if now.heard is None:
+            return now
         return now._replace(words=late_words(lane, network, plan, before, state, time))
     if last is None or now is None or last.words is None:
         return now
@@ -525,8 +558,8 @@ def listen(
     if plan.missing == "hold" and lane.law.solved and drive is not None:
         sources = jnp.concatenate([control.driven(gain, lane.path(time))[:, None], drive], axis=1)
         fresh = network.hearing.received(sources, control.driven(gain, signals))
-        if before.link_noise is not None:
-            fresh = fresh + word_errors(gain, before.link_noise)
+        if before.link_errors is not None:
+            fresh = fresh + word_errors(gain, before.link_errors)
         fresh = fresh[:, None]
     else:
         held = held_derivative(lane, before, errors, time, drive) if plan.missing == "hold" else None
@@ -543,10 +576,12 @@ def late_words(
     last, now, history = before.reception, state.reception, before.late
     assert history is not None
     words = late.arriving_words(history, late.arrival(history, lane, time), lane, network.hearing, plan)
-    if last is None or last.words is None or now is None or now.heard is None:
+    assert last is not None
+    assert now is not None
+    if last.words is None:
         return words
-    if state.link_noise is not None:
-        words = words.at[:, 0].add(word_errors(lane.gain, state.link_noise))
+    if state.link_errors is not None:
+        words = words.at[:, 0].add(word_errors(lane.gain, state.link_errors))
     ended = continued(last.words, time - last.time).at[:, 1:].set(0.0)
     return jnp.where(now.arrived[None, None], words, ended)
 
@@ -570,9 +605,9 @@ def heard_jets(
     highest = jnp.zeros_like(own[0]) if held is None else held
     sent.append(jnp.concatenate([navigator[order], highest], axis=1))
     received = attack(network, tuple(sent), signals)
-    if state.link_noise is not None:
-        ahead = [received[order] + error for error in state.link_noise[max(3, order) :]]
-        received = *plane.plus(received[:order], state.link_noise), *(ahead or [received[order]])
+    if state.link_errors is not None:
+        ahead = [received[order] + error for error in state.link_errors[max(3, order) :]]
+        received = *plane.plus(received[:order], state.link_errors), *(ahead or [received[order]])
     leads = (network.hearing.sources == 0)[None, ..., None]
     return *received[:order], jnp.where(leads | (held is not None), received[order], 0.0)
 
@@ -631,7 +666,8 @@ def keep_drive(
             return before._replace(vehicles=nobody.all(axis=0))
         alone = nobody | off[None]
         keeps = (alone | ~network.hearing.reached(heard, alone)).any(axis=0)
-    kept = jnp.where(keeps[None], jnp.where(before.vehicles[None], before.drive, drive), 0.0)
+    last = jnp.where(before.vehicles[None], before.drive, drive)
+    kept = xla.materialised(lambda: jnp.where(keeps[None], last, 0.0))
     return Coasting(keeps, kept, off)
 
 
@@ -650,8 +686,8 @@ def raise_alarms(
     residuals = tuple(one - hearing.sent(told) for one, told in zip(carried, sent, strict=True))
     if state.noise is not None:
         residuals = plane.plus(residuals, tuple(map(hearing.sent, tell(state.noise))))
-    if state.link_noise is not None:
-        residuals = plane.plus(residuals, state.link_noise)
+    if state.link_errors is not None:
+        residuals = plane.plus(residuals, state.link_errors)
     arrived = lane.weights > 0 if state.reception is None else state.reception.arrived
     return detection.detect(state.detection, lane, hearing, residuals, arrived, time)
 
@@ -687,8 +723,8 @@ def judge(
     if before.late is not None:
         arrival = late.arrival(before.late, lane, time)
         received = late.arriving_jets(before.late, arrival, lane, network.hearing, lane.path(time))
-    if before.link_noise is not None:
-        received = plane.plus(received, before.link_noise)
+    if before.link_errors is not None:
+        received = plane.plus(received, before.link_errors)
     if before.reception is not None:  # a slot without a message holds the vehicle itself
         arrived = before.reception.arrived
         received = tuple(
@@ -720,43 +756,62 @@ def drive(lane: Lane, state: DecisionState, plan: Plan) -> Drive:
     """Return what the motion follows after these decisions."""
     weights, vectors = weights_in_force(lane, state, plan), attack_vectors(lane, state)
     strength = row_strength(lane, state, plan)
-    known = known_drive(lane, state, plan, weights) if state.late is None else state.known
+    known = known_now(lane, state, plan, weights) if state.late is None else state.known
     live = weights if lane.delay is None else jnp.zeros_like(weights)
     return Drive(live, vectors, state.noise, state.coasting, strength, known)
 
 
-def with_known(lane: Lane, state: DecisionState, plan: Plan) -> DecisionState:
-    """Return the state with what late words add to the drives. Words stay only where listeners hold them."""
+def with_known(lane: Lane, network: Network, state: DecisionState, plan: Plan) -> DecisionState:
+    """Return the state with what late words add to the drives."""
     if state.late is None or state.reception is None:
         return state
-    known = known_drive(lane, state, plan, weights_in_force(lane, state, plan))
-    words = None if state.reception.heard is None else state.reception.words
-    return state._replace(known=known, reception=state.reception._replace(words=words))
+    heard, history, reception = weights_in_force(lane, state, plan), state.late, state.reception
+    known = constant_drive(lane, state, heard, late.word_degrees(lane))
+    if reception.words is None:
+        arrival = late.arrival(history, lane, reception.time)
+        drive = late.mean_words(history, arrival, lane, network.hearing, plan, heard, known.drive)
+    else:
+        drive = late.plus_slots(known.drive, heard, slot_of(reception.words))
+    share = heard.sum(axis=1)
+    share = share if known.share is None else share + known.share
+    return state._replace(known=KnownDrive(share, drive, reception.time))
 
 
-def known_drive(lane: Lane, state: DecisionState, plan: Plan, heard: AxisWeights) -> KnownDrive | None:
-    """Return what known words add until the next tick, None where there are none.
+def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -> KnownDrive | None:
+    """Return what known words add until the next tick where no word is late, None where there are none.
 
-    `heard` are the weights of the words that arrive, which are live, or of all that are late.
+    `live` are the weights of the words that arrive.
     """
+    reception, coasting = state.reception, None if lane.law.local else state.coasting
+    if reception is None or reception.words is None:
+        if coasting is None and state.link_noise is None:
+            return None
+        return constant_drive(lane, state, live, 1)
+    given = jnp.where(reception.arrived[None], 0.0, weights_without_loss(lane, state, plan))
+    given = given if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, given)
+    known = constant_drive(lane, state, live, reception.words.shape[1])
+    share = given.sum(axis=1)
+    share = share if known.share is None else share + known.share
+    drive = late.plus_slots(known.drive, given, slot_of(reception.words))
+    return KnownDrive(share, drive, reception.time)
+
+
+def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int) -> KnownDrive:
+    """Return what kept drives, and errors of the words with weights `heard`, add until the next tick."""
     coasting, reception = None if lane.law.local else state.coasting, state.reception
-    words = None if reception is None else reception.words
-    if coasting is None and words is None and state.link_noise is None:
-        return None
-    share, drive, time = jnp.zeros_like(heard[:, 0]), jnp.zeros((2, 1, *heard.shape[2:])), None
+    share, drive = None, jnp.zeros((2, *heard.shape[2:]))
     if coasting is not None:
-        share, drive = share + coasting.vehicles[None].astype(float), coasting.drive[:, None]
-    if words is not None and reception is not None:
-        given = heard
-        if lane.delay is None:
-            given = jnp.where(reception.arrived[None], 0.0, weights_without_loss(lane, state, plan))
-            given = given if coasting is None else jnp.where(coasting.vehicles[None, None], 0.0, given)
-        added = (given[:, None] * words).sum(axis=2)
-        share, drive, time = share + given.sum(axis=1), added.at[:, 0].add(drive[:, 0]), reception.time
-    if state.link_noise is not None and (reception is None or reception.heard is None):
-        error = (heard * word_errors(lane.gain, state.link_noise)).sum(axis=1)
-        drive = drive.at[:, 0].add(error)
-    return KnownDrive(share, drive, time)
+        share = jnp.broadcast_to(coasting.vehicles[None].astype(float), heard[:, 0].shape)
+        drive = coasting.drive
+    if state.link_errors is not None and (reception is None or reception.heard is None):
+        drive = drive + (heard * word_errors(lane.gain, state.link_errors)).sum(axis=1)
+    rest = jnp.zeros((2, degrees - 1, *drive.shape[1:]))
+    return KnownDrive(share, jnp.concatenate([drive[:, None], rest], axis=1), None)
+
+
+def slot_of(words: Words) -> Callable[[LoopIndex], Float[Array, "2 degrees m lanes"]]:
+    """Return the function that gives the words of a slot."""
+    return lambda slot: jax.lax.dynamic_index_in_dim(words, slot, axis=2, keepdims=False)
 
 
 def row_strength(lane: Lane, state: DecisionState, plan: Plan) -> Float[Array, "axes m lanes"] | None:
@@ -905,23 +960,22 @@ def changes(now: DecisionState, before: DecisionState, lane: Lane) -> tuple[Lane
     if now.decision is not None:
         supports = [retained.support(one.decision) for one in (now, before)]
         others = xla.materialised(lambda: retained.changed(*supports))  # 2.7 times, W-MSR, 12 vehicles
-        lanes = others.any(axis=0)
+        lanes = xla.in_any_row(others)
         if now.decision.dtype != bool:
-            lanes = retained.changed(now.decision, before.decision).any(axis=0)
+            lanes = xla.in_any_row(now.decision != before.decision)
     if now.reception is not None and before.reception is not None:
-        arrived = now.reception.arrived, before.reception.arrived
-        lanes = lanes | retained.changed(*arrived).any(axis=0)
+        lanes = lanes | xla.in_any_row(now.reception.arrived != before.reception.arrived)
         if now.reception.words is not None and now.late is None:
             moved = (now.reception.words != before.reception.words) & ~now.reception.arrived[None, None]
-            lanes = lanes | moved.any(axis=(0, 1, 2, 3))
+            lanes = lanes | xla.in_any_row(moved)
     if now.link_noise is not None or now.late is not None:
         lanes = jnp.ones_like(lanes)
     if now.network is not None and before.network is not None:
         lanes = lanes | (now.network != before.network)
     if now.vectors is not None and before.vectors is not None:
-        lanes = lanes | (now.vectors != before.vectors).any(axis=(0, 1, 2))
+        lanes = lanes | xla.in_any_row(now.vectors != before.vectors)
     if now.weights is not None and before.weights is not None:
-        lanes = lanes | (now.weights != before.weights).any(axis=(0, 1))
+        lanes = lanes | xla.in_any_row(now.weights != before.weights)
     return lanes, others
 
 
@@ -975,7 +1029,8 @@ def followed_demand(
     """Return the r-th derivative that the local law asks for; `own` are the jets that vehicles sense."""
     attack, known = signal.jets(drive.vectors, basis), drive.known
     silent = (drive.weights == 0).all(axis=1)
-    silent = silent if known is None else silent & (known.share == 0)
+    if known is not None and known.share is not None:
+        silent = silent & (known.share == 0)
     demand = control.local_demand(own, navigator, attack, network.hearing, drive.weights, lane.gain)
     demand = jnp.where(silent, 0.0, demand)
     demand = demand if known is None else demand + known.at(time)

@@ -8,7 +8,7 @@ The module imports JAX only when lanes run, because reading a study does not nee
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -29,6 +29,7 @@ else:
     xla = LazyModule("jaxnet.model.xla")
 
 
+LinkCarry = TypeVar("LinkCarry")
 SlotWeights = Float[Any, "slots m *lanes"]
 AxisWeights = Float[Any, "axes slots m *lanes"]  # one axis if both axes have equal weights
 SentMessages = Float[Any, "2 n *lanes"]  # of the navigator and the vehicles, n = m + 1
@@ -81,18 +82,28 @@ class Hearing(NamedTuple):
 
     def mean_on_attacked_links(self, weights: AxisWeights, signal: SignalValues) -> VehicleMeans:
         """Return `Σ_j w_ij a_ij` by a loop over attacked links."""
-        signals, listeners = jnp.asarray(self.signals), jnp.asarray(self.listeners)
+        signals = jnp.asarray(self.signals)
+
+        def plus_lie(slot: LoopIndex, listener: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
+            lie = weights[:, slot, listener] * signal[:, signals[slot, listener]]
+            return xla.add_slice(mean, (0, listener), lie[:, None])
+
+        return self.over_attacked_links(plus_lie, jnp.zeros((2, *weights.shape[2:])))
+
+    def over_attacked_links(
+        self, work: Callable[[LoopIndex, LoopIndex, LinkCarry], LinkCarry], carry: LinkCarry
+    ) -> LinkCarry:
+        """Apply `work` to slot and listener of each attacked link, and return the carry."""
+        listeners = jnp.asarray(self.listeners)
         numbers = self.attacked.sum(axis=1)  # attacked links in each slot
 
-        def in_slot(slot: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
-            def on_link(number: LoopIndex, mean: VehicleMeans) -> VehicleMeans:
-                listener = listeners[slot, number]
-                lie = weights[:, slot, listener] * signal[:, signals[slot, listener]]
-                return xla.add_slice(mean, (0, listener), lie[:, None])
+        def in_slot(slot: LoopIndex, carry: LinkCarry) -> LinkCarry:
+            def on_link(number: LoopIndex, carry: LinkCarry) -> LinkCarry:
+                return work(slot, listeners[slot, number], carry)
 
-            return jax.lax.fori_loop(0, numbers[slot], on_link, mean)
+            return jax.lax.fori_loop(0, numbers[slot], on_link, carry)
 
-        return jax.lax.fori_loop(0, len(signals), in_slot, jnp.zeros((2, *weights.shape[2:])))
+        return jax.lax.fori_loop(0, len(listeners), in_slot, carry)
 
     def mean(
         self,
@@ -136,7 +147,7 @@ class Hearing(NamedTuple):
             word = jnp.concatenate([jnp.ones_like(reached[:, :1]), reached], axis=1)
             said = word.at[:, self.carried_sources].get(mode="promise_in_bounds")
             further = reached | (heard & said).any(axis=1)
-            return further, (further != reached).any()
+            return further, (further != reached).any() & ~further.all()
 
         return jax.lax.while_loop(lambda carry: carry[1], spread, (reached, jnp.asarray(True)))[0]
 

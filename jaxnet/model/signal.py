@@ -19,6 +19,7 @@ from jaxnet.model.shapes import Numbers, OrderedJets, PlaneArray
 ORDERS = (0, 1, 2, 3)  # orders of the derivatives in a received message
 
 Vectors = Float[Any, "2 _ functions *lanes"]  # one set for each vehicle, or for each link
+ByFunction = Float[Any, "functions 2 m *lanes"]  # vectors of the vehicles, one function after the other
 Basis = Float[Any, "derivatives functions *lanes"]  # β_b and its derivatives, three or as many as r
 
 
@@ -46,11 +47,26 @@ class Falsified(NamedTuple):
         return self.orders[:, None] * up_to(len(self.orders) - 1, self.signal.basis, time)
 
 
-class WithNavigator(NamedTuple):
-    """The functions of a signal, and three more: the constant c with R(c) = 1, and the navigator's path.
+class WithConstant(NamedTuple):
+    """The functions of a signal, and one more: the constant c with R(c) = 1.
 
-    The path is two functions, one for each axis. The three functions serve drives that differ from R(y_0):
-    errors of sensors and kept drives.
+    The constant serves errors of sensors and of words, and kept drives.
+    """
+
+    signal: Any  # has a method `basis`
+    gain: Float[Any, "r *lanes"]
+
+    def basis(self, time: Numbers) -> Basis:
+        """Return all functions with derivatives up to r, three at least: (derivatives, B + 1, lanes)."""
+        xp, functions = time.__array_namespace__(), up_to(len(self.gain), self.signal.basis, time)
+        constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
+        return xp.concatenate([functions, constant[:, None]], axis=1)
+
+
+class WithNavigator(NamedTuple):
+    """The functions of a signal, and two more: the navigator's path, one function for each axis.
+
+    The path serves drives that differ from R(y_0).
     """
 
     signal: Any  # has a method `basis`
@@ -58,11 +74,9 @@ class WithNavigator(NamedTuple):
     gain: Float[Any, "r *lanes"]
 
     def basis(self, time: Numbers) -> Basis:
-        """Return all functions with derivatives up to r, three at least: (derivatives, B + 3, lanes)."""
-        xp, order = time.__array_namespace__(), len(self.gain)
-        functions, path = (up_to(order, each, time) for each in (self.signal.basis, self.navigator.jets))
-        constant = xp.concatenate([1.0 / self.gain[:1], xp.zeros_like(functions[1:, 0])])
-        return xp.concatenate([functions, constant[:, None], path], axis=1)
+        """Return all functions with derivatives up to r, three at least: (derivatives, B + 2, lanes)."""
+        each = (up_to(len(self.gain), one, time) for one in (self.signal.basis, self.navigator.jets))
+        return time.__array_namespace__().concatenate(list(each), axis=1)
 
 
 class WithPowers(NamedTuple):
@@ -82,16 +96,22 @@ class WithPowers(NamedTuple):
 
     def powers(self, time: Numbers) -> Basis:
         """Return the functions p_k with three derivatives: (4, n, lanes)."""
-        xp, passed = time.__array_namespace__(), time - self.since
-        terms = [xp.ones_like(time)]  # s^n / n!
-        for n in range(1, len(self.inverse)):
-            terms.append(terms[-1] * passed / n)
+        xp, terms = time.__array_namespace__(), powers_of(time - self.since, len(self.inverse))
         zero = xp.zeros_like(time)
 
         def derivative(k: int, d: int) -> Numbers:
             return sum((self.inverse[j] * terms[k - j - d] for j in range(k - d + 1)), zero)
 
         return xp.stack([xp.stack([derivative(k, d) for k in range(1, len(terms))]) for d in ORDERS])
+
+
+def powers_of(passed: Numbers, number: int) -> Numbers:
+    """Return `s^k / k!` for k = 0, 1, … below a number, of times s."""
+    xp = passed.__array_namespace__()
+    terms = [xp.ones_like(passed)]
+    for n in range(1, number):
+        terms.append(terms[-1] * passed / n)
+    return xp.stack(terms)
 
 
 def inverse_series(gain: Float[Any, "r *lanes"], terms: int) -> Float[Any, "terms *lanes"]:
@@ -156,6 +176,11 @@ def up_to(order: int, function: Callable[[Numbers], Numbers], time: Numbers) -> 
     time = jnp.asarray(time)
     lower, rates = jax.jvp(lambda now: up_to(order - 1, function, now), (time,), (jnp.ones_like(time),))
     return jnp.concatenate([lower, rates[-1:]])
+
+
+def of_functions(response: ByFunction) -> Vectors:
+    """Return vectors in the order of axes that signals have, from those in the order of functions."""
+    return response.__array_namespace__().moveaxis(response, 0, 2)
 
 
 def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:

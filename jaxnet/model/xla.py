@@ -51,3 +51,16 @@ def add_slice(array: jax.Array, place: tuple[int | LoopIndex, ...], by: jax.Arra
     start = (*place, *[0] * (array.ndim - len(place)))
     before = jax.lax.dynamic_slice(array, start, by.shape)
     return jax.lax.dynamic_update_slice(array, before + by, start)
+
+
+def in_any_row(flags: jax.Array) -> jax.Array:
+    """Return for each lane, the last axis, whether any of its flags is set."""
+    rows = flags.reshape(-1, flags.shape[-1])
+
+    def one(number: LoopIndex, found: jax.Array) -> jax.Array:
+        return found | rows[number]
+
+    return on_cpus(  # 10 times, 36 rows
+        lambda: jax.lax.fori_loop(0, len(rows), one, jnp.zeros(rows.shape[-1:], bool)),
+        lambda: rows.any(axis=0),
+    )

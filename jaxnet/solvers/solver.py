@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxnet.model.hearing import AxisWeights, Hearing, SlotWeights
-from jaxnet.model.signal import Vectors
+from jaxnet.model.signal import ByFunction, Vectors
 
 Columns = Float[Array, "m columns axes lanes"]
 PlaneVector = Float[Array, "2 m lanes"]
@@ -46,8 +46,8 @@ class Solver(ABC, Generic[Factors]):
         """Return `L⁻¹` times one vector on each axis. `start` is an initial guess, None for 0."""
 
     def update(
-        self, system: System, x: Vectors, flagged: SolvedLanes, changed: SolvedVehicles
-    ) -> tuple[Vectors, SolvedLanes]:
+        self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
+    ) -> tuple[ByFunction, SolvedLanes]:
         """Update x in flagged lanes where the rows of few vehicles changed.
 
         Return x, and the flagged lanes that still must be solved: all of them, unless a solver overrides

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxnet.model import retained
 from jaxnet.model.elimination import identity
 from jaxnet.model.shapes import LoopIndex
-from jaxnet.model.signal import Vectors
+from jaxnet.model.signal import ByFunction
 from jaxnet.solvers.blocks import Blocks, from_block_to_block
 from jaxnet.solvers.solver import SolvedLanes, SolvedVehicles, System
 
@@ -30,7 +30,7 @@ WINDOW = 33  # blocks in a window
 
 WindowNumbers = Int[Array, " few"]
 FlaggedBlocks = Bool[Array, "blocks lanes"]
-Corrected = tuple[FlaggedBlocks, Int[Array, " lanes"], Vectors]  # flags, windows so far, solution
+Corrected = tuple[FlaggedBlocks, Int[Array, " lanes"], ByFunction]  # flags, windows so far, solution
 
 
 @jax.tree_util.register_dataclass
@@ -39,8 +39,8 @@ class Windowed(Blocks):
     """Block elimination that updates a solution only near the changed rows."""
 
     def update(
-        self, system: System, x: Vectors, flagged: SolvedLanes, changed: SolvedVehicles
-    ) -> tuple[Vectors, SolvedLanes]:
+        self, system: System, x: ByFunction, flagged: SolvedLanes, changed: SolvedVehicles
+    ) -> tuple[ByFunction, SolvedLanes]:
         """Update x near the changed vehicles of flagged lanes, and return x and the flagged lanes left.
 
         The windows of a lane do not depend on other lanes. A lane is left in three cases: too many of its
@@ -71,13 +71,13 @@ class Windowed(Blocks):
         return x, flagged & (~suited | blocks.any(axis=0))
 
     def correct(
-        self, system: System, x: Vectors, lanes: WindowNumbers, starts: WindowNumbers
-    ) -> tuple[Vectors, Float[Array, "2 few"]]:
+        self, system: System, x: ByFunction, lanes: WindowNumbers, starts: WindowNumbers
+    ) -> tuple[ByFunction, Float[Array, "2 few"]]:
         """Correct the solution in one window of each given lane; `starts` are the windows' first blocks.
 
         Return the solution, and the greatest correction in the first and in the last block of each window.
         """
-        size, functions = self.vehicles.shape[1], x.shape[2]
+        size, functions = self.vehicles.shape[1], len(x)
         vehicles, carried_sources, weights, left = jax.vmap(
             lambda lane, start: self.left_in_window(system, x, lane, start), -1, -1
         )(lanes, starts)
@@ -96,11 +96,11 @@ class Windowed(Blocks):
         right = by_axis.reshape(WINDOW, size, -1, len(weights), len(lanes))
         found = from_block_to_block(before, identity(own) - own, after, right)
         at_edges = jnp.abs(found.at[np.array([0, -1])].get()).max(axis=(1, 2, 3))
-        added = jnp.moveaxis(found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape), -1, 1)
-        return x.at[:, vehicles, :, lanes[None]].add(added, mode="drop"), at_edges
+        added = found.reshape(by_axis.shape).swapaxes(3, 4).reshape(left.shape).transpose(2, 1, 0, 3)
+        return x.at[:, :, vehicles, lanes[None]].add(added, mode="drop"), at_edges
 
     def left_in_window(
-        self, system: System, x: Vectors, lane: LoopIndex, start: LoopIndex
+        self, system: System, x: ByFunction, lane: LoopIndex, start: LoopIndex
     ) -> tuple[Int[Array, " w"], Int[Array, "slots w"], Float[Array, "axes slots w"], Float[Array, "w 2 _"]]:
         """Return the vehicles of one window of a lane, their sources and weights, and their `b - L x`."""
         vehicles = jax.lax.dynamic_slice_in_dim(jnp.asarray(self.vehicles), start, WINDOW).ravel()
@@ -108,8 +108,11 @@ class Windowed(Blocks):
         _, carried_sources, attacked, signals, _ = heard
         weights = system.weights.at[:, vehicles, lane].get(mode="clip")
         weights = retained.in_force(weights, system.decision.at[:, :, vehicles, lane].get(mode="clip"))
-        weights = jnp.where(vehicles[None, None] < x.shape[1], weights, 0.0)
-        own, sent = (x.at[:, who, :, lane].get(mode="clip") for who in (vehicles, carried_sources - 1))
+        weights = jnp.where(vehicles[None, None] < x.shape[2], weights, 0.0)
+        own, sent = (
+            jnp.moveaxis(x.at[:, :, who, lane].get(mode="clip"), (0, 1), (-1, -2))
+            for who in (vehicles, carried_sources - 1)
+        )
         false = system.vectors.at[:, signals, :, lane].get(mode="clip")
         told = jnp.where((carried_sources > 0)[..., None, None], sent, 0.0)
         told = told + jnp.where(attacked[..., None, None], false, 0.0)
@@ -118,7 +121,7 @@ class Windowed(Blocks):
             vehicles,
             carried_sources,
             weights,
-            jnp.where((vehicles < x.shape[1])[:, None, None], left, 0.0),
+            jnp.where((vehicles < x.shape[2])[:, None, None], left, 0.0),
         )
 
 

@@ -79,12 +79,12 @@ def test_who_decides_otherwise_is_solved_for_near_by(topology, axes, monkeypatch
     after[0, 0, middle, 2] = False
     changed = (after != before[:axes]).any(axis=(0, 1))
     system = System(network.hearing, lane.weights, jnp.asarray(after), lane.vectors)
-    start, flagged = known(lane, network, before), jnp.arange(5) < 4
+    start, flagged = np.moveaxis(known(lane, network, before), 2, 0), jnp.arange(5) < 4
     update = jax.jit(lambda solver, *given: solver.update(*given))
     found, left = update(network.solver, system, jnp.asarray(start), flagged, jnp.asarray(changed))
     np.testing.assert_array_equal(np.nonzero(left)[0], [*beyond, 2, 3])
     np.testing.assert_array_equal(np.asarray(found)[..., 2:], start[..., 2:])
-    exact, within = known(lane, network, after), slice(len(beyond), 2)
+    exact, within = np.moveaxis(known(lane, network, after), 2, 0), slice(len(beyond), 2)
     assert (np.abs(exact - start)[..., :2].max(axis=(0, 1, 2)) > 0.01 * lane.attack_scale[:2]).all()
     np.testing.assert_allclose(
         found[..., within], exact[..., within], rtol=0, atol=1e-12 * lane.attack_scale.max()

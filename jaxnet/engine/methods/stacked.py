@@ -302,7 +302,7 @@ def lane_field(
         return definition.inputs(drift, decoupling, graph, highest, error, lane.gain)
 
     strength = jnp.ones_like(weights[:, 0]) if strength is None else strength
-    share = jnp.zeros_like(weights[:, 0]) if known is None else known.share
+    share = jnp.zeros_like(weights[:, 0]) if known is None or known.share is None else known.share
     inputs = of_axes(jax.vmap(law)(weights, strength, share), decoupling)
     return vehicle.motion(there, inputs[..., None])[..., 0]
 

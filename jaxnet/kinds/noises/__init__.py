@@ -26,6 +26,10 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         """
         raise KindError(f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)")
 
+    def erring(self) -> tuple[bool, bool, bool]:
+        """Return whether position, velocity and acceleration of words may have errors."""
+        return True, True, True
+
     def errs_in_highest(self) -> bool:
         """Return whether the r-th derivative of words has errors too, for vehicles of order r."""
         return False

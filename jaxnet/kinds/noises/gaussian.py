@@ -43,6 +43,10 @@ class GaussianNoise(NormalErrors, ChannelNoise):
         default=0.0, description="[m/s³], standard deviation of the highest derivative, the jerk of order 3"
     )
 
+    def erring(self) -> tuple[bool, bool, bool]:
+        """Return which of the standard deviations are not None, as those of 0 are in a drawn kind."""
+        return self.position is not None, self.velocity is not None, self.acceleration is not None
+
     def errs_in_highest(self) -> bool:
         """Return whether `jerk` is not 0; it is None in a drawn kind without it."""
         return self.jerk is not None and not (isinstance(self.jerk, float) and self.jerk == 0)
