@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from jaxnet.engine.plan import Plan
 from jaxnet.kinds.shapes import LaneTimes
 from jaxnet.model import chance, control, plane, signal, xla
-from jaxnet.model.hearing import AxisWeights, Hearing
+from jaxnet.model.hearing import AxisWeights, Hearing, plus_slots
 from jaxnet.model.lane import Lane
 from jaxnet.model.plane import Jets
 from jaxnet.model.shapes import LoopIndex
@@ -265,11 +265,10 @@ def mean_words(
         def one(leaf: Array, axis: int) -> Array:
             return jax.lax.dynamic_index_in_dim(leaf, slot, axis)
 
-        here = Hearing(*(one(each, 0) for each in hearing))
         entry = None if arrival.entry is None else one(arrival.entry, 0)
         errors = None if rounding is None else tuple(one(each, -3) for each in rounding)
         there = lane._replace(delay=lane.delay.on(lambda links: one(links, 0)))
-        given = told, errors, Arrival(arrival.came, entry), there, here, plan, depth(history)
+        given = told, errors, Arrival(arrival.came, entry), there, hearing.at(slot), plan, depth(history)
         return sent_words(*given)[:, :, 0]
 
     def plus_lie(slot: LoopIndex, listener: LoopIndex, total: Polynomials) -> Polynomials:
@@ -340,18 +339,6 @@ def false_word(
         leads = jnp.asarray(hearing.sources)[slot, listener] == 0
         each = each.at[-1].multiply(jnp.where(leads, 1.0, 0.0))
     return each.sum(axis=0)
-
-
-def plus_slots(
-    start: Polynomials, weights: AxisWeights, word: Callable[[LoopIndex], Polynomials]
-) -> Polynomials:
-    """Return `start` plus the words of all slots by weight, where `word` gives those of one slot."""
-
-    def add(slot: LoopIndex, total: Polynomials) -> Polynomials:
-        weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
-        return total + weight[:, None] * word(slot)
-
-    return jax.lax.fori_loop(0, weights.shape[1], add, start)
 
 
 def vectors_of(sent: History, lane: Lane) -> Vectors:

@@ -180,9 +180,8 @@ class Solved(Propagation):
         silent = lane.lossy or tick.coasts(lane)
         if silent or lane.sensor is not None or not lane.exact_words:
             self.driven = lane._replace(signal=WithConstant(lane.signal, lane.gain))
-        self.leads = (
-            silent and lane.delay is None
-        )  # late words have the navigator's path in their polynomials
+        # Polynomials of late words have the navigator's path in them.
+        self.leads = silent and lane.delay is None
         if self.leads:
             path = WithNavigator(self.driven.signal, lane.navigator, lane.gain)
             self.driven = lane._replace(signal=path)
@@ -324,9 +323,8 @@ class Solved(Propagation):
         if self.inverse is not None:
             powers = self.with_powers(state.time - self.clock.interval)
             driven = driven._replace(signal=powers)
-            effect = jnp.concatenate(
-                [effect, up_to(len(effect) - 1, powers.powers, state.time)[: len(effect)]], axis=1
-            )
+            now = up_to(len(effect) - 1, powers.powers, state.time)[: len(effect)]
+            effect = jnp.concatenate([effect, now], axis=1)
         given = state.jets, self.forced(state), effect, driven, self.numbers.reach, state.time
         some = jax.tree.map(lambda leaf: picked(leaf, few), given)
         parts = between.Parts(self.idle, self.attacks, self.leads)

@@ -36,7 +36,7 @@ from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.losses import Messages
 from jaxnet.kinds.shapes import Decision, Memory
 from jaxnet.model import control, plane, retained, signal, xla
-from jaxnet.model.hearing import AxisWeights
+from jaxnet.model.hearing import AxisWeights, plus_slots
 from jaxnet.model.lane import Lane, Network, in_period
 from jaxnet.model.plane import Jets
 from jaxnet.model.shapes import LoopIndex
@@ -572,14 +572,13 @@ def listen(
 def late_words(
     lane: Lane, network: Network, plan: Plan, before: DecisionState, state: DecisionState, time: Instants
 ) -> Words:
-    """Return the late words that arrive, or where listeners hold a word, those heard last."""
+    """Return the late words that arrive, and on other links those heard last, which listeners hold."""
     last, now, history = before.reception, state.reception, before.late
     assert history is not None
     words = late.arriving_words(history, late.arrival(history, lane, time), lane, network.hearing, plan)
     assert last is not None
+    assert last.words is not None
     assert now is not None
-    if last.words is None:
-        return words
     if state.link_errors is not None:
         words = words.at[:, 0].add(word_errors(lane.gain, state.link_errors))
     ended = continued(last.words, time - last.time).at[:, 1:].set(0.0)
@@ -771,7 +770,7 @@ def with_known(lane: Lane, network: Network, state: DecisionState, plan: Plan) -
         arrival = late.arrival(history, lane, reception.time)
         drive = late.mean_words(history, arrival, lane, network.hearing, plan, heard, known.drive)
     else:
-        drive = late.plus_slots(known.drive, heard, slot_of(reception.words))
+        drive = plus_slots(known.drive, heard, slot_of(reception.words))
     share = heard.sum(axis=1)
     share = share if known.share is None else share + known.share
     return state._replace(known=KnownDrive(share, drive, reception.time))
@@ -792,7 +791,7 @@ def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -
     known = constant_drive(lane, state, live, reception.words.shape[1])
     share = given.sum(axis=1)
     share = share if known.share is None else share + known.share
-    drive = late.plus_slots(known.drive, given, slot_of(reception.words))
+    drive = plus_slots(known.drive, given, slot_of(reception.words))
     return KnownDrive(share, drive, reception.time)
 
 

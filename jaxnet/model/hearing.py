@@ -124,13 +124,14 @@ class Hearing(NamedTuple):
         `heard` receives a Hearing with one slot and returns an array (2, 1, m, *lanes).
         """
 
-        def add(slot: LoopIndex, total: VehicleMeans) -> VehicleMeans:
-            one = Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
-            weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
-            return total + weight * heard(one)[:, 0]
+        def of_slot(slot: LoopIndex) -> VehicleMeans:
+            return heard(self.at(slot))[:, 0]
 
-        nothing = jnp.zeros((2, *weights.shape[2:]))
-        return jax.lax.fori_loop(0, len(self.sources), add, nothing)
+        return plus_slots(jnp.zeros((2, *weights.shape[2:])), weights, of_slot)
+
+    def at(self, slot: LoopIndex) -> "Hearing":
+        """Return the Hearing of one slot."""
+        return Hearing(*(jax.lax.dynamic_index_in_dim(each, slot) for each in self))
 
     def all_reached(self, weights: AxisWeights) -> Flags:
         """Return whether the navigator reaches every vehicle over positive weights, on every axis.
@@ -165,6 +166,21 @@ class Hearing(NamedTuple):
         dense = jnp.zeros((m, m + 1, *weights.shape[2:]))
         listeners = jnp.broadcast_to(jnp.arange(m)[None], (slots, m))
         return dense.at[listeners, sources].add(weights)
+
+
+def plus_slots(
+    start: Float[Any, "2 *some"],
+    weights: AxisWeights,
+    of_slot: Callable[[LoopIndex], Float[Any, "2 *some"]],
+) -> Float[Any, "2 *some"]:
+    """Return `start` plus what all slots give by weight, where `of_slot` gives it for one slot."""
+
+    def add(slot: LoopIndex, total: Float[Any, "2 *some"]) -> Float[Any, "2 *some"]:
+        weight = jax.lax.dynamic_index_in_dim(weights, slot, axis=1, keepdims=False)
+        lifted = weight.reshape(len(weight), *[1] * (total.ndim - weight.ndim), *weight.shape[1:])
+        return total + lifted * of_slot(slot)
+
+    return jax.lax.fori_loop(0, weights.shape[1], add, start)
 
 
 def of_slots(
