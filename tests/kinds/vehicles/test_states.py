@@ -1,0 +1,53 @@
+"""Every state and input of every vehicle, by programs as users compile them."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jaxnet
+
+VEHICLES = (
+    "single_integrator",
+    "double_integrator",
+    "unicycle",
+    "look_ahead",
+    "two_wheeled",
+    "car",
+    "planar_quadrotor",
+)
+SCRIPT = """
+import sys, jaxnet
+for vehicle in sys.argv[2:]:
+    keys = {"vehicle": vehicle, "vehicles": 3, "topology": "complete", "samples": 2}
+    keys |= {"attack": {"kind": "rotating", "magnitude": 3.0, "vehicles": [2]}, "defence": "none"}
+    keys |= {"horizon": 4.0, "tail": 1.0, "save": {"trajectories": "all"}}
+    keys |= {"sweep": {"engine": ["exact", "nonlinear"]}}
+    jaxnet.run(jaxnet.load(keys), out=f"{sys.argv[1]}/{vehicle}")
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """All vehicles by the exact and the nonlinear engine, with the compiler's options that users have.
+
+    Other tests run programs that are not optimised, which hides a compiler's faults.
+    """
+    out = tmp_path_factory.mktemp("vehicles")
+    optimised = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
+    subprocess.run([sys.executable, "-c", SCRIPT, str(out), *VEHICLES], env=optimised, check=True)
+    return out
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_engines_agree_on_every_state_and_input(folder, vehicle):
+    """To 1e-5 of the greatest value that each state and input has at any output time."""
+    results = jaxnet.open(folder / vehicle)
+    assert (results.lanes["status"] == "ok").all()
+    for name, axis in (("states", "state"), ("inputs", "input")):
+        exact, nonlinear = results.trajectories[name].transpose("cell", ..., axis).values
+        assert np.isfinite(exact).all()
+        size = np.abs(exact).max(axis=(0, 1, 2))
+        np.testing.assert_allclose(nonlinear / size, exact / size, rtol=0, atol=1e-5)
