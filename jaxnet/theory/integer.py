@@ -26,7 +26,7 @@ Constraint = tuple[Any, Any, Any]  # matrix of constraints with lower and upper 
 class RobustnessBracket(NamedTuple):
     """Bounds on the greatest r, or on the greatest s: low ≤ greatest ≤ high. They are equal if it is known.
 
-    Parameters
+    Attributes
     ----------
     low : int
         The digraph is proved to be robust with this number.
