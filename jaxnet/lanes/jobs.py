@@ -45,7 +45,8 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
-    signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
+    output = np.asarray(vehicle.output_jets(start)[0])
+    signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, output)
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
@@ -296,9 +297,9 @@ def attack_of(
     - The greatest norms have the shape (2, 4, samples): first the navigator's path, then the signal's
       functions, by order.
 
-    `navigator` has its numbers drawn, and `start` holds the states at t = 0.
+    `navigator` has its numbers drawn, and `start` holds the vehicles' outputs y(0): (2, m, samples).
     """
-    attack, start = scenario.attack, start[:2]
+    attack = scenario.attack
     first = np.asarray(navigator.jets(np.zeros(len(draw.samples))))[0]
     chosen, draw = attack.chosen(draw), Draw(draw.source, draw.samples, scenario.vehicles, attack.targets())
     if attack.by_link():

@@ -256,7 +256,7 @@ def initial_errors(scenario: Scenario, draw: Draw) -> tuple[np.ndarray, np.ndarr
         vehicle = scenario.vehicle.drawn(draw, "vehicle")
         start, navigator = start_of(scenario, vehicle, draw), scenario.navigator.drawn(draw, "navigator")
         own, zero = np.stack(vehicle.output_jets(start)), np.zeros(len(draw.samples))
-        function, vectors, *_ = attack_of(scenario, draw, navigator, start)
+        function, vectors, *_ = attack_of(scenario, draw, navigator, own[0])
         path = np.stack(navigator.jets(zero))
         attack = np.stack(signal.jets(vectors, function.basis(zero))[: len(own)])
     return own - path[: len(own), :, None], attack

@@ -46,6 +46,18 @@ def test_a_lane_moves_as_the_plain_program():
         assert np.abs(ours - known[:, 0]).max() <= 1e-5
 
 
+def test_a_frozen_message_is_the_first_one():
+    """It carries the output of its source at t = 0, which for `look_ahead` is not the axle's place."""
+    one = systems.lanes(systems.study(attack="freeze", vehicle={"kind": "look_ahead", "ahead": 0.5}), 2)
+    for number in range(2):
+        lane = systems.lane(one, number)
+        navigator = lane.navigator.jets(np.zeros(1))[0]
+        carried = (lane.vectors @ lane.signal.basis(np.zeros(1))[0])[..., 0] + navigator
+        ahead = 0.5 * np.array([np.cos(lane.initial[2]), np.sin(lane.initial[2])])
+        for j in ATTACKED:
+            np.testing.assert_allclose(carried[:, j - 1], (lane.initial[:2] + ahead)[:, j - 1], rtol=1e-12)
+
+
 @pytest.mark.parametrize("kind", ["replay", "freeze"])
 def test_no_bound_is_told_of_what_the_magnitude_does_not_bound(kind):
     study = systems.study(attack=kind, defence="none")
