@@ -156,7 +156,7 @@ def count(found: dict[str, list[float]], scenario: Any, heard: graph.Digraph, of
         for each, spared in networks
     )
     left = np.ones(VEHICLES, bool)
-    for why, vehicles, _ in [
+    for why, vehicles, *_ in [
         *safe_in(scenario, heard, attacked),
         safety.Safe("not known", left),
     ]:
