@@ -50,7 +50,7 @@ class Kind(Record, metaclass=KindType):
     kind: ClassVar[str]
     words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
     untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
-    claims: ClassVar[frozenset[str]] = frozenset()  # what theory takes on trust; `claimless` knows nothing
+    claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
     neutral: ClassVar[frozenset[str]] = frozenset({"kind", "words", "untraced", "model_config", "faults"})
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
@@ -65,8 +65,8 @@ class Kind(Record, metaclass=KindType):
     def __pydantic_init_subclass__(cls, **options: object) -> None:
         """Forget the inherited `claims` of a class from outside that behaves in its own way.
 
-        A claim holds of the methods that stand beside it or above it. A class that overrides anything but a
-        claim and the `neutral` names has the claims that it makes itself, and the family's defaults elsewhere.
+        A claim holds of the methods that stand beside it or above it. A class that overrides anything but
+        claims and `neutral` names has the claims that it makes itself. Its other claims are the family's.
         """
         super().__pydantic_init_subclass__(**options)
         own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral

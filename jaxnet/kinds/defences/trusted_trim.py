@@ -50,7 +50,7 @@ def theta_tag(value: object) -> str:
     return MARK + ("each" if each else "all")
 
 
-ROUNDING = 1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
+OF_ROUNDING = 1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
 OF_ANNOUNCEMENTS = (
     "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
     " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
@@ -108,7 +108,8 @@ class TrustedTrim(Sparing):
         Discriminator(theta_tag),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     tolerance: NotNegative = Field(
-        default=ROUNDING, description="[m], by which who was dropped last counts as farther (numerics.md O8)"
+        default=OF_ROUNDING,
+        description="[m], by which who was dropped last counts as farther (numerics.md O8)",
     )
     score: Score = Field(
         default="position",
@@ -136,7 +137,7 @@ class TrustedTrim(Sparing):
 
     def blurs(self) -> bool:
         """Return whether decisions do not compare what sources announce now, but for rounding."""
-        return self.filter is not None or self.noise != 0 or value_range(self.tolerance)[1] > ROUNDING
+        return self.filter is not None or self.noise != 0 or value_range(self.tolerance)[1] > OF_ROUNDING
 
     def announcing(self) -> bool:
         """Return whether `score` is `announced`."""

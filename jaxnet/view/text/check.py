@@ -167,7 +167,8 @@ def guarantees(cells: Sequence[Cell]) -> str:
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
     moving = [each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))]
     drawn = any(scenario.draws_gain for scenario in moving)
-    if words := [*dict.fromkeys(text for each in moving if not drawn and (text := decay_text(each)))]:
+    unlike = {(id(one.topology), id(one.defence), repr(one.gain)): one for one in moving if not drawn}
+    if words := [*dict.fromkeys(text for each in unlike.values() if (text := decay_text(each)))]:
         words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
         rows["without attack"] = "; or ".join(words)
     return wrap_lines(network_text("guarantees", rows))
