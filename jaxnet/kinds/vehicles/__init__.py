@@ -47,17 +47,9 @@ class Vehicle(Kind):
     """
 
     claims: ClassVar[frozenset[str]] = frozenset({"flat"})
-    neutral: ClassVar[frozenset[str]] = Kind.neutral | {
-        "order",
-        "singular",
-        "states",
-        "units",
-        "inputs",
-        "input_units",
-        "start",
-        "drift",
-        "pace",
-    }
+    neutral: ClassVar[frozenset[str]] = Kind.neutral.union(
+        ("order", "singular", "states", "units", "inputs", "input_units", "start", "drift", "pace")
+    )
     flat: ClassVar[bool] = False  # whether `motion` with `inputs_for` gives the output any derivative asked
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
     singular: ClassVar[int] = 1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never

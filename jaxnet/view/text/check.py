@@ -496,10 +496,10 @@ def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str,
         told = f"attacked links announce {announcement.kind}, not what they carry; nobody is safe by majority"
         return {"B1": f"broken: {told}"}
     lines = {"B1": "assumed: attacked links announce what they carry (announces: consistent)"}
-    majority, left = np.zeros(scenario.vehicles, bool), 0.0
-    for each in reasons:
+    majority = np.zeros(scenario.vehicles, bool)
+    for each in sorted(reasons, key=lambda each: not each.consistent):
         majority = majority | each.vehicles if each.consistent else majority & ~each.vehicles
-        left = max(left, each.left)
+    left = max((each.left for each in reasons), default=0.0)
     return lines | ({"theorem 3": theorem_line(scenario, majority, left)} if majority.any() else {})
 
 
