@@ -95,7 +95,8 @@ class TrustedTrim(Sparing):
     With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
     announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
     greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The guarantee of this score
-    is by majority, where the assumptions A1 to A3 of guarantees.md hold; `jaxnet check` states it in full.
+    is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md hold: B1 is that liars announce what
+    they carry. Noise, a filter, and a tolerance above 1e-9 end it; `jaxnet check` states it in full.
     """
 
     kind = "trusted_trim"
