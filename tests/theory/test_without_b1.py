@@ -67,7 +67,7 @@ def heard_and_errors(edges, added, shift):
 OUTSIDE = [(1, 2), (1, 3), (2, 0), (3, 0), (2, 4), (4, 0)]
 CASES = {  # edges, links that lie in world A, in world B, whether the theorem holds
     "as stated": (OUTSIDE, [(1, 3)], [(1, 2)], True),
-    "a vehicle outside hears I": (
+    "one outside hears I": (
         [(1, 2), (1, 3), (2, 0), (2, 1), (3, 0), (3, 1)],
         [(1, 3)],
         [(1, 2)],
