@@ -1,14 +1,14 @@
-"""A scenario on the host: its graph and links as NumPy arrays, and its times."""
+"""A scenario on the host: its graph and links as NumPy arrays, its times, and premises of theorems."""
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from jaxnet.config.keys import Scenario
-from jaxnet.model import hearing
+from jaxnet.model import hearing, safety
 from jaxnet.model.graph import Digraph, Links, normalised, of_links
 from jaxnet.model.retained import DropPolicy
 from jaxnet.model.safety import Safe
@@ -70,21 +70,35 @@ def safe_in(scenario: Scenario, graph: Digraph, attacked: Links) -> list[Safe]:
     """Return the safe vehicles, by reason, of this graph if these links are attacked.
 
     A sybil is one more attacked source, and hears the navigator alone. A reason that needs consistent
-    announcements is left out if attacked links announce otherwise. No reason is known if vehicles sense with
-    errors or messages are lost.
+    announcements is left out if attacked links announce otherwise. No reason is known without the premises
+    of MOTION. A vehicle that moves as it tells is not safe.
     """
-    if not is_ideal(scenario):
+    if broken_premise(scenario, MOTION):
         return []
+    honest = ~movers(scenario, graph, attacked)
     trusted, more = scenario.defence.trusts(graph), scenario.attack.identities() - 1
     if more:
         graph, attacked, trusted = with_sybils(graph, attacked, trusted, more)
     believable = scenario.attack.announcement().consistent
     found = scenario.defence.safe(graph, attacked, trusted)
     return [
-        each._replace(vehicles=each.vehicles[: scenario.vehicles])
+        each._replace(vehicles=each.vehicles[: scenario.vehicles] & honest)
         for each in found
         if believable or not each.consistent
     ]
+
+
+def movers(scenario: Scenario, graph: Digraph, attacked: Links) -> np.ndarray:
+    """Return the vehicles that may move as they tell if these links are attacked: (m,).
+
+    A drawn vehicle that nobody hears may do so too.
+    """
+    everyone, attack = np.arange(1, graph.vehicles + 1), scenario.attack
+    if not attack.as_told():
+        return everyone < 0
+    if attack.targets():
+        return np.isin(everyone, attack.targets())
+    return np.isin(everyone, graph.sources[attacked]) | ~np.isin(everyone, graph.sources[graph.heard])
 
 
 def attacked_draws(scenario: Scenario, graph: Digraph) -> list[Links] | None:
@@ -150,6 +164,59 @@ def with_sybils(
 def differs_by_lane(scenario: Scenario) -> bool:
     """Return whether lanes have graphs, weights or gains of their own, and therefore bounds of their own."""
     return scenario.topology.differs() or scenario.draws_gain
+
+
+class Premise(NamedTuple):
+    """What a theorem needs of a scenario, and what is said of a scenario without it."""
+
+    holds: Callable[[Scenario], bool]
+    broken: str
+
+
+def settles(scenario: Scenario) -> bool:
+    """Return whether errors die away with the gains in use: one gain, weights that stay, or no cycle."""
+    if scenario.own_gains is None:
+        return True
+    graph, _, _, kept = situation_of(scenario)
+    if kept is not None and kept.fixed is not None:
+        return True
+    one = DropPolicy(graph, graph.heard, graph.heard.sum(axis=1) - 1)  # all sources but one are dropped
+    return bool(safety.stay_joined(one, np.ones(graph.vehicles, bool)).all())
+
+
+PREMISES = {
+    "leader": Premise(lambda one: one.navigator.present, "there is no navigator"),
+    "ideal": Premise(is_ideal, "vehicles sense with errors or messages are lost"),
+    "alike": Premise(
+        lambda one: not differs_by_lane(one), "networks, weights or gains are drawn for each lane"
+    ),
+    "one gain": Premise(
+        lambda one: one.gain_matrices is None, "gains differ by axis or vehicle, or couple the axes"
+    ),
+    "bounded": Premise(lambda one: one.attack.bounded, "ā does not bound the attack"),
+    "one identity": Premise(
+        lambda one: one.attack.identities() == 1, "attacked vehicles have several identities"
+    ),
+    "by law": Premise(lambda one: not one.attack.as_told(), "attacked vehicles move as they tell"),
+    "not held": Premise(lambda one: not one.law.holds, "the law holds the jerk between ticks"),
+    "solved": Premise(lambda one: one.law.solved, "the law is {one.law.kind}"),
+    "flat": Premise(lambda one: one.vehicle.flat, "{one.vehicle.kind} may not move as the law asks"),
+    "settled": Premise(settles, "gains differ by vehicle, and weights may switch"),
+    "retained": Premise(
+        lambda one: situation_of(one).retained is not None, "the defence may retain any neighbour"
+    ),
+}
+MOTION = ("ideal", "not held", "solved", "flat", "settled")  # of the motion at last (theorems.md O1)
+BOUNDS = (  # of bounds on the ultimate error (theorems.md O5)
+    *("leader", "ideal", "alike", "one gain", "bounded", "one identity", "by law", "not held", "solved"),
+    *("flat", "retained"),
+)
+
+
+def broken_premise(scenario: Scenario, needed: Sequence[str]) -> str:
+    """Return what is said of the first premise that a scenario breaks, "" if it has all."""
+    found = (PREMISES[each].broken for each in needed if not PREMISES[each].holds(scenario))
+    return next(found, "").format(one=scenario)
 
 
 def has_ticks(scenario: Scenario) -> bool:

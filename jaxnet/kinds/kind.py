@@ -50,6 +50,8 @@ class Kind(Record, metaclass=KindType):
     kind: ClassVar[str]
     words: ClassVar[str] = ""  # name in figures and tables; "" is `kind` without underscores
     untraced: ClassVar[frozenset[str]] = frozenset({"label"})  # fields that no method reads while lanes run
+    claims: ClassVar[frozenset[str]] = frozenset()  # names of what theory takes on trust
+    neutral: ClassVar[frozenset[str]] = frozenset({"kind", "words", "untraced", "model_config", "faults"})
 
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
@@ -58,6 +60,21 @@ class Kind(Record, metaclass=KindType):
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: object) -> None:
+        """Forget the inherited `claims` of a class from outside that behaves in its own way.
+
+        A claim holds of the methods that stand beside it or above it. A class that overrides anything but
+        claims and `neutral` names has the claims that it makes itself. Its other claims are the family's.
+        """
+        super().__pydantic_init_subclass__(**options)
+        own = {name for name in vars(cls) if not name.startswith("_")} - cls.neutral
+        parents = {name for base in cls.__mro__[1:] for name in vars(base)}
+        if not cls.__module__.startswith("jaxnet.") and own & parents - cls.claims:
+            family = next((base for base in reversed(cls.__mro__) if vars(base).get("claims")), cls)
+            for claim in cls.claims - own:
+                setattr(cls, claim, vars(family)[claim])
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Callable[["Kind"], dict[str, object]]) -> dict[str, object]:

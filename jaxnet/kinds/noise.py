@@ -25,6 +25,8 @@ HIGHEST = "jerk"
 class ErrorsAtTicks(DrawsAtTicks):
     """A kind of errors that are drawn at ticks and held until the next."""
 
+    claims: ClassVar[frozenset[str]] = frozenset({"exact", "strength", "tells_deviations"})
+
     def exact(self) -> bool:
         """Return whether all errors are 0."""
         return False

@@ -31,6 +31,7 @@ class Safe(NamedTuple):
     why: str
     vehicles: Vehicles
     consistent: bool = False
+    left: float = 0.0  # [m/s³], the greatest R(a) that a tolerance of rounding leaves on links
 
 
 def percolate(graph: Digraph, votes: Votes, needed: Counts, seeds: Nodes) -> Nodes:

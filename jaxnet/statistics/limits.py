@@ -17,7 +17,7 @@ from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Config, Scenario
-from jaxnet.config.scenario import outputs_of, situation_of, sources_of
+from jaxnet.config.scenario import BOUNDS, broken_premise, outputs_of, situation_of, sources_of
 from jaxnet.lanes.draws import Draw
 from jaxnet.lanes.jobs import attack_of, signals_of, source_of, start_of
 from jaxnet.lanes.uniforms import Source
@@ -25,7 +25,7 @@ from jaxnet.model import graph, hearing, signal
 from jaxnet.model.graph import Digraph
 from jaxnet.model.wording import cells_named
 from jaxnet.statistics.groups import attacked_groups, labels_without_magnitude
-from jaxnet.statistics.reach import gap_of_theory, scenario_gain
+from jaxnet.statistics.reach import scenario_gain
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
 from jaxnet.theory import bounds, exact
@@ -84,7 +84,7 @@ def unchecked_cells(cells: Sequence[Cell]) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for cell in cells:
         scenario = cell.scenario
-        if scenario.attack.present and (why := gap_of_theory(scenario, situation_of(scenario))):
+        if scenario.attack.present and (why := broken_premise(scenario, BOUNDS)):
             found.setdefault(why, []).append(cell.number)
     return found
 

@@ -49,6 +49,47 @@ def test_no_rule_tells_two_worlds_apart(defence):
     assert (off >= MAGNITUDE / 2 - 1e-6).all()
 
 
+def heard_and_errors(edges, added, shift):
+    """What vehicle 1 ends up receiving, and its error, on a line: `E = L⁻¹ d`, equal weights, nobody dropped.
+
+    `added` is what links carry besides, by (listener, source); `shift` is where the navigator is.
+    """
+    m = max(i for i, _ in edges)
+    weights, attack = np.zeros((m, m + 1)), np.zeros((m, m + 1))
+    for i, j in edges:
+        weights[i - 1, j], attack[i - 1, j] = 1.0, added.get((i, j), 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    errors = np.linalg.solve(np.eye(m) - weights[:, 1:], (weights * attack).sum(axis=1))
+    words = shift + np.append(0.0, errors) + attack[0]
+    return words[weights[0] > 0], errors[0]
+
+
+OUTSIDE = [(1, 2), (1, 3), (2, 0), (3, 0), (2, 4), (4, 0)]
+CASES = {  # edges, links that lie in world A, in world B, whether the theorem holds
+    "as stated": (OUTSIDE, [(1, 3)], [(1, 2)], True),
+    "one outside hears I": (
+        [(1, 2), (1, 3), (2, 0), (2, 1), (3, 0), (3, 1)],
+        [(1, 3)],
+        [(1, 2)],
+        False,
+    ),
+    "a link outside I lies": ([*OUTSIDE, (2, 3)], [(1, 3), (2, 3)], [(1, 2)], False),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_theorem_6_needs_that_nobody_outside_hears_and_that_only_links_inwards_lie(case):
+    """I is vehicle 1, ϑ = 1. As stated both worlds look alike to it, and its errors differ by ā = 1."""
+    edges, first, second, holds = CASES[case]
+    words, error = heard_and_errors(edges, dict.fromkeys(first, 1.0), 0.0)
+    others, other = heard_and_errors(edges, dict.fromkeys(second, -1.0), 1.0)
+    assert np.allclose(words, others) == holds
+    assert np.isclose(error - other, 1.0) == holds
+    if "hears I" in case:
+        assert np.allclose([words, others], [[0.5, 1.5], [-0.5, 0.5]])
+        assert np.allclose([error, other], [1.0, -1.0])
+
+
 def led(rng, bad_links):
     """A network in the order of theorem 7: believed sources of each vehicle, and which of them lie.
 

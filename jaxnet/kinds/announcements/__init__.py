@@ -9,6 +9,7 @@ from jaxnet.kinds.shapes import LaneTimes, SlotMask, SlotSources, SlotVectors
 class Announcement(Kind):
     """A way in which attacked links announce. A subclass gives `received`."""
 
+    claims: ClassVar[frozenset[str]] = frozenset({"consistent"})
     consistent: ClassVar[bool] = False  # assumption B1: each link announces R of what it carries
 
     def received(

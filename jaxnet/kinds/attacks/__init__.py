@@ -190,7 +190,8 @@ class AnyAttack(Kind):
 
     def harmonic(self) -> bool:
         """Return whether each vehicle's signal has at most one frequency."""
-        return not self.strategic and isinstance(self.signal(), Harmonic)
+        told = type(self).told is not AnyAttack.told
+        return not (self.strategic or told) and isinstance(self.signal(), Harmonic)
 
     def of_order(self: AnyAttackKind, order: int) -> AnyAttackKind:
         """Return the drawn attack for vehicles of an order, which hear derivatives up to this order."""
@@ -278,6 +279,8 @@ class Attack(AnyAttack):
     ['ok', 'ok']
     """
 
+    claims: ClassVar[frozenset[str]] = frozenset({"fastest", "constant"})
+    constant: ClassVar[bool] = False
     present: ClassVar[bool] = True
     untraced: ClassVar[frozenset[str]] = frozenset(
         {
@@ -348,6 +351,7 @@ class Attack(AnyAttack):
 
         A subclass with its own `basis` is its own signal, whatever class it derives from.
         """
+        super().__pydantic_init_subclass__(**options)
         fields = cls.model_fields.items()
         each = {key for key, field in fields if any(isinstance(mark, Each) for mark in field.metadata)}
         cls.untraced = cls.untraced if cls.strategic else cls.untraced | each
@@ -432,8 +436,8 @@ class Attack(AnyAttack):
         return self.announces
 
     def fastest(self) -> float:
-        """Return 0 for a strategic attack, whose vectors are constant between ticks, else infinity."""
-        return 0.0 if self.strategic else np.inf
+        """Return 0 for an attack that is constant between ticks, else infinity."""
+        return 0.0 if self.constant else np.inf
 
     def signal(self) -> Signal:
         """Return the attack itself, which has a `basis`."""

@@ -20,10 +20,6 @@ class Bias(Attack):
 
     direction: Angle = Field(default=0.0, description="[rad], along which it acts")
 
-    def fastest(self) -> float:
-        """Return 0, the frequency of a constant."""
-        return 0.0
-
     def signal(self) -> Signal:
         """Return the harmonic of frequency 0."""
         return Harmonic(0.0)

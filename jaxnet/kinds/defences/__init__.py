@@ -84,6 +84,9 @@ class AnyDefence(DrawsAtTicks):
     """Base class of all defences, with the defaults of their methods."""
 
     decides: ClassVar[bool] = False
+    claims: ClassVar[frozenset[str]] = frozenset(
+        {"guarantee", "promise", "retained", "may_drop", "safe", "describe"}
+    )
     guarantee: ClassVar[str] = "none is known"
 
     def promise(self) -> str:
@@ -167,10 +170,8 @@ class AnyDefence(DrawsAtTicks):
         return None
 
     def may_drop(self, graph: Digraph, trusted: Links) -> DropPolicy:
-        """Return a bound on the sources that the defence drops; by default every untrusted source, no trusted
-        one.
-        """
-        return self.retained(graph, trusted) or any_untrusted(graph, trusted, len(trusted) + 1)
+        """Return a bound on the sources that the defence drops; by default every source."""
+        return self.retained(graph, trusted) or any_untrusted(graph, graph.none, len(trusted) + 1)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
         """Return the vehicles that end on the navigator whatever attackers send, by reason, the strongest

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Int
 from pydantic import Discriminator, Field
 
 from jaxnet.kinds.defences import Neighbourhood, Sparing, by_listener
-from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member
+from jaxnet.kinds.fields import MARK, NotNegative, Positive, names_distribution, union_member, value_range
 from jaxnet.kinds.kind import Fault, unknown_vehicles, vehicle_numbers
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.shapes import (
@@ -50,10 +50,15 @@ def theta_tag(value: object) -> str:
     return MARK + ("each" if each else "all")
 
 
+OF_ROUNDING = 1e-9  # [m, or as a score]; a greater tolerance leaves an error that is none of rounding
 OF_ANNOUNCEMENTS = (
     "announced: by majority, where A1 to A3 of docs/guarantees.md hold, if liars announce what they carry"
     " (B1), no vehicle stands still and nobody is cut off; none against a liar that announces 0, or what"
     " it would announce unattacked"
+)
+OF_BLURRED = (
+    "announced: none where scores are filtered, or have noise or a tolerance above 1e-9: announcements shrink"
+    " to what these leave (docs/guarantees.md)"
 )
 
 
@@ -90,7 +95,8 @@ class TrustedTrim(Sparing):
     With `score: announced`, vehicles announce what disturbs them, `ρ_i = R(y_i) - R(y_0)`, computed from the
     announcements of their retained sources at the last tick. A vehicle drops the ϑ_i sources with the
     greatest announcements if it hears more than ϑ_i sources (theorems.md O11). The guarantee of this score
-    is by majority, where the assumptions A1 to A3 of guarantees.md hold; `jaxnet check` states it in full.
+    is by majority, where A1 to A3, B1, B2 and C1 to C3 of guarantees.md hold: B1 is that liars announce what
+    they carry. Noise, a filter, and a tolerance above 1e-9 end it; `jaxnet check` states it in full.
     """
 
     kind = "trusted_trim"
@@ -103,7 +109,8 @@ class TrustedTrim(Sparing):
         Discriminator(theta_tag),
     ] = Field(default=1, description="ϑ for all vehicles, or {vehicle: ϑ}, 0 for those not named")
     tolerance: NotNegative = Field(
-        default=1e-9, description="[m], by which who was dropped last counts as farther (numerics.md O8)"
+        default=OF_ROUNDING,
+        description="[m], by which who was dropped last counts as farther (numerics.md O8)",
     )
     score: Score = Field(
         default="position",
@@ -125,7 +132,13 @@ class TrustedTrim(Sparing):
 
     def promise(self) -> str:
         """Return the guarantee of the score."""
-        return OF_ANNOUNCEMENTS if self.announcing() else self.guarantee
+        if not self.announcing():
+            return self.guarantee
+        return OF_BLURRED if self.blurs() else OF_ANNOUNCEMENTS
+
+    def blurs(self) -> bool:
+        """Return whether decisions do not compare what sources announce now, but for rounding."""
+        return self.filter is not None or self.noise != 0 or value_range(self.tolerance)[1] > OF_ROUNDING
 
     def announcing(self) -> bool:
         """Return whether `score` is `announced`."""
@@ -232,15 +245,20 @@ class TrustedTrim(Sparing):
         return self.trims(graph.heard.sum(axis=1), trusted.sum(axis=1), theta) & (theta > 0)
 
     def safe(self, graph: Digraph, attacked: Links, trusted: Links) -> list[Safe]:
-        """Return the default reasons, and "by majority" of theorem 3 for unfiltered announcements."""
+        """Return the default reasons, and "by majority" of theorem 3 for announcements without blur."""
         reasons = super().safe(graph, attacked, trusted)
-        if not self.announcing() or self.filter is not None:
+        if not self.announcing() or self.blurs():
             return reasons
         drops = self.retained(graph, trusted).believed()
         inside = safety.greatest(drops, attacked, drops.number)
         shrinks = safety.contraction(drops, inside)
-        rate = f", shrinking to {shrinks[1]:.3g} in {count(shrinks[0], 'round')}" if shrinks else ""
-        return [*reasons, Safe("by majority" + rate, inside, consistent=True)]
+        delta, why = value_range(self.tolerance)[1], "by majority"
+        if not shrinks:
+            return [*reasons, Safe(why, inside, True, np.inf if delta else 0.0)]
+        steps, factor = shrinks
+        why += f", shrinking to {factor:.3g} in {count(steps, 'round')}"
+        most = steps / (1 - factor) + steps - 1  # M over δ, by corollary 1 with the factor for 1 - ω^D
+        return [*reasons, Safe(why, inside, True, (2 * most + 1) * delta)]
 
     def describe(self, graph: Digraph, attacked: Links, trusted: Links) -> dict[str, str]:
         """Return which vehicles trim, and where more than ϑ_i sources are attacked."""

@@ -15,12 +15,14 @@ class Law(Kind):
     `exchange`.
     """
 
+    claims: ClassVar[frozenset[str]] = frozenset({"left", "jacobi", "demanded"})
     holds: ClassVar[bool] = True  # whether vehicles hold q from tick to tick
     local: ClassVar[bool] = False  # whether neighbours tell no highest derivative, as q = y‴
     linearised: ClassVar[bool] = False  # whether inputs are linear in the error of the state
     jacobi: ClassVar[bool] = (
         False  # whether it is Jacobi's iteration, for which a sufficient number of rounds is known
     )
+    demanded: ClassVar[bool] = False  # whether q is the demand itself, of which stability is known
 
     @property
     def solved(self) -> bool:

@@ -23,6 +23,7 @@ class LocalLaw(Law):
 
     kind = "local"
     local: ClassVar[bool] = True
+    demanded: ClassVar[bool] = True
 
     hold: bool = Field(
         default=True,

@@ -1,7 +1,7 @@
 """Losses: which messages a channel loses at a tick."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from jaxnet.kinds.kind import Fault, KindError
 from jaxnet.kinds.protocols import ScenarioView
@@ -32,6 +32,8 @@ class Loss(DrawsAtTicks):
     A message that is lost at a tick is missing until the next tick. Its listener drops the source, and
     divides the other weights by their sum. A vehicle that hears nobody keeps its last drive.
     """
+
+    claims: ClassVar[frozenset[str]] = frozenset({"perfect", "of_whole_ticks"})
 
     def perfect(self) -> bool:
         """Return whether no message is ever lost."""

@@ -34,6 +34,7 @@ class Navigator(Kind):
     ['ok', 'ok']
     """
 
+    claims: ClassVar[frozenset[str]] = frozenset({"slowest", "sizes"})
     present: ClassVar[bool] = True  # whether there is a navigator
 
     def jets(self, time: AnyTimes) -> PathJets:

@@ -46,6 +46,11 @@ class Vehicle(Kind):
     {'x': 'm', 'y': 'm', 'heading': 'rad', 'speed': 'm/s', 'turn_rate': 'rad/s', 'force': 'm/s²'}
     """
 
+    claims: ClassVar[frozenset[str]] = frozenset({"flat"})
+    neutral: ClassVar[frozenset[str]] = Kind.neutral.union(
+        ("order", "singular", "states", "units", "inputs", "input_units", "start", "drift", "pace")
+    )
+    flat: ClassVar[bool] = False  # whether `motion` with `inputs_for` gives the output any derivative asked
     order: ClassVar[int] = 3  # r, the number of integrators of an axis
     singular: ClassVar[int] = 1  # k: ψ is singular where `lead` of y^(k) is 0, k = r - 1 or r - 2; 0: never
     internal: ClassVar[bool] = False  # whether the output's jets leave a part of the state open
@@ -137,6 +142,7 @@ class Integrators(Vehicle):
     The state has the position first, then its derivatives below r. A subclass gives `order`, names and units.
     """
 
+    flat: ClassVar[bool] = True
     singular: ClassVar[int] = 0
 
     def output_jets(self, state: VehicleState) -> VehicleJets:

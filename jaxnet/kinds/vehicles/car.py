@@ -4,6 +4,8 @@ With the curvature κ = tan δ / L of the path: `ẏ = v h`, `ÿ = a h + v² κ 
 v² δ̇ / (L cos² δ)) n`.
 """
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from jaxnet.kinds.fields import Positive
@@ -27,6 +29,7 @@ class Car(Vehicle):
     """State `[x, y, θ, v, δ, a]`, steering angle |δ| < π/2, input `u = [ȧ, δ̇]`; singular at v = 0."""
 
     kind = "car"
+    flat: ClassVar[bool] = True
     states = ("x", "y", "heading", "speed", "steering", "acceleration")
     units = ("m", "m", "rad", "m/s", "rad", "m/s²")
     inputs = ("acceleration_rate", "steering_rate")

@@ -39,6 +39,7 @@ class LookAhead(Vehicle):
     """
 
     kind = "look_ahead"
+    flat: ClassVar[bool] = True
     order: ClassVar[int] = 1
     singular: ClassVar[int] = 0
     internal: ClassVar[bool] = True

@@ -27,6 +27,7 @@ class PlanarQuadrotor(Vehicle):
     """
 
     kind = "planar_quadrotor"
+    flat: ClassVar[bool] = True
     words = "quadrotors"
     order: ClassVar[int] = 4
     singular: ClassVar[int] = 2

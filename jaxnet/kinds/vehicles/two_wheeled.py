@@ -1,5 +1,7 @@
 """The paper's two-wheeled robot (section 4.1; theorems.md O4)."""
 
+from typing import ClassVar
+
 from jaxnet.kinds.shapes import (
     AxisMatrices,
     StackedJets,
@@ -20,6 +22,7 @@ class TwoWheeled(Vehicle):
     """The paper's two-wheeled robot: state `[x, y, θ, v, ω, F]`, input `u = [Ḟ, ω̇]`; singular at v = 0."""
 
     kind = "two_wheeled"
+    flat: ClassVar[bool] = True
     words = "two-wheeled"
     states = ("x", "y", "heading", "speed", "turn_rate", "force")
     units = ("m", "m", "rad", "m/s", "rad/s", "m/s²")

@@ -20,6 +20,7 @@ class Unicycle(Vehicle):
     """A unicycle: state `[x, y, θ, v]`, input `u = [v̇, θ̇]`, order 2; singular at v = 0."""
 
     kind = "unicycle"
+    flat: ClassVar[bool] = True
     words = "unicycles"
     order: ClassVar[int] = 2
     states = ("x", "y", "heading", "speed")

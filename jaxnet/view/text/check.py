@@ -13,8 +13,10 @@ from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import (
     MOST_DRAWN_SETS,
+    MOTION,
     Situation,
     attacked_draws,
+    broken_premise,
     differs_by_lane,
     is_ideal,
     safe_in,
@@ -163,22 +165,34 @@ def guarantees(cells: Sequence[Cell]) -> str:
         found.setdefault(defence.kind, []).append(defence.promise())
     rows = {kind: "; or ".join(dict.fromkeys(promises)) for kind, promises in found.items()}
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
-    ideal = [cell.scenario for cell in cells if cell.scenario.law.solved and is_ideal(cell.scenario)]
-    if ideal and not any(scenario.draws_gain for scenario in ideal):
-        words = [*dict.fromkeys(map(decay_text, ideal))]
+    moving = [each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))]
+    drawn = any(scenario.draws_gain for scenario in moving)
+    unlike = {(id(one.topology), id(one.defence), repr(one.gain)): one for one in moving if not drawn}
+    if words := [*dict.fromkeys(text for each in unlike.values() if (text := decay_text(each)))]:
         words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
         rows["without attack"] = "; or ".join(words)
     return wrap_lines(network_text("guarantees", rows))
 
 
 def decay_text(scenario: Scenario) -> str:
-    """Return the paper's Lemma 1 with its constants, for the gain of a scenario."""
-    matrices, own = scenario.gain_matrices, scenario.own_gains
+    """Return the paper's Lemma 1 with its constants, for the gain of a scenario.
+
+    With one gain η is E with its derivatives, which does not jump where weights do, as local errors do. With
+    gains of each vehicle η are local errors, and the text is "" where weights may switch.
+    """
+    matrices, own, (graph, _, trusted, kept) = (
+        scenario.gain_matrices,
+        scenario.own_gains,
+        situation_of(scenario),
+    )
     alike = [np.array(scenario.gain) if matrices is None else matrices]
     factors, rates = zip(*map(exact.decay_constants, alike if own is None else own), strict=True)
     line = f"‖η(t)‖ ≤ {max(factors):.3g} exp(-{min(rates):.3g} t) ‖η(0)‖ (Lemma 1)"
     if own is None:
-        return line
+        joined = safety.stay_joined(scenario.defence.may_drop(graph, trusted), np.ones(graph.vehicles, bool))
+        return f"{line}, η = (E, Ė, …)" + ", while nobody is cut off" * (not joined.all())
+    if kept is None or kept.fixed is None:
+        return ""
     norms = [response.impulse_norm(each) for each in own]
     return f"{line}; ‖h_i‖₁ of the vehicles from {min(norms):.3g} to {max(norms):.3g}"
 
@@ -193,7 +207,7 @@ class NetworkKeys:
     def key(self, scenario: Scenario) -> Hashable:
         """Return a key equal for cells with one network, kinds of attack and defence, and navigator.
 
-        Where the law holds the jerk, the key includes law, gain and tick.
+        Where certificates depend on law, gain, tick and vehicle, the key includes them.
         """
         attack, law = scenario.attack, scenario.law
         graph, links, shared = self.without_attack(scenario)
@@ -205,10 +219,14 @@ class NetworkKeys:
             orders_text(attack),
             attack.identities(),
             repr(attack.periods()),
+            attack.as_told(),
+            attack.announcement().model_dump_json(),
         )
-        held = (law.model_dump_json(), scenario.tick, repr(scenario.gain)) if not law.solved else ()
+        moving: tuple[Hashable, ...] = law.model_dump_json(), scenario.vehicle.reference()
+        if not law.solved or scenario.defence.announcing() or scenario.own_gains is not None:
+            moving += scenario.tick, repr(scenario.gain), attack.fastest(), attack.harmonic()
         world = tuple(world_lines(scenario).items())
-        return shared, attacked, threat, scenario.horizon, held, world
+        return shared, attacked, threat, scenario.horizon, moving, world
 
     def without_attack(self, scenario: Scenario) -> tuple[Digraph, tuple[Row, Row], Hashable]:
         """Return the graph, its links, and the part of the key that no attack changes."""
@@ -291,7 +309,10 @@ def promise_lines(scenario: Scenario, known: Situation, closely: bool) -> dict[s
     """Return lines on who is safe, or why nothing is known of it."""
     if not is_ideal(scenario):
         return {**world_lines(scenario), "safe": NOT_IDEAL}
-    return safe_lines(scenario, known, closely) if scenario.law.solved else held_lines(scenario, known)
+    if not scenario.law.solved:
+        return held_lines(scenario, known)
+    broken = broken_premise(scenario, MOTION)
+    return {"safe": f"nothing is proved; {broken}"} if broken else safe_lines(scenario, known, closely)
 
 
 def world_lines(scenario: Scenario) -> dict[str, str]:
@@ -322,8 +343,9 @@ def world_lines(scenario: Scenario) -> dict[str, str]:
 
 
 def one_live_network(scenario: Scenario) -> bool:
-    """Return whether one network is in force, whose words are not late."""
-    return len(scenario.topology.turns()) == 1 and not scenario.channel.late
+    """Return whether one network is in force, all of whose words arrive at once."""
+    channel = scenario.channel
+    return len(scenario.topology.turns()) == 1 and not channel.late and channel.loss.perfect()
 
 
 def reach_text(scenario: Scenario) -> str:
@@ -336,16 +358,17 @@ def reach_text(scenario: Scenario) -> str:
         for each in certificate.joint_reach(networks)
     )
     told = f"; the navigator reaches {union} in the union and {always} in each of them"
-    if not scenario.law.solved:
+    if broken_premise(scenario, ("solved", "flat")):
         return told
     rest = "" if nominal == "every vehicle" else ", of others nothing is known"
+    rest += ", while decisions cut nobody off" * scenario.defence.decides
     return f"{told}; without attack, errors, loss and delay O1 holds of {nominal}{rest}"
 
 
 def lost_text(scenario: Scenario) -> str:
     """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
     lost = scenario.channel.loss.of_whole_ticks()
-    if scenario.channel.late or scenario.channel.missing != "drop":
+    if scenario.channel.late or scenario.channel.missing != "drop" or not scenario.vehicle.flat:
         return ""
     if (
         lost is None
@@ -388,7 +411,7 @@ def lateness_text(scenario: Scenario) -> str:
 
 def nominal_text(scenario: Scenario) -> str:
     """Return until when O1 holds without attack if lost words are dropped, "" if nothing is known."""
-    plain = scenario.navigator.present and scenario.law.solved and not scenario.channel.late
+    plain = not (broken_premise(scenario, ("leader", "solved", "flat")) or scenario.channel.late)
     if not plain or scenario.channel.missing != "drop" or len(scenario.topology.turns()) > 1:
         return ""
     return "; without attack and errors O1 holds while the navigator reaches every vehicle at each tick"
@@ -400,7 +423,7 @@ def late_text(scenario: Scenario) -> str:
         return ""
     if len(scenario.topology.turns()) > 1 or not scenario.channel.loss.perfect():
         return ""
-    if is_drawn(scenario.channel.delay):
+    if is_drawn(scenario.channel.delay) or not scenario.vehicle.flat:
         return ""
     weights, told = dense(scenario_graph(scenario)), scenario.channel.extrapolate
     if not scenario.law.solved:
@@ -421,7 +444,7 @@ def late_law_text(scenario: Scenario, weights: np.ndarray) -> str:
     law, lateness, told = scenario.law, scenario.channel.delay, scenario.channel.extrapolate
     rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
     strength = scenario.topology.strength(rows, leads) if law.local else None
-    known = law.holds and (law.local or law.jacobi) and strength is None and scenario.gain_matrices is None
+    known = law.holds and (law.demanded or law.jacobi) and strength is None and scenario.gain_matrices is None
     if not known or scenario.attack.replaces():
         return ""
     gain, along = np.array([median(each) for each in scenario.gain]), rounds.eigenvalues(weights)
@@ -440,7 +463,8 @@ def steady_text(scenario: Scenario, errors: ErrorsAtTicks, gains: Callable[[], n
     """
     one_network = len(scenario.topology.turns()) == 1 and not differs_by_lane(scenario)
     at_once = scenario.channel.loss.perfect() and not scenario.channel.late
-    plain = scenario.law.solved and scenario.gain_matrices is None
+    at_once = at_once and not scenario.channel.rounded
+    plain = not broken_premise(scenario, ("solved", "flat", "one gain"))
     if not (plain and one_network and at_once and scenario.tick > 0):
         return ""
     strength = errors.strength(scenario.gain)
@@ -472,19 +496,28 @@ def announcement_lines(scenario: Scenario, reasons: Sequence[Safe]) -> dict[str,
         told = f"attacked links announce {announcement.kind}, not what they carry; nobody is safe by majority"
         return {"B1": f"broken: {told}"}
     lines = {"B1": "assumed: attacked links announce what they carry (announces: consistent)"}
-    majority = np.any([each.vehicles for each in reasons if each.consistent] or [[False]], axis=0)
-    majority &= ~np.any([each.vehicles for each in reasons if not each.consistent], axis=0)
-    return lines | ({"theorem 3": theorem_line(scenario, majority)} if majority.any() else {})
+    majority = np.zeros(scenario.vehicles, bool)
+    for each in sorted(reasons, key=lambda each: not each.consistent):
+        majority = majority | each.vehicles if each.consistent else majority & ~each.vehicles
+    left = max((each.left for each in reasons), default=0.0)
+    return lines | ({"theorem 3": theorem_line(scenario, majority, left)} if majority.any() else {})
 
 
-def theorem_line(scenario: Scenario, majority: Vehicles) -> str:
-    """Return the ultimate error that theorem 3 allows for vehicles that are safe by majority."""
+def theorem_line(scenario: Scenario, majority: Vehicles, left: float) -> str:
+    """Return the ultimate error that theorem 3 allows for vehicles that are safe by majority.
+
+    `left` is 2M + δ [m/s³], what a tolerance leaves (corollary 1).
+    """
     reach, fastest = scenario_gain(scenario), scenario.attack.fastest()
     if reach is None or not np.isfinite(fastest):
         return f"‖E‖ ends within ‖h‖₁ γ Λ h, of which Λ is not known here; {ANNOUNCEMENT_PREMISE}"
     gain = np.array([median(each) for each in scenario.gain])
     slopes = announced.between_ticks(reach, gain, fastest, scenario.tick, scenario.attack.harmonic())
-    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {slopes[majority].max():.3g} ā; {ANNOUNCEMENT_PREMISE}"
+    told = f"{slopes[majority].max():.3g} ā"
+    if left:
+        rounding = response.impulse_norm(gain) * reach.gains[majority].max() * left
+        told += f" + {rounding:.3g} m" if np.isfinite(left) else " and what the tolerance leaves"
+    return f"‖E‖ ends within ‖h‖₁ γ Λ h = {told}; {ANNOUNCEMENT_PREMISE}"
 
 
 def held_lines(scenario: Scenario, known: Situation) -> dict[str, str]:
@@ -497,8 +530,11 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     law, tick, kept = scenario.law, scenario.tick, known.retained
     if scenario.vehicles > certificate.MOST_INVERTED:
         return f"stability is told of {certificate.MOST_INVERTED:,} vehicles at most"
+    if broken := broken_premise(scenario, ("flat",)):
+        return f"nothing is known of its stability: {broken}"
     fixed = None if kept is None else kept.fixed
-    drawn = scenario.attack.replaces() and not scenario.attack.targets()  # any vehicle may be replaced
+    changing = bool(scenario.attack.periods()) or not scenario.attack.targets()
+    drawn = scenario.attack.replaces() and changing  # other vehicles are replaced elsewhere, or later
     honest = ~(known.attacked & (scenario.attack.replaces() and not drawn))
     weights = dense((known.graph if fixed is None else fixed).only(honest))
     if law.local:
@@ -509,7 +545,7 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     left = law.left(along)
     if scenario.gain_matrices is not None:
         return f"{law.kind}: nothing is known of its stability where gains differ by axis"
-    if left is None and not law.local:
+    if left is None and not law.demanded:
         return f"{law.kind}: nothing is known of its stability"
     gain = np.array([median(each) for each in scenario.gain])
     if not law.holds:
@@ -520,7 +556,7 @@ def stability_line(scenario: Scenario, known: Situation) -> str:
     line = f"{'stable' if grown < 1 else 'UNSTABLE'}, deviations times {grown:.4f} at each tick of {tick:g} s"
     if law.jacobi:
         line += f"; {rounds_text(rounds.least_rounds(weights, gain, tick))}"
-    line += "; that is without the attack, which replaces what drawn vehicles send" * drawn
+    line += "; that is without the attack, which replaces what vehicles send" * drawn
     return line + RETAINED * (fixed is None)
 
 
@@ -715,7 +751,7 @@ def cut_off_line(drops: DropPolicy) -> dict[str, str]:
 def safe_line(reasons: Sequence[Safe], drawn: bool = False) -> str:
     """Return the safe vehicles, each with the strongest reason, or the weakest of all draws."""
     words, left = [], np.ones(len(reasons[0].vehicles), bool)
-    for why, vehicles, _ in reasons:
+    for why, vehicles, *_ in reasons:
         words += [f"{vehicles_text(vehicles & left)} {why}"] if (vehicles & left).any() else []
         left &= ~vehicles
     known = "; ".join(words) + ", whichever vehicles are drawn" * (drawn and bool(words))
