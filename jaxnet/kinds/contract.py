@@ -89,7 +89,9 @@ def agrees(axis: str, size: Any, sizes: Sizes) -> bool:
     return axis in ("_", "...") or sizes.setdefault(axis.strip("*"), size) == size
 
 
-def misfit(hint: Any, value: Any, sizes: Sizes, known: dict[str, Any], hints: dict[str, Any]) -> Misfit | None:
+def misfit(
+    hint: Any, value: Any, sizes: Sizes, known: dict[str, Any], hints: dict[str, Any]
+) -> Misfit | None:
     """Return the part of a result that does not fit its annotation, and what is expected; None if all fits.
 
     `known` are the arguments, with the annotations `hints`.

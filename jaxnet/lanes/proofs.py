@@ -1,9 +1,10 @@
-"""Tests of an attack from outside the package before lanes run: shapes, norms and derivatives.
+"""Tests of an attack or a vehicle from outside the package before lanes run.
 
-The test suite covers the attacks of the package. The module tests other attacks at a few instants, because an
-exact engine with a wrong derivative would give a wrong result.
+The test suite covers the kinds of the package. The module tests other attacks at a few instants, and other
+vehicles in a few states, because an exact engine with a wrong derivative would give a wrong result.
 """
 
+from collections.abc import Hashable
 from typing import Any
 
 import jax
@@ -11,14 +12,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxnet.config.keys import Scenario
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.pytree import as_pytree
+from jaxnet.kinds.vehicles import Vehicle
 from jaxnet.model.signal import ORDERS
 
 INSTANTS = 65
 FINITE_STEP = 1e-4  # [s], step of the difference quotients
 CLOSE_ENOUGH = 1e-3  # relative, tolerance between a derivative and its difference quotient
 PROOF_ROUNDING = 1e-9
+TRIED_VEHICLES = 512  # states in which a vehicle is tried, at least 4 for each
+TRIED_SIZES = (-1.0, 2.0)  # decimal logarithms of the norms of jets; the derivative asked for: ten times
+ALIKE = 1e-6  # relative, difference of a derivative from what was asked for
+PROVED = set[Hashable]()  # vehicles that this process has tried, by their keys and what is presumed of them
 
 
 def prove(
@@ -81,3 +89,70 @@ def prove_derivatives(
             f"{name}.basis: what stands at order {order + 1} is not the derivative of order {order}"
             f" (at t = {times[instant]:.4g} s)"
         )
+
+
+def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
+    """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine presumes.
+
+    A vehicle is tried once. `tick: 0` and laws decide what an engine presumes.
+    """
+    presumed, engine = scenario.engine.presumes(scenario), scenario.engine.kind
+    asked = type(drawn), repr(scenario.vehicle), scenario.vehicles, presumed
+    if type(drawn).__module__.startswith("jaxnet.") or presumed == "nothing" or asked in PROVED:
+        return
+    with np.errstate(all="ignore"):
+        prove_vehicle(drawn, scenario.vehicles, presumed == "motion", engine)
+    PROVED.add(asked)
+
+
+def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> None:
+    """Raise KindError if the jets of a drawn vehicle's output do not tell its state.
+
+    If `motion`, the derivatives of the jets must also be what was asked for: y^(r) = q for the inputs that
+    `inputs_for` gives for q. `count` is the number of vehicles. The jets, and the derivative q, are random,
+    of sizes from 0.1 to 1,000. States in which a number is not finite do not count.
+    """
+    tries = max(4, TRIED_VEHICLES // count)
+    random = np.random.default_rng(0)
+    sizes = 10 ** random.uniform(*TRIED_SIZES, (vehicle.order + 1, 1, count, tries))
+    sizes[-1] *= 10
+    asked = sizes * random.uniform(-1.0, 1.0, (vehicle.order + 1, 2, count, tries))
+    drawn = jax.tree.map(lambda leaf: leaf[..., np.arange(tries) % leaf.shape[-1]], as_pytree(vehicle))
+    state = state_with_jets(drawn, asked[:-1], random.uniform(-np.pi, np.pi, (count, tries)))
+    inputs = drawn.inputs_for(state, asked[-1])
+    given = np.array(jax.jvp(drawn.output_jets, (state,), (np.asarray(drawn.motion(state, inputs)),)))
+    pushed = (np.abs(drawn.decoupling(state)) * np.abs(inputs)[None]).sum(axis=1)
+    size = [*np.abs(asked[1:-1]), pushed + np.abs(drawn.drift(state))]
+    told = type(vehicle).__name__, f"the {engine} engine takes it for granted: give engine: "
+    states, rates = given
+    refuse_unlike(states, asked[:-1], 0.0, told, ("state_of", 0, "{kind: nonlinear, solver: dopri5}"))
+    if motion:
+        refuse_unlike(rates, asked[1:], np.array(size), told, ("motion", 1, "nonlinear"))
+
+
+def state_with_jets(vehicle: Any, jets: np.ndarray, headings: np.ndarray) -> np.ndarray:
+    """Return states with these jets; inner states are those of vehicles that start with these headings."""
+    if not vehicle.internal:
+        return np.asarray(vehicle.state_of(tuple(jets)))
+    start = vehicle.start(jets[0], headings, np.ones_like(headings))
+    return np.asarray(vehicle.state_with(tuple(jets), vehicle.inner(start)))
+
+
+def refuse_unlike(
+    given: Float[np.ndarray, "r 2 m tries"],
+    asked: Float[np.ndarray, "r 2 m tries"],
+    size: Any,
+    told: tuple[str, str],
+    where: tuple[str, int, str],
+) -> None:
+    """Raise KindError where derivatives of a vehicle's output are not those asked for; `size` bounds terms."""
+    (name, why), (method, first, instead) = told, where
+    apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)
+    finite = np.isfinite(apart).all(axis=(0, 1))
+    wrong = finite & (apart.max(axis=(0, 1)) > ALIKE) if finite.any() else ~finite
+    if wrong.any():
+        gentle = np.where(wrong, np.abs(asked).max(axis=(0, 1)), np.inf)
+        one = np.unravel_index(np.argmin(gentle), gentle.shape)
+        order = int(np.argmax(apart[:, :, *one].max(axis=1)))
+        got = f"{given[order, :, *one]} where {asked[order, :, *one]} is asked for"
+        raise KindError(f"{name}.{method}: derivative {order + first} of the output is {got}; {why}{instead}")
