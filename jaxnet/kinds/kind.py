@@ -55,7 +55,7 @@ class Kind(Record, metaclass=KindType):
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
-        """Set `kind` to the name of the class unless the class defines it; hold a stranger to the contract."""
+        """Set `kind` to the name of a class that defines none; hold a class from outside to its contract."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__

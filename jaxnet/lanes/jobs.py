@@ -20,7 +20,7 @@ from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
-from jaxnet.lanes.proofs import prove, prove_presumed
+from jaxnet.lanes.proofs import prove, prove_finite, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
@@ -49,6 +49,9 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, start)
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
+    prove_finite(scenario.vehicle, "start", start)
+    prove_finite(scenario.navigator, "jets", sizes[0])
+    prove_finite(scenario.topology, "lane_weights", weights)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
     detector, own = scenario.detector, scenario.own_gains
     if own is not None:

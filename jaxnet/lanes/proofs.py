@@ -14,9 +14,11 @@ from jaxtyping import Float
 
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.attacks import AnyAttack
-from jaxnet.kinds.kind import KindError
+from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.noise import JET_ORDERS
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.vehicles import Vehicle
+from jaxnet.model.lane import Lane
 from jaxnet.model.signal import ORDERS
 
 INSTANTS = 65
@@ -36,7 +38,7 @@ def prove(
 
     `count` is the number of lanes. Attacks of the package pass without a test.
     """
-    if type(attack).__module__.startswith("jaxnet."):
+    if not from_outside(attack):
         return
     name, sizes = type(attack).__name__, np.asarray(sizes)[: len(ORDERS)]
     first = np.asarray(basis(np.zeros(count)))
@@ -91,6 +93,30 @@ def prove_derivatives(
         )
 
 
+def from_outside(kind: Kind | None) -> bool:
+    """Return whether a kind is none of jaxnet's."""
+    return kind is not None and not type(kind).__module__.startswith("jaxnet.")
+
+
+def prove_finite(kind: Kind, method: str, found: Any) -> None:
+    """Raise KindError if a method of a kind from outside has given a number that is not finite."""
+    if from_outside(kind) and not all(np.isfinite(each).all() for each in found):
+        raise KindError(f"{type(kind).__name__}.{method} gives a number that is not finite")
+
+
+def prove_errors(lane: Lane, sources: np.ndarray) -> None:
+    """Raise KindError if an error of a sensor or noise from outside is not finite at the first tick."""
+    time, slots = np.zeros_like(lane.attack_scale), np.zeros((2, *lane.weights.shape))
+    with jax.enable_x64(True):
+        if from_outside(lane.sensor):
+            found = lane.sensor.next_errors((slots[:, 0],) * len(JET_ORDERS), time, lane.interval)
+            prove_finite(lane.sensor, "next_errors", found)
+        if from_outside(lane.noise):
+            last = (slots,) * (len(JET_ORDERS) + lane.noise.errs_in_highest())
+            found = lane.noise.next_errors(last, time, lane.interval, sources)
+            prove_finite(lane.noise, "next_errors", found)
+
+
 def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
     """Raise KindError if a vehicle from outside, drawn for some lanes, is not what its engine presumes.
 
@@ -98,7 +124,7 @@ def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
     """
     presumed, engine = scenario.engine.presumes(scenario), scenario.engine.kind
     asked = type(drawn), repr(scenario.vehicle), scenario.vehicles, presumed
-    if type(drawn).__module__.startswith("jaxnet.") or presumed == "nothing" or asked in PROVED:
+    if not from_outside(drawn) or presumed == "nothing" or asked in PROVED:
         return
     with np.errstate(all="ignore"):
         prove_vehicle(drawn, scenario.vehicles, presumed == "motion", engine)
@@ -145,7 +171,7 @@ def refuse_unlike(
     told: tuple[str, str],
     where: tuple[str, int, str],
 ) -> None:
-    """Raise KindError where derivatives of a vehicle's output are not those asked for; `size` bounds terms."""
+    """Raise KindError where derivatives of a vehicle's output are not as asked; `size` bounds their terms."""
     (name, why), (method, first, instead) = told, where
     apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)
     finite = np.isfinite(apart).all(axis=(0, 1))

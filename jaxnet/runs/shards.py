@@ -25,6 +25,7 @@ from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
+from jaxnet.lanes import proofs
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.outside.provenance import Provenance
 from jaxnet.runs.tally import Done, sums_of
@@ -151,6 +152,7 @@ def try_kinds(config: Config, cells: Sequence[Cell], machine: Machine, series: t
             if (program := program_of(one)) not in tried:
                 tried.add(program)
                 batch.trace(one, machine)
+                proofs.prove_errors(batch.queue_of(one.inputs, 1).lane, one.network.hearing.sources)
 
 
 def program_of(one: Job) -> Program:
