@@ -315,6 +315,202 @@ def test_what_is_wrong_with_a_kind_is_told(name, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("results/*/lanes/*"))
 
 
+BROKEN = """
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxnet.kinds.announcements import Announcement
+from jaxnet.kinds.attacks import Attack, constant_basis
+from jaxnet.kinds.defences import Defence
+from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.laws import Law
+from jaxnet.kinds.losses import Loss
+from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.navigators.lissajous import Lissajous
+from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.kinds.sensors import Sensor
+from jaxnet.kinds.vehicles import Vehicle
+from jaxnet.kinds.vehicles.single_integrator import SingleIntegrator
+
+
+class ShapeOfLoss(Loss):
+    def lost(self, messages, memory):
+        return jnp.zeros((3,)), memory
+
+
+class IntegersOfLoss(Loss):
+    def lost(self, messages, memory):
+        return (messages.distance > 1e9).astype(int), memory
+
+
+class StartOfLoss(Loss):
+    def start(self, messages):
+        return jnp.zeros(2)
+
+
+class MemoryOfLoss(Loss):
+    def start(self, messages):
+        return jnp.zeros(messages.time.shape)
+
+    def lost(self, messages, memory):
+        return messages.distance > 1e9, (memory, memory)
+
+
+class ArgumentsOfLoss(Loss):
+    def lost(self, messages):
+        return messages.distance > 1e9
+
+
+class FewErrors(ChannelNoise):
+    def next_errors(self, last, time, interval, sources):
+        return last[:1]
+
+
+class NoNumber(ChannelNoise):
+    def next_errors(self, last, time, interval, sources):
+        return [each + jnp.nan for each in last]
+
+
+class SingleErrors(Sensor):
+    def errors(self, time, vehicles):
+        return [jnp.zeros((2, vehicles, *time.shape), jnp.float32)] * 3
+
+
+class AlarmOfVehicles(Detector):
+    def alarms(self, words, memory):
+        return words.judged.any(axis=0), memory
+
+
+class Restless(Defence):
+    def decide(self, own, received, last, memory, around):
+        return last, 1.0
+
+
+class Slow(Law):
+    def exchange(self, last, demand, heard):
+        return demand[0]
+
+
+class Lame(SingleIntegrator):
+    def motion(self, state, inputs):
+        return inputs[0]
+
+
+class Nameless(Vehicle):
+    pass
+
+
+class Flat(Lissajous):
+    def jets(self, time):
+        return super().jets(time)[:3]
+
+
+class Skewed(Lissajous):
+    def jets(self, time):
+        return super().jets(time) * np.array([1.0, 1.0, 2.0, 2.0]).reshape(4, *[1] * (time.ndim + 1))
+
+
+class Lost(Lissajous):
+    def jets(self, time):
+        return super().jets(time) + np.nan
+
+
+class Mute(Announcement):
+    def received(self, honest, carried, attacked, signals, time):
+        return None
+
+
+class Aimless(Attack):
+    strategic = True
+
+    def basis(self, time):
+        return constant_basis(time)
+
+    def sizes(self, horizon):
+        return np.eye(4, 1)
+
+    def aim(self, seen, memory):
+        return seen.errors[0], memory
+
+
+class WeightsOfText(Graph):
+    def weights(self, vehicles):
+        return [["a"]]
+
+
+class Ragged(Graph):
+    def weights(self, vehicles):
+        return [[1.0], [1.0, 2.0]]
+
+
+class Endless(Graph):
+    def weights(self, vehicles):
+        return np.full((vehicles, vehicles + 1), np.inf)
+
+
+class Leaving(Graph):
+    def weights(self, vehicles):
+        sys.exit(3)
+
+
+pairs = Metric("pairs", "", lambda seen: seen.error[:, 0, :, None])
+"""
+ANNOUNCED = "{kind: rotating, vehicles: [2], announces: 'broken:Mute'}"
+BREACHES = {  # what is given beside the study, and what is said
+    "channel={loss: 'broken:ShapeOfLoss'}": "ShapeOfLoss.lost gives float64 (3,); expected: booleans "
+    "(slots = 3, m = 3, lanes = 16)",
+    "channel={loss: 'broken:IntegersOfLoss'}": "IntegersOfLoss.lost gives int64 (3, 3, 16); expected: booleans",
+    "channel={loss: 'broken:StartOfLoss'}": "StartOfLoss.start gives float64 (2,); expected: arrays whose last",
+    "channel={loss: 'broken:MemoryOfLoss'}": "MemoryOfLoss.lost gives (float64 (16,), float64 (16,)); expected: "
+    "a memory as the last one, float64 (16,)",
+    "channel={loss: 'broken:ArgumentsOfLoss'}": "ArgumentsOfLoss.lost(self, messages): too many positional",
+    "channel={noise: 'broken:FewErrors'}": "FewErrors.next_errors gives (float64 (2, 3, 3, 16)); expected: a "
+    "tuple of 3",
+    "channel={noise: 'broken:NoNumber'}": "NoNumber.next_errors gives a number that is not finite",
+    "sensing='broken:SingleErrors'": "SingleErrors.errors gives float32 (2, 3, 16); expected: double precision",
+    "detector='broken:AlarmOfVehicles'": "AlarmOfVehicles.alarms gives bool (3, 16); expected: booleans (slots",
+    "defence='broken:Restless'": "Restless.decide gives 1.0; expected: a memory as the last one, None",
+    "law='broken:Slow'": "Slow.exchange gives float64 (3, 16); expected: double precision (2, m = 3, lanes",
+    "vehicle='broken:Lame'": "Lame.motion gives float64 (3, 170); expected: double precision (n = 2, m = 3",
+    "vehicle='broken:Nameless'": "vehicle: Nameless: a vehicle gives states and units",
+    "navigator='broken:Flat'": "Flat.jets gives float64 (3, 2, 1); expected: double precision (4, 2, ...)",
+    "navigator='broken:Skewed'": "Skewed.jets: what stands at order 2 is not the derivative of order 1",
+    "navigator='broken:Lost'": "Lost.jets gives a number that is not finite",
+    f"attack={ANNOUNCED}; defence={{kind: trusted_trim, score: announced}}": "Mute.received gives None; expected: double precision (2, slots = 3, m = 3, lanes",
+    "attack={kind: 'broken:Aimless', vehicles: [2]}": "Aimless.aim gives float64 (2, 3, 16); expected: double "
+    "precision (2, _, functions = 1, ...)",
+    "topology='broken:WeightsOfText'": "WeightsOfText: weights must be (3, 4) numbers",
+    "topology='broken:Ragged'": "Ragged: weights must be (3, 4) numbers",
+    "topology='broken:Endless'": "Endless: weights must be finite",
+    "topology='broken:Leaving'": "broken.py:139: SystemExit: 3",
+    "metrics=['broken:pairs']": "metric pairs.of gives float64 (2, 16, 1); expected: numbers, (m, lanes) = (3, ",
+}
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    """A folder with the broken kinds and a study."""
+    folder = tmp_path_factory.mktemp("broken")
+    (folder / "broken.py").write_text(BROKEN)
+    lines = ["name: own", "vehicles: 3", "horizon: 0.4", "tail: 0.2", "tick: 0.1", "engine: exact"]
+    lines += ["topology: complete", "channel: {noise: {position: 0.1}}"]
+    lines += ["attack: {kind: rotating, vehicles: [2]}"]
+    (folder / "study.yaml").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize("given", BREACHES)
+def test_a_kind_that_breaks_its_contract_is_told_in_a_line(given, broken):
+    """The class, the method, what it gives and what is expected; before anything compiles."""
+    done = CliRunner().invoke(main, ["check", str(broken / "study.yaml"), *given.split("; ")])
+    assert done.exit_code == 2, done.output
+    assert BREACHES[given] in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+
+
 def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):
     """Weights that are not-a-number, or negative, in some lanes fail these and spoil no other."""
     bad = "jnp.where(around.gain[0] > 1.1, jnp.nan, -1.0)"

@@ -20,7 +20,7 @@ from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
-from jaxnet.lanes.proofs import prove, prove_finite, prove_presumed
+from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
@@ -50,7 +50,7 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
     prove_finite(scenario.vehicle, "start", start)
-    prove_finite(scenario.navigator, "jets", sizes[0])
+    prove_path(navigator, scenario.horizon, len(draw.samples))
     prove_finite(scenario.topology, "lane_weights", weights)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
     detector, own = scenario.detector, scenario.own_gains

@@ -1,10 +1,10 @@
-"""Tests of an attack or a vehicle from outside the package before lanes run.
+"""Tests of an attack, a navigator or a vehicle from outside the package before lanes run.
 
-The test suite covers the kinds of the package. The module tests other attacks at a few instants, and other
-vehicles in a few states, because an exact engine with a wrong derivative would give a wrong result.
+The test suite covers the kinds of the package. The module tests others at a few instants, and vehicles in a
+few states, because an exact engine with a wrong derivative would give a wrong result.
 """
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import jax
@@ -15,6 +15,7 @@ from jaxtyping import Float
 from jaxnet.config.keys import Scenario
 from jaxnet.kinds.attacks import AnyAttack
 from jaxnet.kinds.kind import Kind, KindError
+from jaxnet.kinds.navigators import Navigator
 from jaxnet.kinds.noise import JET_ORDERS
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.vehicles import Vehicle
@@ -48,11 +49,10 @@ def prove(
         raise KindError(f"{name}.sizes must have the shape (4, lanes = {count}) (got {sizes.shape})")
     if vectors is not None:
         prove_vectors(name, vectors, first.shape[1], count)
-    times = np.linspace(FINITE_STEP, horizon - FINITE_STEP, INSTANTS)
-    around = np.add.outer([-FINITE_STEP, 0.0, FINITE_STEP], times)
-    before, now, after = np.asarray(jax.vmap(jax.vmap(lambda t: basis(jnp.full(count, t))))(around))
+    each = jax.vmap(lambda t: basis(jnp.full(count, t)))
+    times, quotients, now = around(lambda instants: np.asarray(each(instants)), horizon)
     if attack.derived:
-        prove_derivatives(name, times, (after - before)[:, :3] / (2 * FINITE_STEP), now[:, 1:])
+        prove_derivatives(f"{name}.basis", times, quotients[:, :3], now[:, 1:])
     greatest = np.linalg.norm(now, axis=2).max(axis=0)
     if not (greatest <= sizes * (1 + PROOF_ROUNDING) + PROOF_ROUNDING).all():
         order = int(np.argmax((greatest - sizes).max(axis=1)))
@@ -60,6 +60,28 @@ def prove(
             f"{name}.sizes: the functions' derivative of order {order} comes to {greatest[order].max():.4g},"
             f" which is over {sizes[order].max():.4g}"
         )
+
+
+def around(
+    jets: Callable[[np.ndarray], np.ndarray], horizon: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return instants, and at each the difference quotients of jets, and the jets: (instants, …)."""
+    times = np.linspace(FINITE_STEP, horizon - FINITE_STEP, INSTANTS)
+    before, now, after = (jets(times + step) for step in (-FINITE_STEP, 0.0, FINITE_STEP))
+    return times, (after - before) / (2 * FINITE_STEP), now
+
+
+def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
+    """Raise KindError if the path of a drawn navigator from outside is not finite, or has wrong derivatives."""
+    if not from_outside(navigator):
+        return
+
+    def jets(instants: np.ndarray) -> np.ndarray:
+        return np.stack([np.asarray(navigator.jets(np.full(count, instant))) for instant in instants])
+
+    times, quotients, now = around(jets, horizon)
+    prove_finite(navigator, "jets", now)
+    prove_derivatives(f"{type(navigator).__name__}.jets", times, quotients[:, :3], now[:, 1:])
 
 
 def prove_vectors(name: str, vectors: np.ndarray, functions: int, count: int) -> None:
@@ -88,7 +110,7 @@ def prove_derivatives(
     if not (apart <= CLOSE_ENOUGH).all():
         instant, order = np.unravel_index(np.nanargmax(np.nan_to_num(apart, nan=np.inf)), apart.shape)
         raise KindError(
-            f"{name}.basis: what stands at order {order + 1} is not the derivative of order {order}"
+            f"{name}: what stands at order {order + 1} is not the derivative of order {order}"
             f" (at t = {times[instant]:.4g} s)"
         )
 
