@@ -72,7 +72,7 @@ def around(
 
 
 def prove_path(navigator: Navigator, horizon: float, count: int) -> None:
-    """Raise KindError if the path of a drawn navigator from outside is not finite, or has wrong derivatives."""
+    """Raise KindError if the path of a drawn navigator from outside is not finite or not differentiable."""
     if not from_outside(navigator):
         return
 
