@@ -477,7 +477,7 @@ BREACHES = {  # what is given beside the study, and what is said
     "channel={loss: 'broken:MemoryOfLoss'}": (
         "MemoryOfLoss.lost gives (float64 (16,), float64 (16,)); expected: a memory as the last one, float64"
     ),
-    "channel={loss: 'broken:ArgumentsOfLoss'}": "ArgumentsOfLoss.lost(self, messages): too many positional",
+    "channel={loss: 'broken:ArgumentsOfLoss'}": "ArgumentsOfLoss.lost: too many positional arguments; it is",
     "channel={noise: 'broken:FewErrors'}": (
         "FewErrors.next_errors gives (float64 (2, 3, 3, 16)); expected: a tuple of 3"
     ),

@@ -31,27 +31,28 @@ def hold(cls: type) -> None:
     for name, given in list(vars(cls).items()):
         base = next((each[name] for each in ours if name in each), None)
         if inspect.isfunction(given) and inspect.isfunction(base) and not name.startswith("_"):
-            setattr(cls, name, held(given, base))
+            setattr(cls, name, held(name, given, base))
 
 
-def held(given: Callable[..., Any], base: Callable[..., Any]) -> Callable[..., Any]:
+def held(name: str, given: Callable[..., Any], base: Callable[..., Any]) -> Callable[..., Any]:
     """Return a method that checks its arguments' number and its result; `base` has the annotations."""
     taken, asked = inspect.signature(given), inspect.signature(base)
 
     @functools.wraps(given)
     def method(self: Any, *args: Any, **keys: Any) -> Any:
-        where = f"{type(self).__name__}.{given.__name__}"
+        where = f"{type(self).__name__}.{name}"
         try:
             taken.bind(self, *args, **keys)
         except TypeError as error:
-            raise KindError(f"{where}{taken}: {error}; it is called as {asked}") from None
+            asks = ", ".join(asked.parameters)
+            raise KindError(f"{where}: {error}; it is called with ({asks})") from None
         found, hints, sizes = given(self, *args, **keys), hints_of(base), Sizes()
         try:
             known = asked.bind(self, *args, **keys).arguments
         except TypeError:  # a call of the class's own, with arguments of its own
             return found
-        for name, value in known.items():
-            learn(hints.get(name), value, sizes)
+        for argument, value in known.items():
+            learn(hints.get(argument), value, sizes)
         if wrong := misfit(hints.get("return"), found, sizes, known, hints):
             value, wanted = wrong
             raise KindError(f"{where} gives {described(value)}; expected: {wanted}")
@@ -102,7 +103,7 @@ def misfit(
     if hasattr(hint, "dim_str"):
         return array_misfit(hint, value, sizes)
     if hint is bool:
-        return None if isinstance(value, bool | np.bool_) else (value, "True or False")
+        return None if isinstance(value, int | np.bool_) else (value, "True or False")
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         found = [misfit(each, value, sizes, known, hints) for each in parts if each is not type(None)]
         return None if value is None and type(None) in parts else None if None in found else found[0]

@@ -70,7 +70,7 @@ def test_a_lane_that_takes_more_passes_changes_no_other():
 
 
 def test_a_state_that_does_not_return_the_jets_is_refused():
-    with pytest.raises(KindError, match="Odd.state_of: derivative 2 of the output"):
+    with pytest.raises(KindError, match=r"Odd\.state_of: derivative 2 of the output"):
         outcome(vehicle=Odd(times=2.0), attack="none", defence="none")
 
 
