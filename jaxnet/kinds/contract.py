@@ -17,9 +17,9 @@ from jaxnet.kinds.shapes import Memory
 from jaxnet.outside.modules import KindError
 
 NUMBERS = {"bool": "booleans", "int64": "whole numbers", "float64": "double precision"}
-LONGEST = 200  # characters of a value in a message
+MOST_SHOWN = 200  # characters of a value in a message
 
-Sizes = dict[str, Any]  # of axes by name: a number, or a tuple for several axes
+AxisSizes = dict[str, Any]  # of axes by name: a number, or a tuple for several axes
 Misfit = tuple[Any, str]  # a value and what is expected in its place
 
 hints_of = functools.cache(functools.partial(typing.get_type_hints, include_extras=True))
@@ -46,7 +46,7 @@ def held(name: str, given: Callable[..., Any], base: Callable[..., Any]) -> Call
         except TypeError as error:
             asks = ", ".join(asked.parameters)
             raise KindError(f"{where}: {error}; it is called with ({asks})") from None
-        found, hints, sizes = given(self, *args, **keys), hints_of(base), Sizes()
+        found, hints, sizes = given(self, *args, **keys), hints_of(base), AxisSizes()
         try:
             known = asked.bind(self, *args, **keys).arguments
         except TypeError:  # a call of the class's own, with arguments of its own
@@ -61,7 +61,7 @@ def held(name: str, given: Callable[..., Any], base: Callable[..., Any]) -> Call
     return method
 
 
-def learn(hint: Any, value: Any, sizes: Sizes) -> None:
+def learn(hint: Any, value: Any, sizes: AxisSizes) -> None:
     """Add the sizes of the axes of an argument, and of the arrays inside it."""
     if hasattr(hint, "dim_str") and hasattr(value, "shape"):
         match(hint.dim_str.split(), value.shape, sizes)
@@ -72,7 +72,7 @@ def learn(hint: Any, value: Any, sizes: Sizes) -> None:
         learn(typing.get_args(hint)[0], value[0] if value else None, sizes)
 
 
-def match(axes: list[str], shape: tuple[int, ...], sizes: Sizes) -> bool:
+def match(axes: list[str], shape: tuple[int, ...], sizes: AxisSizes) -> bool:
     """Return whether a shape has these axes; add the sizes of axes that are not known."""
     many = next((place for place, axis in enumerate(axes) if axis.startswith(("*", "..."))), None)
     if many is not None:
@@ -83,7 +83,7 @@ def match(axes: list[str], shape: tuple[int, ...], sizes: Sizes) -> bool:
     return len(axes) == len(shape) and all(map(agrees, axes, shape, [sizes] * len(axes)))
 
 
-def agrees(axis: str, size: Any, sizes: Sizes) -> bool:
+def agrees(axis: str, size: Any, sizes: AxisSizes) -> bool:
     """Return whether an axis has the size that its name stands for; add the size if it is not known."""
     if axis.isdigit():
         return size == int(axis)
@@ -91,7 +91,7 @@ def agrees(axis: str, size: Any, sizes: Sizes) -> bool:
 
 
 def misfit(
-    hint: Any, value: Any, sizes: Sizes, known: dict[str, Any], hints: dict[str, Any]
+    hint: Any, value: Any, sizes: AxisSizes, known: dict[str, Any], hints: dict[str, Any]
 ) -> Misfit | None:
     """Return the part of a result that does not fit its annotation, and what is expected; None if all fits.
 
@@ -118,7 +118,7 @@ def misfit(
     return next(filter(None, found), None)
 
 
-def array_misfit(hint: Any, value: Any, sizes: Sizes) -> Misfit | None:
+def array_misfit(hint: Any, value: Any, sizes: AxisSizes) -> Misfit | None:
     """Return an array of a wrong shape or type, and what is expected."""
     axes = hint.dim_str.split()
     wanted = next((each for each in NUMBERS if each in str(hint.dtypes)), "")
@@ -129,7 +129,7 @@ def array_misfit(hint: Any, value: Any, sizes: Sizes) -> Misfit | None:
     return value, f"{NUMBERS.get(wanted, 'an array')} ({named})"
 
 
-def told(axis: str, sizes: Sizes) -> str:
+def told(axis: str, sizes: AxisSizes) -> str:
     """Return an axis by its name and size, "slots = 3"; of a size not known, by its name."""
     size = sizes.get(axis, axis)
     size = " × ".join(map(str, size)) if isinstance(size, tuple) else size
@@ -143,7 +143,7 @@ def holds_numbers(value: Any, wanted: str) -> bool:
     return value.dtype.kind in {"bool": "b", "int64": "iu", "float64": "fiu"}.get(wanted, value.dtype.kind)
 
 
-def memory_misfit(value: Any, sizes: Sizes, known: dict[str, Any]) -> Misfit | None:
+def memory_misfit(value: Any, sizes: AxisSizes, known: dict[str, Any]) -> Misfit | None:
     """Return a memory that is not as the last one, or a first one without lanes, and what is expected."""
     import jax
 
@@ -168,4 +168,4 @@ def described(value: Any) -> str:
         return f"{value.dtype} {value.shape}"
     if isinstance(value, tuple | list):
         return f"({', '.join(map(described, value))})"
-    return repr(value)[:LONGEST]
+    return repr(value)[:MOST_SHOWN]
