@@ -148,8 +148,7 @@ def prove_presumed(scenario: Scenario, drawn: Vehicle) -> None:
     asked = type(drawn), repr(scenario.vehicle), scenario.vehicles, presumed
     if not from_outside(drawn) or presumed == "nothing" or asked in PROVED:
         return
-    with np.errstate(all="ignore"):
-        prove_vehicle(drawn, scenario.vehicles, presumed == "motion", engine)
+    prove_vehicle(drawn, scenario.vehicles, presumed == "motion", engine)
     PROVED.add(asked)
 
 
@@ -166,24 +165,30 @@ def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> No
     sizes[-1] *= 10
     asked = sizes * random.uniform(-1.0, 1.0, (vehicle.order + 1, 2, count, tries))
     drawn = jax.tree.map(lambda leaf: leaf[..., np.arange(tries) % leaf.shape[-1]], as_pytree(vehicle))
-    state = state_with_jets(drawn, asked[:-1], random.uniform(-np.pi, np.pi, (count, tries)))
-    inputs = drawn.inputs_for(state, asked[-1])
-    given = np.array(jax.jvp(drawn.output_jets, (state,), (np.asarray(drawn.motion(state, inputs)),)))
-    pushed = (np.abs(drawn.decoupling(state)) * np.abs(inputs)[None]).sum(axis=1)
-    size = [*np.abs(asked[1:-1]), pushed + np.abs(drawn.drift(state))]
+    headings = random.uniform(-np.pi, np.pi, (count, tries))
+    states, rates, size = map(np.asarray, jax.jit(moved)(drawn, asked, headings))
     told = type(vehicle).__name__, f"the {engine} engine takes it for granted: give engine: "
-    states, rates = given
     refuse_unlike(states, asked[:-1], 0.0, told, ("state_of", 0, "{kind: nonlinear, solver: dopri5}"))
     if motion:
-        refuse_unlike(rates, asked[1:], np.array(size), told, ("motion", 1, "nonlinear"))
+        refuse_unlike(rates, asked[1:], size, told, ("motion", 1, "nonlinear"))
 
 
-def state_with_jets(vehicle: Any, jets: np.ndarray, headings: np.ndarray) -> np.ndarray:
-    """Return states with these jets; inner states are those of vehicles that start with these headings."""
-    if not vehicle.internal:
-        return np.asarray(vehicle.state_of(tuple(jets)))
-    start = vehicle.start(jets[0], headings, np.ones_like(headings))
-    return np.asarray(vehicle.state_with(tuple(jets), vehicle.inner(start)))
+def moved(vehicle: Any, asked: Any, headings: Any) -> tuple[Any, Any, Any]:
+    """Return the jets of states that shall have the jets asked for, their rates, and the sizes of these.
+
+    Inner states are those of vehicles that start with these headings.
+    """
+    *jets, highest = asked
+    if vehicle.internal:
+        start = vehicle.start(jets[0], headings, jnp.ones_like(headings))
+        state = vehicle.state_with(tuple(jets), vehicle.inner(start))
+    else:
+        state = vehicle.state_of(tuple(jets))
+    inputs = vehicle.inputs_for(state, highest)
+    own, rates = jax.jvp(vehicle.output_jets, (state,), (vehicle.motion(state, inputs),))
+    pushed = (jnp.abs(vehicle.decoupling(state)) * jnp.abs(inputs)[None]).sum(axis=1)
+    sizes = *map(jnp.abs, jets[1:]), pushed + jnp.abs(vehicle.drift(state))
+    return jnp.stack(own), jnp.stack(rates), jnp.stack(sizes)
 
 
 def refuse_unlike(
@@ -195,7 +200,8 @@ def refuse_unlike(
 ) -> None:
     """Raise KindError where derivatives of a vehicle's output are not as asked; `size` bounds their terms."""
     (name, why), (method, first, instead) = told, where
-    apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)
+    with np.errstate(all="ignore"):
+        apart = np.abs(given - asked) / (size + np.abs(asked)).max(axis=1, keepdims=True)
     finite = np.isfinite(apart).all(axis=(0, 1))
     wrong = finite & (apart.max(axis=(0, 1)) > ALIKE) if finite.any() else ~finite
     if wrong.any():
