@@ -166,14 +166,14 @@ def prove_vehicle(vehicle: Vehicle, count: int, motion: bool, engine: str) -> No
     asked = sizes * random.uniform(-1.0, 1.0, (vehicle.order + 1, 2, count, tries))
     drawn = jax.tree.map(lambda leaf: leaf[..., np.arange(tries) % leaf.shape[-1]], as_pytree(vehicle))
     headings = random.uniform(-np.pi, np.pi, (count, tries))
-    states, rates, size = map(np.asarray, jax.jit(moved)(drawn, asked, headings))
+    states, rates, size = map(np.asarray, jax.jit(motion_tried)(drawn, asked, headings))
     told = type(vehicle).__name__, f"the {engine} engine takes it for granted: give engine: "
     refuse_unlike(states, asked[:-1], 0.0, told, ("state_of", 0, "{kind: nonlinear, solver: dopri5}"))
     if motion:
         refuse_unlike(rates, asked[1:], size, told, ("motion", 1, "nonlinear"))
 
 
-def moved(vehicle: Any, asked: Any, headings: Any) -> tuple[Any, Any, Any]:
+def motion_tried(vehicle: Any, asked: Any, headings: Any) -> tuple[Any, Any, Any]:
     """Return the jets of states that shall have the jets asked for, their rates, and the sizes of these.
 
     Inner states are those of vehicles that start with these headings.
