@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import webbrowser
 
@@ -235,6 +236,26 @@ def test_an_interrupt_that_is_ignored_comes_again(monkeypatch, number, status):
     assert statuses == [status]
     assert signal.getsignal(number) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_error_that_nobody_foresaw_ends_in_a_line(config, tmp_path, monkeypatch):
+    """Status 70; the traceback is in a file, or printed where no file can be written."""
+
+    def fail(study):
+        raise RuntimeError("odd\nand more")
+
+    monkeypatch.setattr("jaxnet.view.text.check.check_text", fail)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    done = jaxnet_does("check", config)
+    (written,) = tmp_path.glob("jaxnet-*.txt")
+    said = f"jaxnet failed: {__file__}:{fail.__code__.co_firstlineno + 1}: RuntimeError: odd"
+    assert (done.exit_code, done.stderr) == (70, f"{said}; its traceback is in {written}\n")
+    assert "RuntimeError: odd\nand more" in written.read_text()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    done = jaxnet_does("check", config)
+    assert done.exit_code == 70
+    assert done.stderr.startswith(f"{said}; its traceback cannot be written (")
+    assert done.stderr.endswith("RuntimeError: odd\nand more\n\n")
 
 
 def test_init_writes_a_config_that_runs(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Kinds from outside: the very code that docs/extending.md shows, and what goes wrong with others."""
 
+import inspect
 import os
 import re
 import signal
@@ -16,8 +17,16 @@ from click.testing import CliRunner
 
 import jaxnet
 from jaxnet.cli import main
-from jaxnet.kinds import registry
+from jaxnet.engine.tick import Seen
+from jaxnet.kinds import contract, registry
+from jaxnet.kinds.defences import Neighbourhood
+from jaxnet.kinds.detectors import JudgedWords
+from jaxnet.kinds.losses import Messages
+from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.lanes.jobs import job
+from jaxnet.lanes.uniforms import Keyed
 from jaxnet.outside import provenance
+from jaxnet.outside.families import FAMILIES, base_of
 from jaxnet.runs import cluster
 from jaxnet.view import page
 from tests.systems import of_slots
@@ -313,6 +322,261 @@ def test_what_is_wrong_with_a_kind_is_told(name, tmp_path, monkeypatch):
     if "Error:" in message:
         assert f"{module}.py:" in done.output
     assert not list(tmp_path.glob("results/*/lanes/*"))
+
+
+BROKEN = """
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxnet.kinds.announcements import Announcement
+from jaxnet.kinds.attacks import Attack, constant_basis
+from jaxnet.kinds.defences import Defence
+from jaxnet.kinds.detectors import Detector
+from jaxnet.kinds.graphs import Graph
+from jaxnet.kinds.laws import Law
+from jaxnet.kinds.losses import Loss
+from jaxnet.kinds.metrics import Metric
+from jaxnet.kinds.navigators.lissajous import Lissajous
+from jaxnet.kinds.noises import ChannelNoise
+from jaxnet.kinds.sensors import Sensor
+from jaxnet.kinds.vehicles import Vehicle
+from jaxnet.kinds.vehicles.single_integrator import SingleIntegrator
+
+
+class ShapeOfLoss(Loss):
+    def lost(self, messages, memory):
+        return jnp.zeros((3,)), memory
+
+
+class IntegersOfLoss(Loss):
+    def lost(self, messages, memory):
+        return (messages.distance > 1e9).astype(int), memory
+
+
+class StartOfLoss(Loss):
+    def start(self, messages):
+        return jnp.zeros(2)
+
+
+class MemoryOfLoss(Loss):
+    def start(self, messages):
+        return jnp.zeros(messages.time.shape)
+
+    def lost(self, messages, memory):
+        return messages.distance > 1e9, (memory, memory)
+
+
+class ArgumentsOfLoss(Loss):
+    def lost(self, messages):
+        return messages.distance > 1e9
+
+
+class FewErrors(ChannelNoise):
+    def next_errors(self, last, time, interval, sources):
+        return last[:1]
+
+
+class NoNumber(ChannelNoise):
+    def next_errors(self, last, time, interval, sources):
+        return [each + jnp.nan for each in last]
+
+
+class SingleErrors(Sensor):
+    def errors(self, time, vehicles):
+        return [jnp.zeros((2, vehicles, *time.shape), jnp.float32)] * 3
+
+
+class AlarmOfVehicles(Detector):
+    def alarms(self, words, memory):
+        return words.judged.any(axis=0), memory
+
+
+class Restless(Defence):
+    def decide(self, own, received, last, memory, around):
+        return last, 1.0
+
+
+class Slow(Law):
+    def exchange(self, last, demand, heard):
+        return demand[0]
+
+
+class Lame(SingleIntegrator):
+    def motion(self, state, inputs):
+        return inputs[0]
+
+
+class Nameless(Vehicle):
+    pass
+
+
+class Flat(Lissajous):
+    def jets(self, time):
+        return super().jets(time)[:3]
+
+
+class Skewed(Lissajous):
+    def jets(self, time):
+        return super().jets(time) * np.array([1.0, 1.0, 2.0, 2.0]).reshape(4, *[1] * (time.ndim + 1))
+
+
+class Lost(Lissajous):
+    def jets(self, time):
+        return super().jets(time) + np.nan
+
+
+class Mute(Announcement):
+    def received(self, honest, carried, attacked, signals, time):
+        return None
+
+
+class Aimless(Attack):
+    strategic = True
+
+    def basis(self, time):
+        return constant_basis(time)
+
+    def sizes(self, horizon):
+        return np.eye(4, 1)
+
+    def aim(self, seen, memory):
+        return seen.errors[0], memory
+
+
+class WeightsOfText(Graph):
+    def weights(self, vehicles):
+        return [["a"]]
+
+
+class Ragged(Graph):
+    def weights(self, vehicles):
+        return [[1.0], [1.0, 2.0]]
+
+
+class Endless(Graph):
+    def weights(self, vehicles):
+        return np.full((vehicles, vehicles + 1), np.inf)
+
+
+class Leaving(Graph):
+    def weights(self, vehicles):
+        sys.exit(3)
+
+
+pairs = Metric("pairs", "", lambda seen: seen.error[:, 0, :, None])
+"""
+ANNOUNCED = "attack={kind: rotating, vehicles: [2], announces: 'broken:Mute'}"
+BREACHES = {  # what is given beside the study, and what is said
+    "channel={loss: 'broken:ShapeOfLoss'}": (
+        "ShapeOfLoss.lost gives float64 (3,); expected: booleans (slots = 3, m = 3, lanes = 16)"
+    ),
+    "channel={loss: 'broken:IntegersOfLoss'}": "IntegersOfLoss.lost gives int64 (3, 3, 16); expected: bool",
+    "channel={loss: 'broken:StartOfLoss'}": "StartOfLoss.start gives float64 (2,); expected: arrays whose",
+    "channel={loss: 'broken:MemoryOfLoss'}": (
+        "MemoryOfLoss.lost gives (float64 (16,), float64 (16,)); expected: a memory as the last one, float64"
+    ),
+    "channel={loss: 'broken:ArgumentsOfLoss'}": "ArgumentsOfLoss.lost: too many positional arguments; it is",
+    "channel={noise: 'broken:FewErrors'}": (
+        "FewErrors.next_errors gives (float64 (2, 3, 3, 16)); expected: a tuple of 3"
+    ),
+    "channel={noise: 'broken:NoNumber'}": "NoNumber.next_errors gives a number that is not finite",
+    "sensing='broken:SingleErrors'": "SingleErrors.errors gives float32 (2, 3, 16); expected: double prec",
+    "detector='broken:AlarmOfVehicles'": "AlarmOfVehicles.alarms gives bool (3, 16); expected: booleans (s",
+    "defence='broken:Restless'": "Restless.decide gives 1.0; expected: a memory as the last one, None",
+    "law='broken:Slow'": "Slow.exchange gives float64 (3, 16); expected: double precision (2, m = 3, lanes",
+    "vehicle='broken:Lame'": "Lame.motion gives float64 (3, 170); expected: double precision (n = 2, m = 3",
+    "vehicle='broken:Nameless'": "vehicle: Nameless: a vehicle gives states and units",
+    "navigator='broken:Flat'": "Flat.jets gives float64 (3, 2, 1); expected: double precision (4, 2, ...)",
+    "navigator='broken:Skewed'": "Skewed.jets: what stands at order 2 is not the derivative of order 1",
+    "navigator='broken:Lost'": "Lost.jets gives a number that is not finite",
+    f"{ANNOUNCED}; defence={{kind: trusted_trim, score: announced}}": (
+        "Mute.received gives None; expected: double precision (2, slots = 3, m = 3, lanes"
+    ),
+    "attack={kind: 'broken:Aimless', vehicles: [2]}": (
+        "Aimless.aim gives float64 (2, 3, 16); expected: double precision (2, _, functions = 1, ...)"
+    ),
+    "topology='broken:WeightsOfText'": "WeightsOfText: weights must be (3, 4) numbers",
+    "topology='broken:Ragged'": "Ragged: weights must be (3, 4) numbers",
+    "topology='broken:Endless'": "Endless: weights must be finite",
+    "topology='broken:Leaving'": "broken.py:139: SystemExit: 3",
+    "metrics=['broken:pairs']": "metric pairs.of gives float64 (2, 16, 1); expected: numbers, (m, lanes) = (",
+}
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    """A folder with the broken kinds and a study."""
+    folder = tmp_path_factory.mktemp("broken")
+    (folder / "broken.py").write_text(BROKEN)
+    lines = ["name: own", "vehicles: 3", "horizon: 0.4", "tail: 0.2", "tick: 0.1", "engine: exact"]
+    lines += ["topology: complete", "channel: {noise: {position: 0.1}}"]
+    lines += ["attack: {kind: rotating, vehicles: [2]}"]
+    (folder / "study.yaml").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize("given", BREACHES)
+def test_a_kind_that_breaks_its_contract_is_told_in_a_line(given, broken):
+    """The class, the method, what it gives and what is expected; before anything compiles."""
+    done = CliRunner().invoke(main, ["check", str(broken / "study.yaml"), *given.split("; ")])
+    assert done.exit_code == 2, done.output
+    assert BREACHES[given] in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+
+
+NOT_LOADED = {  # what a module and its neighbour hold, and what is said after "cannot be imported: "
+    "exits": (b"import sys\nsys.exit(0)", b"", "unloadable.py:2: SystemExit: 0"),
+    "syntax": (b"\nclass Bad(:", b"", "unloadable.py:2: SyntaxError: invalid syntax"),
+    "null byte": (b"\x00", b"", "unloadable.py:1: SyntaxError: source code string cannot contain null bytes"),
+    "encoding": (b"x = '\xff'", b"", "unloadable.py:1: SyntaxError: (unicode error)"),
+    "neighbour": (b"import beside", b"\n\n)", "beside.py:3: SyntaxError: unmatched ')'"),
+    "circle": (
+        b"from beside import one",
+        b"from unloadable import two",
+        "beside.py:1: ImportError: cannot import name 'two' from partially initialized module 'unloadable'",
+    ),
+    "attribute": (b"import beside\nbeside.one", b"", "unloadable.py:2: AttributeError: module 'beside'"),
+    "lines": (b"raise ValueError('one\\ntwo')", b"", "unloadable.py:1: ValueError: one"),
+}
+
+
+@pytest.mark.parametrize("name", NOT_LOADED)
+def test_a_module_that_cannot_be_loaded_is_named_in_a_line(name, tmp_path):
+    """The file of the user, not one of jaxnet's, and never an end without a word."""
+    module, beside, message = NOT_LOADED[name]
+    (tmp_path / "unloadable.py").write_bytes(module)
+    (tmp_path / "beside.py").write_bytes(beside)
+    (tmp_path / "study.yaml").write_text("name: own\nlaw: 'unloadable:Bad'\n")
+    done = CliRunner().invoke(main, ["check", str(tmp_path / "study.yaml")])
+    assert done.exit_code == 2, done.output
+    assert f"unloadable:Bad cannot be imported: {tmp_path}/{message}" in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_noise_that_errs_in_no_order_adds_nothing():
+    """`erring` says so; its errors, whatever they are, reach nobody."""
+
+    class Nowhere(ChannelNoise):
+        def erring(self):
+            return (False, False, False)
+
+        def next_errors(self, last, time, interval, sources):
+            return [errors + 0.5 for errors in last]
+
+    keys = {"vehicles": 3, "horizon": 0.1, "tail": 0.1, "attack": "none", "channel": {"noise": Nowhere()}}
+    scenario = jaxnet.load(keys).cells[0].scenario
+    assert job(scenario, Keyed(0), [0]).inputs.lane.noise is None
+
+
+def test_every_contract_can_be_read():
+    """A class from outside is held to these annotations, and arguments have those of these tuples."""
+    ours = (each for family in FAMILIES for each in base_of(family).__mro__)
+    methods = [one for each in ours if each.__module__.startswith("jaxnet.") for one in vars(each).values()]
+    read = [contract.hints_of(each) for each in methods if inspect.isfunction(each)]
+    assert sum("return" in hints for hints in read) > 100
+    assert all(map(contract.hints_of, (Seen, Messages, JudgedWords, Neighbourhood)))
 
 
 def test_not_a_number_is_a_named_failure(tmp_path, monkeypatch):

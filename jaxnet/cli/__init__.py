@@ -6,6 +6,7 @@ import gc
 import click
 
 from jaxnet.cli import lanes, results, studies
+from jaxnet.cli.errors import unforeseen
 from jaxnet.version import __version__
 
 SECTIONS = {
@@ -35,6 +36,11 @@ SECTIONS = {
 
 class Sections(click.Group):
     """Commands, listed in the order in which they are used."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run a command; an error that nobody foresaw ends in one line."""
+        with unforeseen():
+            return super().invoke(ctx)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section of help for each group of commands."""

@@ -1,10 +1,15 @@
-"""How a command ends: status 2 and a plain message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM."""
+"""How a command ends: status 2 and a plain message on a user's mistake, 130 on Ctrl-C, 143 on SIGTERM, 70 on
+an error of jaxnet's own.
+"""
 
 import contextlib
 import errno
 import os
+import shlex
 import signal
 import sys
+import tempfile
+import traceback
 import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -12,6 +17,7 @@ from typing import TYPE_CHECKING
 import click
 
 from jaxnet.lazy import LazyModule
+from jaxnet.version import __version__
 
 if TYPE_CHECKING:
     from jaxnet.config import document
@@ -50,6 +56,31 @@ def interrupts() -> Iterator[list[int]]:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def unforeseen() -> Iterator[None]:
+    """Exit with status 70, one line and a file with the traceback on an error that nobody foresaw."""
+    try:
+        yield
+    except (click.ClickException, click.exceptions.Exit, click.Abort):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno == errno.EPIPE:  # click ends such a command
+            raise
+        click.echo(f"jaxnet failed: {blame.with_place(error)}; {report_file(error)}", err=True)
+        sys.exit(70)
+
+
+def report_file(error: Exception) -> str:
+    """Write the traceback of an error to a new file; return where it is."""
+    told = "".join(traceback.format_exception(error))
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="jaxnet-", suffix=".txt", delete=False) as file:
+            file.write(f"jaxnet {__version__}: {shlex.join(sys.argv)}\n{told}")
+    except OSError as unwritten:
+        return f"its traceback cannot be written ({unwritten}):\n{told}"
+    return f"its traceback is in {file.name}"
 
 
 @contextlib.contextmanager

@@ -15,7 +15,9 @@ from jaxnet.lazy import LazyModule
 if TYPE_CHECKING:
     from jaxnet.api import writing
     from jaxnet.config import cells, schema, starter
+    from jaxnet.engine import batch
     from jaxnet.explore import sensitivity
+    from jaxnet.runs import shards
     from jaxnet.store import folder
     from jaxnet.store import results as stored
     from jaxnet.view.text import analyses, progress, tables, worst
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from jaxnet.view.text import sensitivity as indices
 else:
     analyses = LazyModule("jaxnet.view.text.analyses")
+    batch = LazyModule("jaxnet.engine.batch")
     cells = LazyModule("jaxnet.config.cells")
     checks = LazyModule("jaxnet.view.text.check")
     folder = LazyModule("jaxnet.store.folder")
@@ -30,6 +33,7 @@ else:
     progress = LazyModule("jaxnet.view.text.progress")
     schema = LazyModule("jaxnet.config.schema")
     sensitivity = LazyModule("jaxnet.explore.sensitivity")
+    shards = LazyModule("jaxnet.runs.shards")
     starter = LazyModule("jaxnet.config.starter")
     stored = LazyModule("jaxnet.store.results")
     tables = LazyModule("jaxnet.view.text.tables")
@@ -233,6 +237,8 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
+        if study.config.scope.known:
+            shards.try_kinds(study.config, study.cells, batch.EVERYTHING)
         click.echo(checks.check_text(study))
 
 

@@ -259,7 +259,7 @@ def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
         return list(kind.faults(scenario))
     except KindError as error:
         return [Fault((key,), str(error))]
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         blamed = blame.blame(error)
         if blamed is None:
             raise

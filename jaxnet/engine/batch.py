@@ -85,6 +85,11 @@ class Machine(NamedTuple):
         few = min(chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles)
         return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
 
+    def load_of(self, plan: Plan, network: Network) -> tuple[Plan, int]:
+        """Return the plan with its width, and the number of lanes of a load."""
+        plan = plan._replace(chunk=self.width(plan, network.hearing.sources.shape[1]))
+        return plan, plan.chunk * (1 if plan.save else plan.engine.queue)
+
 
 EVERYTHING = Machine()
 
@@ -109,8 +114,7 @@ def simulate_each(
     after each load with the number of lanes in that load.
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
-    plan = plan._replace(chunk=machine.width(plan, network.hearing.sources.shape[1]))
-    capacity = plan.chunk * (1 if plan.save else plan.engine.queue)
+    plan, capacity = machine.load_of(plan, network)
     share = max(plan.chunk, -(-lanes // len(devices)))
     for device in devices:
         free.put(device)
@@ -133,15 +137,34 @@ def simulate_each(
 
 def advance(load: Inputs, network: Network, clock: Clock, plan: Plan, capacity: int, device: Any) -> Outcome:
     """Return the outcome of one load, in double precision whatever the process's default is."""
-    count = size(load)
-    index = np.minimum(np.arange(capacity), count - 1)
-    queue = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
+    count, queue = size(load), queue_of(load, capacity)
     with jax.enable_x64(True), jax.default_device(device):
         try:
             outcome = program(device.platform)(plan, network, clock, queue, count)
         finally:
             COMPILING.discard(threading.get_ident())
         return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), -1, 0)[:count], outcome)
+
+
+def queue_of(load: Inputs, capacity: int) -> Inputs:
+    """Return the lanes of a load, filled up to its capacity, with the lanes last."""
+    index = np.minimum(np.arange(capacity), size(load) - 1)
+    return jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf)[index], 0, -1), load)
+
+
+def trace(job: Job, machine: Machine = EVERYTHING) -> None:
+    """Trace the program of a job, so that a kind that breaks its contract is found before anything compiles.
+
+    A simulation on the same machine takes the trace from JAX's cache.
+    """
+    (inputs, network, clock, plan), device = job, machine.each()[0]
+    plan, capacity = machine.load_of(plan, network)
+    with jax.enable_x64(True), jax.default_device(device):
+        try:
+            traced: Any = program(device.platform)
+            traced.trace(plan, network, clock, queue_of(inputs, capacity), job.size)
+        finally:
+            COMPILING.discard(threading.get_ident())
 
 
 @functools.cache

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxnet.engine.plan import Clock
+from jaxnet.kinds import contract
+from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.metrics import CONTRACT, Metric
 from jaxnet.kinds.metrics.spread import farthest_honest
 from jaxnet.model.hearing import Hearing
@@ -187,12 +189,22 @@ def reduce_over_time(
     found = {}
     for metric in metrics:
         known = gathered[metric.name]
-        value = jnp.broadcast_to(metric.of(seen), known.shape)
+        value = measured(metric, seen, known.shape)
         if metric.time == "integral":
             value = value * jnp.broadcast_to(weight, known.shape)
         step = STEP_OVER_TIME[metric.time](known, value)
         found[metric.name] = jnp.where(there[None], step, known)
     return found
+
+
+def measured(metric: Metric, seen: Observation, shape: tuple[int, ...]) -> Float[Array, "m *lanes"]:
+    """Return a metric of each vehicle; raise KindError unless it gives real numbers of this shape."""
+    given = metric.of(seen)
+    try:
+        return jnp.broadcast_to(jnp.asarray(given, float), shape)
+    except (TypeError, ValueError):
+        told = f"metric {metric.name}.of gives {contract.described(given)}"
+        raise KindError(f"{told}; expected: numbers, (m, lanes) = {shape}") from None
 
 
 def finite(gathered: Gathered) -> Bool[Array, "*lanes"]:

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_serializer
 from upath import UPath
 
+from jaxnet.kinds import contract
 from jaxnet.kinds.fields import Apiece, Each, Listed, Record, Shared, is_drawn
 from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 from jaxnet.kinds.refusals import refusal_of
@@ -56,10 +57,12 @@ class Kind(Record, metaclass=KindType):
     label: str | None = Field(default=None, description="what tables call it where it is swept")
 
     def __init_subclass__(cls, **options: Unpack[ConfigDict]) -> None:
-        """Set `kind` to the name of the class unless the class defines it."""
+        """Set `kind` to the name of a class that defines none; hold a class from outside to its contract."""
         super().__init_subclass__(**options)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
+        if not cls.__module__.startswith("jaxnet."):
+            contract.hold(cls)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:

@@ -3,7 +3,7 @@
 m is the number of vehicles, a slot holds one source of a listener, B is the number of scalar functions.
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 from jaxtyping import Bool, Float, Int, Shaped
 
@@ -44,4 +44,4 @@ AnyCounts = Int[Any, "..."]
 AnyMask = Bool[Any, "..."]
 Decision = Shaped[Any, "..."]  # (slots, m, lanes), or (2, slots, m, lanes) to decide by axis
 
-Memory = Any  # a pytree of arrays whose last axis is lanes; a kind chooses its structure
+Memory = Annotated[Any, "memory"]  # a pytree of arrays whose last axis is lanes; a kind chooses its structure

@@ -20,7 +20,7 @@ from jaxnet.kinds.navigators import sizes_up_to
 from jaxnet.kinds.pytree import as_pytree
 from jaxnet.kinds.ticks import TICK_ROUNDING
 from jaxnet.lanes.draws import Alone, Draw, EachLink, share_up_to
-from jaxnet.lanes.proofs import prove
+from jaxnet.lanes.proofs import prove, prove_finite, prove_path, prove_presumed
 from jaxnet.lanes.uniforms import MOST_DIMENSIONS, Keyed, Place, Recorded, Scrambled, Source
 from jaxnet.model import hearing
 from jaxnet.model.hearing import Hearing
@@ -44,11 +44,15 @@ def build_job(scenario: Scenario, draw: Draw, save: tuple[str, ...]) -> Job:
     """Return the lanes of one cell for the samples of a draw, in the active precision."""
     sources = sources_of(scenario)
     vehicle = scenario.vehicle.drawn(draw, "vehicle")
+    prove_presumed(scenario, vehicle)
     navigator, start = scenario.navigator.drawn(draw, "navigator"), start_of(scenario, vehicle, draw)
     output = np.asarray(vehicle.output_jets(start)[0])
     signal, vectors, amplitude, sizes = attack_of(scenario, draw, navigator, output)
     attacked = first_attacked(scenario.attack).chosen(draw)
     weights = weights_of(scenario, draw, sources, scenario.topology, attacked)
+    prove_finite(scenario.vehicle, "start", start)
+    prove_path(navigator, scenario.horizon, len(draw.samples))
+    prove_finite(scenario.topology, "lane_weights", weights)
     matrices, loss, noise = scenario.gain_matrices, scenario.channel.loss, scenario.channel.noise
     detector, own = scenario.detector, scenario.own_gains
     if own is not None:

@@ -8,15 +8,19 @@ from jaxnet.outside.modules import KindError
 
 
 def with_place(error: BaseException) -> str:
-    """Return an error's type and message after the file and line of the innermost frame from outside.
+    """Return an error's type and the first line of its message after the place where it arose.
 
-    Without such a frame the place is that of the innermost frame.
+    The place is the file and line of a syntax error, else of the innermost frame from outside, else of the
+    innermost frame.
     """
-    frames = list(traceback_lines(error))
-    outside = outside_files()
-    place = next((f"{file}:{line}" for file, line in reversed(frames) if file in outside), None)
-    message = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return f"{place or '{}:{}'.format(*frames[-1]) if frames else ''}: {message}"
+    frames, outside = list(traceback_lines(error)), outside_files()
+    places = [(file, line) for file, line in frames if file in outside] or frames
+    told = str(error)
+    if isinstance(error, SyntaxError) and error.filename:
+        places, told = [(error.filename, error.lineno or 1)], error.msg
+    first = modules.without_private(told.strip().partition("\n")[0])
+    message = f"{type(error).__name__}: {first}" if first else type(error).__name__
+    return f"{places[-1][0]}:{places[-1][1]}: {message}" if places else message
 
 
 def traceback_lines(error: BaseException) -> Iterator[tuple[str, int]]:
@@ -42,10 +46,10 @@ def blame(error: BaseException) -> KindError | None:
 
 @contextlib.contextmanager
 def blaming() -> Iterator[None]:
-    """Turn an error that a kind from outside raises into a KindError with its file and line."""
+    """Turn an error that a kind from outside raises, or its exit, into a KindError with its file and line."""
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         blamed = blame(error)
         if blamed is None:
             raise

@@ -185,7 +185,11 @@ class NeighbourLoader(SourceFileLoader):
         held = STATES[module.__name__.partition(".")[0]]
         finding = functools.partial(import_beside, held)
         vars(module)["__builtins__"] = {**vars(builtins), "__import__": finding}
-        code = compile(held.read(Path(self.path)), self.path, "exec", dont_inherit=True)
+        try:
+            code = compile(held.read(Path(self.path)), self.path, "exec", dont_inherit=True)
+        except SyntaxError as error:  # of a null byte or a wrong encoding, Python names no file
+            error.filename = error.filename or self.path
+            raise
         exec(code, vars(module))
 
 

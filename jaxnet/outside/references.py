@@ -27,16 +27,17 @@ def import_reference(reference: str, name: str, folder: Path | None) -> Any:
     """
     module, _, attribute = reference.partition(":")
     try:
-        found = modules.attribute(import_module(module, folder), attribute)
-    except ImportError as error:
-        missing = getattr(error, "name", None) == module
-        where = "; modules beside the config can be imported" if missing else ""
-        raise KindError(f"{name} cannot be imported: {error}{where}") from error
+        loaded = import_module(module, folder)
+    except (Exception, SystemExit) as error:  # the code of another author may raise anything
+        if isinstance(error, ModuleNotFoundError) and error.name == module:
+            message = f"{error}; modules beside the config can be imported"
+        else:
+            message = with_place(error)
+        raise KindError(f"{name} cannot be imported: {message}") from error
+    try:
+        return modules.attribute(loaded, attribute)
     except AttributeError as error:
         raise KindError(f"{name}: {modules.without_private(str(error))}") from error
-    except Exception as error:  # the code of another author may raise anything
-        raise KindError(f"{name} cannot be imported: {with_place(error)}") from error
-    return found
 
 
 def import_module(module: str, folder: Path | None) -> ModuleType:

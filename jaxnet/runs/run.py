@@ -178,6 +178,8 @@ class Run:
         todo = [shard for shard in missing if shard is not None]
         self.folder.need(layout.disk_bytes(self.study, self.cells, sum(len(shard.samples) for shard in todo)))
         self.tell(tally, [done for done in found if done is not None])
+        concerned = {shard.cell.number: shard.cell for shard in todo}
+        shards.try_kinds(self.study, [*concerned.values()], self.machine, work.series)
         if work.filled is not None and (todo or not self.folder.manifest["finished"]):
             self.clear_derived()
 

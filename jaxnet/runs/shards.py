@@ -20,10 +20,12 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from jaxnet.config.cells import Cell, to_plain
 from jaxnet.config.keys import Config
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Job, Machine
 from jaxnet.engine.plan import Outcome
+from jaxnet.lanes import proofs
 from jaxnet.lanes.jobs import job, source_of
 from jaxnet.outside.provenance import Provenance
 from jaxnet.runs.tally import Done, sums_of
@@ -136,6 +138,21 @@ def simulate_outcomes(
         lanes = sum(len(shard.samples) for shard in alike)
         ends = batch.simulate_each(inputs, lanes, one.network, one.clock, one.plan, machine, load_done)
         yield from zip(alike, ends, strict=True)
+
+
+def try_kinds(config: Config, cells: Sequence[Cell], machine: Machine, series: tuple[str, ...] = ()) -> None:
+    """Trace a job of each program that has kinds from outside; raise KindError where one breaks its contract.
+
+    `series` are those that the study saves.
+    """
+    scope, tried = config.scope, set[Program]()
+    for scenario in (cell.scenario for cell in cells if scope.known):
+        if scope.named_in(to_plain(scenario)):
+            one = job(scenario, source_of(config, scenario), [0], series)
+            if (program := program_of(one)) not in tried:
+                tried.add(program)
+                batch.trace(one, machine)
+                proofs.prove_errors(batch.queue_of(one.inputs, 1).lane, one.network.hearing.sources)
 
 
 def program_of(one: Job) -> Program:

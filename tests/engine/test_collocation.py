@@ -6,6 +6,7 @@ import pytest
 
 from jaxnet.engine.status import Status
 from jaxnet.kinds.fields import NotNegative, Positive
+from jaxnet.kinds.kind import KindError
 from jaxnet.kinds.vehicles import HEADING
 from jaxnet.kinds.vehicles.two_wheeled import FORCE, TwoWheeled
 from tests import systems
@@ -68,9 +69,9 @@ def test_a_lane_that_takes_more_passes_changes_no_other():
         np.testing.assert_array_equal(ours, theirs[:2])
 
 
-def test_a_state_that_does_not_return_the_jets_fails_its_lane():
-    ours = outcome(vehicle=Odd(times=2.0), attack="none", defence="none")
-    assert (ours.status == Status.max_steps).all()
+def test_a_state_that_does_not_return_the_jets_is_refused():
+    with pytest.raises(KindError, match=r"Odd\.state_of: derivative 2 of the output"):
+        outcome(vehicle=Odd(times=2.0), attack="none", defence="none")
 
 
 VARIATIONS = {

@@ -1,7 +1,7 @@
 """Engines, the ways to advance lanes from tick to tick, one per file. A config chooses one by `engine`."""
 
 from collections.abc import Hashable, Iterator
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,6 +18,7 @@ else:
 
 LaneGainRows = Float[np.ndarray, "lanes r 2 2"] | Float[np.ndarray, "lanes r"]
 LaneCount = Int[Any, ""] | int
+Presumed = Literal["nothing", "state", "motion"]
 
 
 class Engine(Kind):
@@ -40,6 +41,14 @@ class Engine(Kind):
     by_functions: ClassVar[bool] = False  # whether all drives are functions of time alike on both axes
     linearises: ClassVar[bool] = False  # whether vehicles can follow a linearised law
     holds: ClassVar[bool] = False  # whether vehicles can hold a jerk from tick to tick, as some laws ask
+
+    def presumes(self, scenario: ScenarioView) -> Presumed:
+        """Return what the engine takes for granted of the vehicle.
+
+        `state`: the output's jets tell the state. `motion`: moreover, `motion` makes the outputs obey the
+        law, for the engine never calls it.
+        """
+        return "nothing"
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the options that shape the compiled program: hashable."""

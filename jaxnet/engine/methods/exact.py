@@ -4,8 +4,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from jaxtyping import Float
 
-from jaxnet.engine.methods import Clock, Engine, Inputs, LaneCount, LaneGainRows, Network, Outcome, Plan
-from jaxnet.kinds.protocols import LaneDraw
+from jaxnet.engine.methods import (
+    Clock,
+    Engine,
+    Inputs,
+    LaneCount,
+    LaneGainRows,
+    Network,
+    Outcome,
+    Plan,
+    Presumed,
+)
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 
 if TYPE_CHECKING:
     from jaxtyping import Array
@@ -29,6 +39,10 @@ class Exact(Engine):
     accuracy: ClassVar[float] = 1e-8
     holds: ClassVar[bool] = True
     by_functions: ClassVar[bool] = True
+
+    def presumes(self, scenario: ScenarioView) -> Presumed:
+        """Return that vehicles do what the law asks, by no equation of their own."""
+        return "motion"
 
     def numbers(self, draw: LaneDraw, gain: LaneGainRows, interval: float) -> Flow:
         """Return the flow over one tick for each lane's gains."""

@@ -5,9 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from jaxnet.engine.methods import Clock, Engine, Inputs, LaneCount, LaneGainRows, Network, Outcome, Plan
+from jaxnet.engine.methods import (
+    Clock,
+    Engine,
+    Inputs,
+    LaneCount,
+    LaneGainRows,
+    Network,
+    Outcome,
+    Plan,
+    Presumed,
+)
 from jaxnet.kinds.fields import Number, Positive, Within
-from jaxnet.kinds.protocols import LaneDraw
+from jaxnet.kinds.protocols import LaneDraw, ScenarioView
 
 if TYPE_CHECKING:
     from jaxnet.engine.plan import Tolerances
@@ -39,6 +49,12 @@ class Nonlinear(Engine):
     max_steps: int = Field(
         default=100_000, ge=1, le=10**15, description="of a lane's whole fleet, refused ones included"
     )
+
+    def presumes(self, scenario: ScenarioView) -> Presumed:
+        """Return that jets tell the state where `gauss` integrates, which works with jets."""
+        in_field = scenario.defence.decides and scenario.tick == 0
+        states = self.solver != "gauss" or in_field or scenario.vehicle.internal or scenario.law.linearised
+        return "nothing" if states else "state"
 
     def options(self) -> tuple[Hashable, ...]:
         """Return the solver, for which the program is compiled."""

@@ -154,12 +154,17 @@ class Graph(Kind):
     def checked(self, given: GivenGraph, vehicles: int) -> Digraph:
         """Return what `weights` and `links` give as a graph; raise KindError."""
         if not isinstance(given, Digraph):
-            given = given if sparse.issparse(given) else np.asarray(given, float)
+            try:
+                given = given if sparse.issparse(given) else np.asarray(given, float)
+            except (TypeError, ValueError):  # text, or rows of unlike lengths
+                given = np.empty(())
             given = graph.of_matrix(given) if given.shape == (vehicles, vehicles + 1) else None
         if given is None or given.vehicles != vehicles or not (given.weights >= 0).all():
             raise KindError(
                 f"{self.kind}: weights must be ({vehicles}, {vehicles + 1}) numbers, none of them negative"
             )
+        if not np.isfinite(given.weights).all():
+            raise KindError(f"{self.kind}: weights must be finite")
         return given
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:

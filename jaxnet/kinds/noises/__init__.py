@@ -26,6 +26,10 @@ class ChannelNoise(ErrorsAtTicks, DrawsTogether):
         """
         raise KindError(f"{self.kind}: a noise gives next_errors(self, last, time, interval, sources)")
 
+    def exact(self) -> bool:
+        """Return whether words have no errors in any order."""
+        return not (any(self.erring()) or self.errs_in_highest())
+
     def erring(self) -> tuple[bool, bool, bool]:
         """Return whether position, velocity and acceleration of words may have errors."""
         return True, True, True

@@ -60,7 +60,9 @@ class Vehicle(Kind):
     input_units: ClassVar[tuple[str, str]] = ("", "")
 
     def faults(self, scenario: ScenarioView) -> Iterator[Fault]:
-        """Yield a fault of an order for which the engines have no constants."""
+        """Yield a fault of an order for which the engines have no constants, or of missing names."""
+        if lacking := [name for name in ("states", "units") if not hasattr(self, name)]:
+            yield Fault(("vehicle",), f"{self.kind}: a vehicle gives {' and '.join(lacking)}")
         if not 1 <= self.order <= MOST_ORDER:
             yield Fault(("vehicle",), f"an order of 1 to {MOST_ORDER} is possible (got {self.order})")
 
