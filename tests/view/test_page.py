@@ -136,13 +136,14 @@ def test_the_page_begins_with_what_was_found(html):
 
 
 def test_findings_compare_errors_by_their_size(tmp_path):
-    """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
+    """The greater error is the smaller one per ā; the greatest mean is that of the table, in metres."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
     assert "from <b>0.5 ā</b> with ā\xa0=\xa010\xa0m (cell 2) to <b>2 ā</b> with" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
-        "Each cell has 3 lanes. The greatest mean is 2 m (95 % interval 1 to 3 m), over 3 ok lanes."
+        "Each cell has 3 lanes. The greatest mean is 9 m (95 % interval 4.5 to 13.5 m), over 3 ok lanes of"
+        " cell 0."
     )
 
 
