@@ -60,7 +60,6 @@ NO_CURVE_INTERVAL = (
     "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
     " error"
 )
-
 Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model, a row per resample
 
 

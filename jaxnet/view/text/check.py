@@ -7,6 +7,7 @@ from textwrap import fill
 from time import monotonic
 
 import numpy as np
+from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Scenario, Sequential
@@ -171,12 +172,21 @@ def guarantees(cells: Sequence[Cell]) -> str:
     return wrap_lines(network_text("guarantees", rows))
 
 
+DIED_AWAY = 1e-3  # of ‖η(0)‖: less is millimetres of a fleet that starts metres away
+
+
 def decay_text(scenario: Scenario) -> str:
     """Return the paper's Lemma 1 with its constants, for the gain of a scenario."""
     matrices, own = scenario.gain_matrices, scenario.own_gains
-    alike = [np.array(scenario.gain) if matrices is None else matrices]
-    factors, rates = zip(*map(exact.decay_constants, alike if own is None else own), strict=True)
+    gains = [np.array(scenario.gain) if matrices is None else matrices] if own is None else own
+    factors, rates = zip(*map(exact.decay_constants, gains), strict=True)
     line = f"‖η(t)‖ ≤ {max(factors):.3g} exp(-{min(rates):.3g} t) ‖η(0)‖ (Lemma 1)"
+    begins = scenario.horizon - scenario.tail
+    left = max(np.linalg.norm(expm(exact.companion(gain) * begins), 2) for gain in gains)
+    if left > DIED_AWAY:
+        line += (
+            f"; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
+        )
     if own is None:
         return line
     norms = [response.impulse_norm(each) for each in own]
