@@ -191,7 +191,7 @@ def fit_rows(errors: Errors, independent: bool = True, most: float = np.inf) -> 
     known = {quantile: bootstrap_suffices(errors, quantile) for quantile in drawn}
     sloped = has_slope(errors)
     if len(models) > 1:
-        points[None]["constant"] = np.array([[best_constant(errors)]])
+        points[None]["constant"] = np.array([[constant_fit(errors)]])
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             low, high = np.full((2, len(estimate)), np.nan)
@@ -212,7 +212,7 @@ def fit_rows(errors: Errors, independent: bool = True, most: float = np.inf) -> 
                 yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
 
 
-def best_constant(errors: Errors) -> float:
+def constant_fit(errors: Errors) -> float:
     """Return the constant error of least squares, with weights 1/x²."""
     weights = np.isfinite(errors.y) * (errors.x.min() / errors.x[:, None]) ** 2
     return float(np.nansum(weights * errors.y) / weights.sum())
@@ -228,7 +228,7 @@ def has_slope(errors: Errors) -> bool:
     """
     ratios = errors.y / errors.x[:, None]
     straight = aicc(errors, "proportional", np.array([np.nanmean(ratios)]))
-    flat = aicc(errors, "constant", np.array([best_constant(errors)]))
+    flat = aicc(errors, "constant", np.array([constant_fit(errors)]))
     if np.nanmax(ratios) < EXACT_FIT or not straight - np.nan_to_num(flat, nan=-np.inf) > DECISIVE:
         return True
     known = np.isfinite(errors.y).any(axis=1)
