@@ -52,6 +52,8 @@ NUMBERS = [
     Bad("→samples: 0", "samples", "must be at least 1 (got 0)"),
     Bad("→samples: 2.5", "samples", "must be a whole number (got 2.5)"),
     Bad("→samples: many", "samples", 'must be a whole number (got "many")'),
+    Bad("→metrics: [alarms]", "metrics", "no word is judged without a detector (got alarms)"),
+    Bad("→metrics: [false_alarms, spread]", "metrics", "without a detector (got false_alarms)"),
     Bad("samples: {→until: {of: unrecovered}}", "samples.until.half_width", "required"),
     Bad("samples: {until: {→half_width: 0}}", "samples.until.half_width", "greater than 0 (got 0)"),
     Bad("samples: {until: {half_width: 0.1, →at_mst: 9}}", "samples.until.at_mst", "did you mean 'at_most'?"),

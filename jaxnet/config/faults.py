@@ -10,6 +10,7 @@ from jaxnet.config.scenario import scenario_graph
 from jaxnet.config.wording import shorten_value
 from jaxnet.kinds.fields import EachOrder, EachPosition, Number, is_drawn, value_range
 from jaxnet.kinds.kind import Fault, Kind, KindError
+from jaxnet.kinds.metrics import DETECTION
 from jaxnet.outside import blame
 from jaxnet.theory import exact
 
@@ -40,11 +41,11 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
         yield Fault(
             ("save", "sweep.topology"), "stores arrays of one size: all networks need as many vehicles"
         )
-    yield from metric_faults(study)
+    yield from metric_faults(study, cells)
 
 
-def metric_faults(study: Config) -> Iterator[Fault]:
-    """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
+def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
+    """Yield a fault if columns share a name, a name is no identifier, or nothing gives a share of alarms."""
     own = [metric.name for metric in study.measured()]
     counts = ["steps", "switches", "unheard", "cut_off", "cut_off_at", "cut_off_vehicles", "cut_off_share"]
     names = ["cell", "sample", "status", *counts, *study.sweep, *own]
@@ -52,6 +53,8 @@ def metric_faults(study: Config) -> Iterator[Fault]:
     odd = [name for name in own if not name.isidentifier()]
     if twice or odd:
         yield Fault(("metrics",), f"a metric's name must be a column's own (got {', '.join(twice + odd)})")
+    if shares := [name for name in own if name in DETECTION and not any(c.detector.present for c in cells)]:
+        yield Fault(("metrics",), f"no word is judged without a detector (got {', '.join(shares)})")
 
 
 def chosen_faults(chosen: list[int], samples: int | Sequential) -> Iterator[Fault]:

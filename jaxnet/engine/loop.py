@@ -286,8 +286,11 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
     clock, gathered = batch.clock, fleet.gathered
     status = fail(fleet.status, Status.singular, fleet.stood)
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
-    plan, ok = batch.plan, status == Status.ok
-    found = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs, ok)
+    plan = batch.plan
+    values = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs)
+    status = fail(status, Status.unmeasured, ~metrics.measured(plan.metrics, values))
+    ok = status == Status.ok
+    found = {name: jnp.where(ok, value, jnp.nan) for name, value in values.items()}
     errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)
     ticks = clock.outputs * clock.ticks + 1
     return Outcome(

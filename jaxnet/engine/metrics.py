@@ -217,16 +217,24 @@ def fleet_values(
     gathered: Gathered,
     outputs: Int[Array, ""],
     tail_outputs: Int[Array, ""],
-    ok: Bool[Array, "*lanes"],
 ) -> dict[str, Float[Array, "*lanes"]]:
-    """Return the metrics of the whole fleet; not-a-number where a lane is not ok."""
+    """Return the metrics of the whole fleet."""
     times = {"run": outputs + 1, "tail": tail_outputs}
     found = {}
     for metric in metrics:
         value = OVER_VEHICLES[metric.vehicles](gathered[metric.name], axis=0)
-        value = value / times[metric.over].astype(float) if metric.time == "mean" else value
-        found[metric.name] = jnp.where(ok, value, jnp.nan)
+        found[metric.name] = value / times[metric.over].astype(float) if metric.time == "mean" else value
     return found
+
+
+MAY_BE = {"error": jnp.isfinite, "infinite": lambda x: ~jnp.isnan(x), "blank": lambda x: ~jnp.isinf(x)}
+
+
+def measured(
+    metrics: Sequence[Metric], values: Mapping[str, Float[Array, "*lanes"]]
+) -> Bool[Array, "*lanes"]:
+    """Return the lanes in which every metric of the fleet is what its `undefined` allows."""
+    return jnp.stack([MAY_BE[each.undefined](values[each.name]) for each in metrics]).all(axis=0)
 
 
 def vehicle_errors(

@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxnet.config.keys import Scenario
 from jaxnet.config.scenario import outputs_of
+from jaxnet.config.spacings import multiples
 from jaxnet.engine import batch
 from jaxnet.engine.batch import Machine
 from jaxnet.explore.box import Box
@@ -32,7 +33,8 @@ class LateChoice(NamedTuple):
 def late_time(scenario: Scenario, until: float) -> float:
     """Return the first output time [s] at or after both `until` and the horizon."""
     outputs = math.ceil(round(until / scenario.output_step, 6))
-    return scenario.horizon if outputs <= outputs_of(scenario) else outputs * scenario.output_step
+    late = multiples(scenario.output_step, [outputs])[0]
+    return scenario.horizon if outputs <= outputs_of(scenario) else late
 
 
 def choose_finalist(trials: Trials, until: float, measure: Measure, machine: Machine) -> LateChoice:

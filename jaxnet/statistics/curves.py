@@ -25,6 +25,7 @@ GREATEST_SHOWN = 1e100  # [m] end of a log axis, 1 over it the other end; beyond
 LEAST_SHARE_SHOWN = 1e-3  # of the least ā, the bottom of a log axis; smaller errors have recovered
 SHARE_COLUMNS = ["unrecovered", "unrecovered_low", "unrecovered_high"]
 METRIC_NAMES = {"tail_max": "greatest error of any vehicle", "tail_mean": "mean error of the fleet"}
+NO_SLOPE = "no slope: errors do not rise with ā, and a constant fits them better than s·ā"
 
 BOUND_NAMES = {
     "static": "static",
@@ -90,7 +91,12 @@ class Curve(NamedTuple):
 
     def fit(self, metric: str, quantile: float | None = None) -> tuple[float, float, float] | None:
         """Return the slope s of the proportional model and its ends by least squares or at a quantile."""
-        return self.fits.get((metric, quantile))
+        found = self.fits.get((metric, quantile))
+        return None if found is None or np.isnan(found[0]) else found
+
+    def is_flat(self, metric: str) -> bool:
+        """Return whether a fit found no slope."""
+        return (metric, None) in self.fits and self.fit(metric) is None
 
 
 def curves(results: Results, of: Sequence[Cell] | None = None) -> list[Curve]:
@@ -121,9 +127,11 @@ def bound_slopes(rows: pd.DataFrame) -> dict[tuple[str, str], float]:
 
 
 def proportional_slopes(rows: pd.DataFrame) -> dict[tuple[str, float | None], tuple[float, float, float]]:
-    """Return the slopes s of `fit.csv` with intervals, by metric and quantile (None: least squares)."""
-    wanted = (rows["model"] == "proportional") & (rows["parameter"] == "s") & rows["estimate"].notna()
-    proportional: Any = rows[wanted]
+    """Return the slopes s of `fit.csv` with intervals, by metric and quantile (None: least squares).
+
+    They are not-a-number where there is no slope.
+    """
+    proportional: Any = rows[(rows["model"] == "proportional") & (rows["parameter"] == "s")]
     return {
         (row.metric, None if np.isnan(row.quantile) else row.quantile): (row.estimate, row.low, row.high)
         for row in proportional.itertuples()

@@ -120,4 +120,6 @@ def model_value(
             return first * x / (1 + x / second)
         case "affine":
             return first + second * x
+        case "constant":
+            return np.full_like(x, first)
     return first * x

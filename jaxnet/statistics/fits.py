@@ -11,6 +11,8 @@ Intervals resample samples, not rows: sample s is the same random draw in every 
   little.
 - The envelope has no interval, because the bootstrap fails for a maximum (`recovery.below_greatest` instead).
 - Sobol's sequences have no bootstrap: their points are not independent and the sequences are few.
+
+A transient is as large at every ā. Its errors over ā have a mean and an interval, but no slope: `has_slope`.
 """
 
 from collections.abc import Iterable, Iterator
@@ -52,12 +54,12 @@ MOST_FIT_WEIGHTS = 2**22  # of resamples fitted side by side
 FEWEST, FEWEST_BEYOND = 50, 10  # draws that make up the variance of a mean; draws beyond a quantile
 EXACT_FIT = 1e-9  # of the errors, or of ā: smaller residuals are transient or rounding, not scatter
 LEAST_RESIDUAL = 1e-12  # smaller errors per ā are rounding
+DECISIVE = 6.0  # of AICc: a model is 20 times as likely, exp(6/2)
 
 NO_CURVE_INTERVAL = (
     "no interval: too few draws are off, or beyond the quantile; no upper end: theory does not bound the"
     " error"
 )
-
 Estimates = dict[float | None, dict[str, np.ndarray]]  # parameters by quantile and model, a row per resample
 
 
@@ -187,22 +189,56 @@ def fit_rows(errors: Errors, independent: bool = True, most: float = np.inf) -> 
     at_once = max(1, min(RESAMPLES_TOGETHER, MOST_FIT_WEIGHTS // ranked.data.ratios[:, :, 0].size))
     drawn = bootstrap(ranked, draw_resamples(samples, at_once), models) if independent else {}
     known = {quantile: bootstrap_suffices(errors, quantile) for quantile in drawn}
+    sloped = has_slope(errors)
+    if len(models) > 1:
+        points[None]["constant"] = np.array([[constant_fit(errors)]])
     for quantile, estimated in points.items():
         for model, (estimate,) in estimated.items():
             low, high = np.full((2, len(estimate)), np.nan)
             if independent and quantile is None and model == "proportional":
                 low[:], high[:] = mean_ratio(errors, most)
             elif (
-                quantile in drawn
+                model in drawn.get(quantile, ())
                 and known[quantile]
                 and (model == "proportional" or not is_ambiguous(drawn[quantile]))
             ):
                 low, high = percentile_interval(drawn[quantile][model])
                 low, high = np.minimum(low, estimate), np.maximum(high, estimate)  # resamples are coarse
             score = aicc(errors, model, estimate) if quantile is None else np.nan
-            for name, *numbers in zip(MODELS[model], estimate, low, high, strict=True):
+            if model == "proportional" and not sloped:
+                estimate = low = high = np.full(1, np.nan)
+            for name, *numbers in zip(MODELS.get(model, "c"), estimate, low, high, strict=True):
                 row = (model, quantile, name, *numbers, score)
                 yield dict(zip(FIT_COLUMNS[1:], row, strict=True))
+
+
+def constant_fit(errors: Errors) -> float:
+    """Return the constant error of least squares, with weights 1/x²."""
+    weights = np.isfinite(errors.y) * (errors.x.min() / errors.x[:, None]) ** 2
+    return float(np.nansum(weights * errors.y) / weights.sum())
+
+
+def has_slope(errors: Errors) -> bool:
+    """Return whether s·ā may describe the errors.
+
+    It does not if a constant is decisively better by AICc and the errors do not rise with ā. The second
+    condition keeps the slope of a rise that weights 1/x² hide behind a transient. Errors rise if the samples'
+    mean slope over log ā is two standard errors above 0, or if one sample rises three times as steeply as any
+    falls.
+    """
+    ratios = errors.y / errors.x[:, None]
+    straight = aicc(errors, "proportional", np.array([np.nanmean(ratios)]))
+    flat = aicc(errors, "constant", np.array([constant_fit(errors)]))
+    if np.nanmax(ratios) < EXACT_FIT or not straight - np.nan_to_num(flat, nan=-np.inf) > DECISIVE:
+        return True
+    known = np.isfinite(errors.y).any(axis=1)
+    whole = errors.y[known][:, np.isfinite(errors.y[known]).all(axis=0)]
+    logs = np.log(errors.x[known])
+    rises = (logs - logs.mean()) @ whole / np.sum((logs - logs.mean()) ** 2)
+    rises = np.where(np.abs(rises) > EXACT_FIT * np.nanmax(errors.y), rises, 0.0)
+    error = rises.std() / np.sqrt(max(1, rises.size - 1))
+    steepest = rises.max(initial=0.0)
+    return bool(not rises.size or rises.mean() > 2 * error or steepest > -3 * rises.min(initial=0.0))
 
 
 def bootstrap(ranked: Ranked, counts: Iterable[np.ndarray], models: tuple[str, ...]) -> Estimates:

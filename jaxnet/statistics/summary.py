@@ -102,6 +102,8 @@ def metric_statistics(
             _, number, counts = np.unique(units, return_inverse=True, return_counts=True)
             sums, counts = np.bincount(number, values), counts.astype(float)
         low, high = means.mean_interval(sums, *within, confidence, counts)
-        q05, median, q95 = np.quantile(values, [0.05, 0.5, 0.95])
+        at = [0.05, 0.5, 0.95]
+        between, above = np.quantile(values, at), np.quantile(values, at, method="higher")
+        q05, median, q95 = np.where(np.isnan(between), above, between)  # inf - inf, and 0 inf
     ends = {"mean": values.mean(), "low": low, "high": high}
     return ends | {"median": median, "q05": q05, "q95": q95, "max": values.max()}

@@ -8,6 +8,7 @@ import numpy as np
 from jaxnet.config import keys
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
+from jaxnet.config.spacings import multiples
 
 SHARD_BYTES = 2**27  # of a shard's arrays, at most: it has fewer lanes where they would take more
 ROW_BYTES = 120  # of a row in a file, at most
@@ -77,7 +78,7 @@ def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
     return {
         "cell": np.arange(len(cells)),
         "sample": np.arange(samples),
-        "time": np.arange(outputs + 1) * scenario.output_step,
+        "time": np.array(multiples(scenario.output_step, range(outputs + 1))),
         "vehicle": np.arange(1, scenario.vehicles + 1),
         "slot": np.arange(slots_of(cells)),
         "axis": np.array(["x", "y"], dtype=object),

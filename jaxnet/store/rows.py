@@ -14,10 +14,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
+from jaxtyping import Float
 from upath import UPath
 
 from jaxnet.config.cells import Cell
-from jaxnet.config.keys import Config
+from jaxnet.config.keys import Config, Scenario
+from jaxnet.config.scenario import interval_of
+from jaxnet.config.spacings import multiples
 from jaxnet.lazy import LazyModule
 from jaxnet.store.folder import Folder, FolderError
 from jaxnet.store.layout import CellLabel, Shard
@@ -101,7 +104,16 @@ def outcome_table(
     columns |= {metric.name: outcome.metrics[metric.name] for metric in shard.cell.scenario.measured()}
     columns |= {name: getattr(outcome, name).astype(np.int64) for name in ROW_COUNTS}
     columns |= {name: pa.array(outcome.cut_off[name], type=ISOLATION[name]) for name in isolation}
+    if isolation:
+        columns["cut_off_at"] = tick_times(shard.cell.scenario, outcome.cut_off["cut_off_at"])
     return pa.table(columns)
+
+
+def tick_times(scenario: Scenario, times: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " lanes"]:
+    """Return times of the engine [s] as multiples of the tick, rounded once."""
+    known, found, tick = np.isfinite(times), times.copy(), interval_of(scenario)
+    found[known] = multiples(tick, np.rint(times[known] / tick).astype(int).tolist())
+    return found
 
 
 def column_names(cell: Cell, isolation: Sequence[str]) -> list[str]:

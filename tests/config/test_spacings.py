@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jaxnet
-from jaxnet.config.spacings import geomspace, linspace
+from jaxnet.config.spacings import geomspace, linspace, multiples
 
 BOUNDS = st.decimals(-1000, 1000, allow_nan=False, places=3).map(float)
 
@@ -70,3 +70,12 @@ def test_a_spacing_and_a_list_share_their_cells():
     spaced = labels({"linspace": [0.1, 1.1, 11]})
     assert set(labels([0.1, 0.3, 0.7])) <= set(spaced)
     assert labels({"linspace": [0, 4, 3]}) == [0, 2, 4]
+
+
+def test_multiples_are_what_a_reader_writes():
+    """`k` steps of 0.01 are the doubles that 0.00, 0.01, … print as; products of doubles differ in 129."""
+    times = multiples(0.01, range(1001))
+    assert times == [float(f"{k // 100}.{k % 100:02d}") for k in range(1001)]
+    assert sum(k * 0.01 != time for k, time in enumerate(times)) == 129
+    assert multiples(2.5e-4, [3, 4]) == [7.5e-4, 1e-3]
+    assert multiples(3.0, [7]) == [21.0]

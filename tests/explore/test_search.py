@@ -27,6 +27,7 @@ from jaxnet.runs import cluster
 from jaxnet.store.folder import TakenError
 from jaxnet.view.page.sections import search_section
 from jaxnet.view.text.worst import search_text as text_of
+from jaxnet.view.text.worst import worst_rows
 from tests import systems
 
 MANY = Machine(devices=1, chunk=64)  # a generation at once
@@ -168,6 +169,16 @@ def test_the_table_and_the_page_tell_what_is_left_late(whole):
     for left in results.worst["late"]:
         assert f" {left / 10:.4g} " in table
         assert f">{left / 10:.4g}<" in page
+
+
+@pytest.mark.parametrize("sizes", [[10.0, np.nan], [0.0, 10.0]])
+def test_errors_are_in_metres_unless_every_cell_has_a_size(whole, sizes, monkeypatch):
+    """A column has one unit: ā of one cell is drawn, or 0."""
+    results, _ = whole
+    changed = results.worst.assign(magnitude=sizes)
+    monkeypatch.setattr(type(results), "worst", changed)
+    assert "the worst tail_max [m]; late" in text_of(results)
+    np.testing.assert_array_equal(worst_rows(results)["found"], changed["found"])
 
 
 def test_a_search_that_is_broken_off_goes_on(whole, tmp_path, monkeypatch):

@@ -135,7 +135,8 @@ def test_arrays_are_labelled_as_the_contract_says(results):
     assert paths["kept"].dtype == np.float32
     assert paths["vehicle"].values.tolist() == list(range(1, 13))
     assert paths["source"].dims == ("cell", "slot", "vehicle")
-    np.testing.assert_allclose(paths["time"].values, np.arange(21) * 0.1)
+    assert paths["time"].values.tolist() == errors["time"].values.tolist() == [k / 10 for k in range(21)]
+    assert paths.sel(time=0.3).sizes["vehicle"] == 12  # 3 * 0.1 is another double
     np.testing.assert_allclose(paths["kept"].sum("slot").values, 1.0, atol=1e-6)
     heading = paths.sel(state="heading")["states"].values
     assert (heading > -np.pi).all()

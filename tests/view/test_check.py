@@ -34,6 +34,17 @@ def test_the_papers_topologies():
         assert "13.23 m/s" in part
 
 
+@pytest.mark.parametrize(("horizon", "told"), [(15.0, True), (30.0, False)])
+def test_a_start_that_has_not_died_away_is_told(horizon, told):
+    """(s + 1)³ = 0: `η(t) = e⁻ᵗ (1 + N t + N² t²/2) η(0)` with the nilpotent N = A + 1."""
+    text = " ".join(check.check_text(systems.study(horizon=horizon)).split())
+    nilpotent = np.array([[1, 1, 0], [0, 1, 1], [-1, -3, -2]])
+    t = horizon - 5
+    known = np.exp(-t) * (np.eye(3) + nilpotent * t + nilpotent @ nilpotent * t**2 / 2)
+    words = f"up to {np.linalg.norm(known, 2):.2g} ‖η(0)‖ when the tail begins, at {t:g} s"
+    assert (words in text) is ("not died away" in text) is told
+
+
 def robustness_of(**keys):
     """The line of robustness, without its beginning."""
     rows = section(check.certificates(systems.study(**keys).cells)[0], keys["topology"]["kind"]).splitlines()

@@ -23,6 +23,7 @@ from jaxnet.store.results import Results
 from jaxnet.view import page
 from jaxnet.view.figures import bands, every, style, ultimate
 from jaxnet.view.page import findings, plots, sections, trajectories
+from jaxnet.view.text.slopes import slopes_text
 from tests import systems
 
 HOSTILE = "<script>alert('ring')</script> & <b>more $x$"
@@ -58,6 +59,7 @@ def folder(tmp_path_factory):
         fits.append([topology, "tail_max", "proportional", "", "s", 3.5 * place, 3, 4, -8.0])
         fits.append([topology, "tail_max", "proportional", 0.95, "s", 6.5, 6, 7, ""])
         fits.append([topology, "tail_max", "affine", "", "s", 99, 98, 100, -7.0])
+        fits.append([topology, "tail_mean", "proportional", "", "s", *[""] * 3, 9.0])
     columns = ["topology", "bound", "vehicle", "slope"]
     pd.DataFrame(slopes, columns=columns).to_csv(results.path / "bounds.csv", index=False)
     columns = ["topology", "metric", "model", "quantile", "parameter", "estimate", "low", "high", "aicc"]
@@ -136,13 +138,14 @@ def test_the_page_begins_with_what_was_found(html):
 
 
 def test_findings_compare_errors_by_their_size(tmp_path):
-    """The greater error is the smaller one per ā; nobody attacked is in no comparison."""
+    """The greater error is the smaller one per ā; the greatest mean is that of the table, in metres."""
     sweep = {"attack.magnitude": [0, 1, 10]}
     extremes, _, bounds, sure = told(tmp_path, [9.0, 2.0, 5.0], sweep=sweep)
     assert "from <b>0.5 ā</b> with ā\xa0=\xa010\xa0m (cell 2) to <b>2 ā</b> with" in extremes
     assert bounds == "Bounds are not fitted yet: <code>jaxnet fit x</code>"
     assert sure == (
-        "Each cell has 3 lanes. The greatest mean is 2 m (95 % interval 1 to 3 m), over 3 ok lanes."
+        "Each cell has 3 lanes. The greatest mean is 9 m (95 % interval 4.5 to 13.5 m), over 3 ok lanes of"
+        " cell 0."
     )
 
 
@@ -274,6 +277,21 @@ def test_curves_have_the_groups_own_bounds_and_fits(folder):
     assert (star.fit("tail_max"), ring.fit("tail_max")) == ((3.5, 3, 4), (7, 3, 4))
     assert ring.fit("tail_max", 0.95) == (6.5, 6, 7)
     assert star.fit("tail_mean") is None
+
+
+def test_text_figure_and_page_say_that_there_is_no_slope(folder):
+    """A blank slope is no line, no number, and words; the words stand nowhere else."""
+    results = jaxnet.open(folder)
+    found = curves.curves(results)
+    text = " ".join(slopes_text(results).split())
+    assert re.search(r"star tail_mean - - .* no slope: errors do not rise with ā", text)
+    flat = [each._replace(fits={("tail_max", None): (np.nan,) * 3}) for each in found]
+    assert "No slope: errors" in sections.slopes_html(flat)
+    assert "o slope" not in sections.slopes_html(found)
+    for metric, told in (("tail_max", False), ("tail_mean", True)):
+        drawn = ultimate.ultimate_figure(found, metric)
+        assert ("no slope: errors" in drawn.get_suptitle()) is told
+        assert ("least squares s·ā" in [each.get_text() for each in drawn.legends[0].get_texts()]) is not told
 
 
 def test_values_are_alike_however_a_file_writes_them():

@@ -26,7 +26,7 @@ class ChiSquared(Detector):
     words = "χ² test"
 
     false_alarms: Annotated[Number, Within(gt=0.0, lt=1.0)] = Field(
-        default=0.01, description="probability of an alarm about an honest word"
+        default=0.01, description="probability of an alarm about an honest word with normal errors"
     )
 
     def alarms(self, words: JudgedWords, memory: Any) -> tuple[SlotMask, Memory]:

@@ -14,6 +14,7 @@ DETECTION = ("alarms", "false_alarms")  # metrics that rows have where there is 
 Over = Literal["run", "tail"]
 Reduction = Literal["mean", "max", "min"]
 OverTime = Literal["mean", "max", "min", "sum", "integral", "last"]
+Undefined = Literal["error", "infinite", "blank"]
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,15 @@ class Metric:
         Reduction over the vehicles: "mean", "max" or "min".
     words
         Meaning of the metric in tables and on axes.
+    undefined
+        Meaning of a result that is no finite number. "error": the lane ends as `unmeasured`. "infinite":
+        infinity is a value, such as the time of what did not happen; not-a-number is an error. "blank":
+        not-a-number says that there was nothing to measure; infinity is an error.
 
     Raises
     ------
     KindError
-        `over`, `time` or `vehicles` is none of these.
+        `over`, `time`, `vehicles` or `undefined` is none of these.
 
     Examples
     --------
@@ -64,10 +69,12 @@ class Metric:
     time: OverTime = "max"
     vehicles: Reduction = "max"
     words: str = ""  # meaning, for tables and axes
+    undefined: Undefined = "error"
 
     def __post_init__(self) -> None:
         """Raise KindError for an unknown reduction."""
         allowed = {"over": get_args(Over), "time": get_args(OverTime), "vehicles": get_args(Reduction)}
+        allowed["undefined"] = get_args(Undefined)
         for field, known in allowed.items():
             if (given := getattr(self, field)) not in known:
                 raise KindError(f"metric {self.name}: {field} is one of {', '.join(known)} (got {given!r})")

@@ -23,4 +23,5 @@ ALARMS = Metric(
     "last",
     "max",
     "alarms about words of attacked links, a share of these words",
+    "blank",
 )

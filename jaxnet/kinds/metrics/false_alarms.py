@@ -11,4 +11,5 @@ FALSE_ALARMS = Metric(
     "last",
     "max",
     "alarms about words of honest links, a share of these words",
+    "blank",
 )

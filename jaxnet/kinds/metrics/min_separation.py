@@ -16,4 +16,6 @@ def nearest(seen: FleetView) -> VehicleNumbers:
     return xp.where(itself, xp.inf, apart).min(axis=0)
 
 
-MIN_SEPARATION = Metric("min_separation", "m", nearest, "run", "min", "min", "least distance of two vehicles")
+MIN_SEPARATION = Metric(
+    "min_separation", "m", nearest, "run", "min", "min", "least distance of two vehicles", "infinite"
+)

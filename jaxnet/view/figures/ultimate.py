@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxnet.statistics.curves import BOUND_NAMES, Curve, axis_ends
+from jaxnet.statistics.curves import BOUND_NAMES, NO_SLOPE, Curve, axis_ends
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -46,6 +46,8 @@ def ultimate_figure(
         ncols=multiples.legend_columns(width, 4),
         handlelength=2.6,
     )
+    if any(curve.is_flat(metric) for curve in shown):
+        multiples.write_note(drawn, NO_SLOPE)
     multiples.write_left_out(drawn, (len(shown), len(found), "groups"), where="cells.csv")
     return drawn
 

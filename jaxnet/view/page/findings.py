@@ -235,22 +235,22 @@ def violated_sentences(results: Results) -> list[str]:
 
 
 def certainty_sentence(results: Results) -> str:
-    """State the number of lanes of a cell, and the interval of the worst cell's mean."""
+    """State the number of lanes of a cell, and the interval of the greatest mean."""
     samples = f"Each cell has {count_between(results.samples, 'lane')}"
-    errors, _ = errors_per_size(results)
-    if errors.empty:
-        return f"{samples}."
     cells: Any = results.cells
-    place: Any = errors.idxmax()
-    worst, scale = cells.iloc[place], float(cell_magnitudes(results)[place])
     metric = judged_metric(results.study.cells)
+    means: Any = cells[f"{metric}_mean"].dropna()  # in metres: the greatest per ā is another
+    if means.empty:
+        return f"{samples}."
+    place = means.idxmax()
+    worst, scale = cells.iloc[place], float(cell_magnitudes(results)[place])
     mean, low, high = (
         error_text(float(worst[f"{metric}_{name}"]), scale) for name in ("mean", "low", "high")
     )
-    where = "The greatest mean" if len(errors) > 1 else "The mean"
+    where, of = ("The greatest mean", f" of cell {place}") if len(means) > 1 else ("The mean", "")
+    lanes = f"{count(int(worst['ok']), 'ok lane')}{of}"
     if metric == "spread":
-        return f"{samples}. {where} spread is {mean} m, over {count(int(worst['ok']), 'ok lane')}."
-    lanes = count(int(worst["ok"]), "ok lane")
+        return f"{samples}. {where} spread is {mean} m, over {lanes}."
     if np.isnan(worst["tail_mean_high"]):
         least = "" if np.isnan(worst["tail_mean_low"]) else f" (at least {low} m with 97.5 % confidence)"
         return f"{samples}. {where} is {mean} m{least}, over {lanes}; {NO_UPPER_END}."

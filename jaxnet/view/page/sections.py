@@ -19,6 +19,7 @@ from jaxnet.statistics.bands import error_bands
 from jaxnet.statistics.curves import (
     BOUND_NAMES,
     LOG_FLOOR,
+    NO_SLOPE,
     Curve,
     cell_magnitudes,
     curves,
@@ -191,9 +192,10 @@ def slopes_html(found: Sequence[Curve]) -> str:
     ones = np.ones(len(shown))
     about = [[cell.number for cell in curve.group.cells] for curve in found]
     same = [f"{name}, fleet" for name in BOUND_NAMES.values() if shown[name].equals(shown[f"{name}, fleet"])]
+    flat = f" {sentence_case(NO_SLOPE)}." if any(curve.is_flat("tail_max") for curve in found) else ""
     return (
         "<p>Slopes, greatest error of any vehicle per ā: the worst found at any ā, fitted ones, bounds of the"
-        " worst vehicle and of the fleet. A dash: the bound says nothing there.</p>"
+        f" worst vehicle and of the fleet. A dash: the bound says nothing there.{flat}</p>"
         + sortable_table(
             shown.drop(columns=same).dropna(axis=1, how="all"), about, dict.fromkeys(slopes, ones)
         )

@@ -7,6 +7,7 @@ from textwrap import fill
 from time import monotonic
 
 import numpy as np
+from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Scenario, Sequential
@@ -167,11 +168,18 @@ def guarantees(cells: Sequence[Cell]) -> str:
     rows |= {f"law {cell.scenario.law.kind}": NO_GUARANTEE for cell in cells if not cell.scenario.law.solved}
     moving = [each.scenario for each in cells if not broken_premise(each.scenario, ("leader", *MOTION))]
     drawn = any(scenario.draws_gain for scenario in moving)
-    unlike = {(id(one.topology), id(one.defence), repr(one.gain)): one for one in moving if not drawn}
+    unlike = {
+        (id(one.topology), id(one.defence), repr(one.gain), one.horizon, one.tail): one
+        for one in moving
+        if not drawn
+    }
     if words := [*dict.fromkeys(text for each in unlike.values() if (text := decay_text(each)))]:
         words = [*words[:MOST_SWEPT_VALUES], *["…"] * (len(words) > MOST_SWEPT_VALUES)]
         rows["without attack"] = "; or ".join(words)
     return wrap_lines(network_text("guarantees", rows))
+
+
+DIED_AWAY = 1e-3  # of ‖η(0)‖: less is millimetres of a fleet that starts metres away
 
 
 def decay_text(scenario: Scenario) -> str:
@@ -180,21 +188,24 @@ def decay_text(scenario: Scenario) -> str:
     With one gain η is E with its derivatives, which does not jump where weights do, as local errors do. With
     gains of each vehicle η are local errors, and the text is "" where weights may switch.
     """
-    matrices, own, (graph, _, trusted, kept) = (
-        scenario.gain_matrices,
-        scenario.own_gains,
-        situation_of(scenario),
-    )
-    alike = [np.array(scenario.gain) if matrices is None else matrices]
-    factors, rates = zip(*map(exact.decay_constants, alike if own is None else own), strict=True)
+    graph, _, trusted, kept = situation_of(scenario)
+    matrices, own = scenario.gain_matrices, scenario.own_gains
+    if own is not None and (kept is None or kept.fixed is None):
+        return ""
+    gains = [np.array(scenario.gain) if matrices is None else matrices] if own is None else own
+    factors, rates = zip(*map(exact.decay_constants, gains), strict=True)
     line = f"‖η(t)‖ ≤ {max(factors):.3g} exp(-{min(rates):.3g} t) ‖η(0)‖ (Lemma 1)"
     if own is None:
         joined = safety.stay_joined(scenario.defence.may_drop(graph, trusted), np.ones(graph.vehicles, bool))
-        return f"{line}, η = (E, Ė, …)" + ", while nobody is cut off" * (not joined.all())
-    if kept is None or kept.fixed is None:
-        return ""
-    norms = [response.impulse_norm(each) for each in own]
-    return f"{line}; ‖h_i‖₁ of the vehicles from {min(norms):.3g} to {max(norms):.3g}"
+        line += ", η = (E, Ė, …)" + ", while nobody is cut off" * (not joined.all())
+    else:
+        norms = [response.impulse_norm(each) for each in own]
+        line += f"; ‖h_i‖₁ of the vehicles from {min(norms):.3g} to {max(norms):.3g}"
+    begins = scenario.horizon - scenario.tail
+    left = max(np.linalg.norm(expm(exact.companion(gain) * begins), 2) for gain in gains)
+    if left <= DIED_AWAY:
+        return line
+    return f"{line}; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
 
 
 class NetworkKeys:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.naming import quantity, value_alone
-from jaxnet.statistics.curves import Curve, curves, no_magnitudes, stored_table
+from jaxnet.statistics.curves import METRIC_NAMES, NO_SLOPE, Curve, curves, no_magnitudes, stored_table
 from jaxnet.statistics.fits import ENVELOPE, NO_CURVE_INTERVAL, whole_draws
 from jaxnet.statistics.groups import Group, Label
 from jaxnet.statistics.limits import unchecked_words
@@ -69,12 +69,15 @@ def slopes_text(results: Results) -> str:
         SLOPES_DROP_ORDER,
         "fit.csv",
     )
-    ends: Any = fits.rows.loc[fits.rows["quantile"] != ENVELOPE, ["low", "high"]]
+    if any(curve.is_flat(metric) for curve in found for metric in METRIC_NAMES):
+        text += f"\n{fill(NO_SLOPE, terminal_width())}"
+    told = (fits.rows["quantile"] != ENVELOPE) & (fits.rows["model"] != "constant")
+    ends: Any = fits.rows.loc[told & fits.rows["estimate"].notna(), ["low", "high"]]
     if ends.isna().any(axis=None):
         text += f"\n{fill(NO_CURVE_INTERVAL, terminal_width())}"
     alone = results.study.config.draws == "random"
     draws = alone and min(whole_draws(results, curve.group) for curve in found)
-    if draws:
+    if draws and any(curve.fit(metric, ENVELOPE) for curve in found for metric in METRIC_NAMES):
         words = (
             f"envelope: with 95 % confidence at least {below_greatest(draws):.2%} of all draws stay"
             f" below it at every ā simulated ({draws} draws)"

@@ -58,9 +58,15 @@ def late_times(results: Results) -> str:
 
 
 def maximised_text(results: Results) -> str:
-    """Return the maximised metric and its scale: ā for lengths, unless there is no navigator."""
+    """Return the maximised metric and its scale."""
     words = metric_with_unit(results)
-    return words if is_leaderless(results.study.cells) else words.replace(" [m]", ", per ā")
+    return words.replace(" [m]", ", per ā") if is_per_size(results) else words
+
+
+def is_per_size(results: Results) -> bool:
+    """Return whether lengths are told per ā: every cell follows a navigator and has a known ā > 0."""
+    sized = (results.worst["magnitude"] > 0).all()
+    return metric_unit(results) == "m" and not is_leaderless(results.study.cells) and bool(sized)
 
 
 def metric_with_unit(results: Results) -> str:
@@ -78,13 +84,12 @@ def metric_unit(results: Results) -> str:
 
 
 def worst_rows(results: Results) -> pd.DataFrame:
-    """Return the results of a search, a row per cell; lengths are per ā where ā is known and not 0.
+    """Return the results of a search, a row per cell; lengths are as `maximised_text` says.
 
-    Without a navigator lengths are in metres. Bounds are left out where none is known.
+    Bounds are left out where none is known.
     """
     found, labels = results.worst, list(results.study.cells[0].labels)
-    scaled = metric_unit(results) == "m" and not is_leaderless(results.study.cells)
-    size = found["magnitude"].where(found["magnitude"] > 0, 1.0) if scaled else 1.0
+    size = found["magnitude"] if is_per_size(results) else 1.0
     per = {
         "found": found["found"] / size,
         "late": found["late"] / size,

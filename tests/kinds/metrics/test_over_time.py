@@ -1,9 +1,13 @@
 """Sums and integrals over time, and a metric of the inputs, against the stored trajectory."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxnet
+from jaxnet.engine.metrics import measured
 from jaxnet.kinds.metrics import Metric
+from jaxnet.statistics.summary import UNBOUNDED, metric_statistics
 from tests import systems
 
 KEYS = {"horizon": 2.0, "tail": 0.5, "output_step": 0.1, "defence": "none"}
@@ -46,6 +50,48 @@ def test_sums_and_integrals_are_those_of_the_trajectory():
     assert found["late_effort"] == pytest.approx(late)
     assert found["summed"] == pytest.approx(efforts.sum(axis=1).min(axis=1))
     assert found["hardest"] == pytest.approx(efforts.max(axis=(1, 2)))
+
+
+def root(seen):
+    """A number that is none where a vehicle starts below the x-axis."""
+    return seen.start[1] ** 0.5
+
+
+def never(seen):
+    """A number that is infinite where a vehicle starts above the x-axis."""
+    return 1.0 / (abs(seen.start[1]) - seen.start[1])
+
+
+ROOT = Metric("root", "", root, "run", "last", "max")
+NEVER = Metric("never", "s", never, "run", "last", "max", undefined="infinite")
+
+
+def test_a_number_that_is_none_is_no_metric_of_an_ok_lane():
+    """The lane has a status of its own; what may be infinite is so in an ok lane, and in the cell."""
+    keys = {"vehicles": 1, "topology": "star", "attack": "none", "engine": "exact", "horizon": 0.2}
+    keys |= {"tail": 0.1, "output_step": 0.1, "metrics": [f"{__name__}:{name}" for name in ("ROOT", "NEVER")]}
+    results = jaxnet.simulate(keys, 6, progress=False)
+    ok = results.lanes["status"] == "ok"
+    assert {*results.lanes["status"]} == {"ok", "unmeasured"}
+    assert results.lanes.loc[ok, "root"].gt(0).all()
+    assert np.isinf(results.lanes.loc[ok, "never"]).all()
+    assert results.lanes.loc[~ok, ["root", "never", "tail_mean"]].isna().all(axis=None)
+    assert np.isinf(results.cells[["never_mean", "never_median", "never_max"]]).all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("undefined", "told"), [("error", [1, 0, 0]), ("infinite", [1, 1, 0]), ("blank", [1, 0, 1])]
+)
+def test_what_a_metric_may_be_it_declares(undefined, told):
+    """A number, infinite or none; a metric that declares nothing is a number."""
+    metric = Metric("any", "", never, undefined=undefined)
+    assert measured([metric], {"any": jnp.array([2.0, jnp.inf, jnp.nan])}).tolist() == told
+
+
+def test_a_quantile_of_infinite_values_is_one_of_them():
+    """No number is between the last finite one and infinity."""
+    found = metric_statistics(np.array([1.0, 2.0, np.inf]), UNBOUNDED)
+    assert (found["median"], found["q95"], found["mean"]) == (2.0, np.inf, np.inf)
 
 
 def test_the_column_of_an_integral_has_seconds_in_its_unit():
