@@ -41,7 +41,6 @@ from jaxnet.store.layout import Shard
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
-READERS = 16  # files looked over at a time
 CHOSEN_STORE = "trajectories.zarr"
 
 
@@ -172,7 +171,7 @@ class Run:
 
     def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
         """Simulate and store the missing lanes of these shards; return the number of incomplete shards."""
-        with ThreadPoolExecutor(READERS) as pool:
+        with ThreadPoolExecutor(rows.READERS) as pool:
             found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
         todo = [shard for shard in missing if shard is not None]

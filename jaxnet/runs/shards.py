@@ -193,6 +193,9 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
         if table.column_names != rows.column_names(shard.cell, work.isolation):
             raise TornError("has other columns")
         table = table.slice(0, work.rows_of(shard))
+        there = range(work.first(shard), work.first(shard) + table.num_rows)
+        if wrong := rows.wrong_rows(table, shard.cell.number, there):
+            raise TornError(wrong)
         if not has_arrays(work, shard, table, stamp):
             return None
     except FileNotFoundError:

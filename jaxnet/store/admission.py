@@ -9,6 +9,8 @@ from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
 from jaxnet.store import rows
 from jaxnet.store.folder import (
+    DERIVED_FROM,
+    MANIFEST,
     OURS,
     Folder,
     FolderError,
@@ -21,9 +23,7 @@ from jaxnet.store.folder import (
 )
 from jaxnet.version import __version__
 
-MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 ANOTHER_FOLDER = "give another folder with --out, or replace its results with --fresh"
-DERIVED_FROM = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
 LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 

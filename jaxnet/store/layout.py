@@ -118,8 +118,14 @@ def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[
 
 def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
     """Return the shard of a number; a shard beyond the samples of its cell has none."""
-    block, cell = divmod(number, len(cells))
-    return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples[cell])))
+    cell, held = samples_of_shard(samples, size, number)
+    return Shard(number, cells[cell], held)
+
+
+def samples_of_shard(samples: Sequence[int], size: int, number: int) -> tuple[int, range]:
+    """Return the number of a shard's cell, and its samples; `samples` are the numbers of the cells."""
+    block, cell = divmod(number, len(samples))
+    return cell, range(block * size, min((block + 1) * size, samples[cell]))
 
 
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:

@@ -16,7 +16,7 @@ from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
 from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules, refuse_edited
-from jaxnet.store.folder import Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest, samples_of_cells
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError
 
@@ -460,11 +460,16 @@ def open_folder(
     if config is not None and not config.exists():
         raise FolderError(f"{config}: there is no such config")
     folder = Folder(path)
-    rows_there = any(folder.path.glob("lanes/*.parquet"))
-    if not folder.manifest and not rows_there:
+    folder.refuse_strange()
+    manifest, rows_there = folder.manifest, any(folder.path.glob("lanes/*.parquet"))
+    if not manifest and not rows_there:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    if manifest and (lacking := MANIFEST - {*manifest}):
+        raise FolderError(f"{path}/manifest.json: not a manifest of ours: it has no {min(lacking)}")
+    if manifest.get("finished"):
+        rows.refuse_lost(folder, manifest)
     found = Results(folder.path, None, trust, config)
-    if not folder.manifest or not (rows_there or found.analyses):
+    if not manifest or not (rows_there or found.analyses):
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )

@@ -6,7 +6,7 @@ from typing import cast
 
 from upath import UPath
 
-from jaxnet.store.admission import MANIFEST
+from jaxnet.store.folder import MANIFEST
 from jaxnet.store.folder import Folder, FolderError, Manifest
 
 
