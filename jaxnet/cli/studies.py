@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jaxnet.config import cells, schema, starter
     from jaxnet.explore import sensitivity
     from jaxnet.store import folder
-    from jaxnet.store import results as stored
+    from jaxnet.store import tables as stored
     from jaxnet.view.text import analyses, progress, tables, worst
     from jaxnet.view.text import check as checks
     from jaxnet.view.text import sensitivity as indices
@@ -31,7 +31,7 @@ else:
     schema = LazyModule("jaxnet.config.schema")
     sensitivity = LazyModule("jaxnet.explore.sensitivity")
     starter = LazyModule("jaxnet.config.starter")
-    stored = LazyModule("jaxnet.store.results")
+    stored = LazyModule("jaxnet.store.tables")
     tables = LazyModule("jaxnet.view.text.tables")
     worst = LazyModule("jaxnet.view.text.worst")
     writing = LazyModule("jaxnet.api.writing")

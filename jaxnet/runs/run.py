@@ -4,6 +4,7 @@ The executor simulates the shards, in this process (`shards`) or in others (`clu
 need the rows of one cell in memory at a time.
 """
 
+import functools
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,6 +39,7 @@ from jaxnet.store.folder import (
     versions,
 )
 from jaxnet.store.layout import Shard
+from jaxnet.store.tables import write_table
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
@@ -219,7 +221,7 @@ class Run:
             if missing:
                 self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
-        self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
+        self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
             self.folder.remove(f"lanes/{taken.name}")

@@ -174,9 +174,7 @@ def reach(path: UPath) -> None:
         raise FolderError(f"{path}: {error}") from error
 
 
-def put_file(
-    root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]
-) -> None:
+def put_file(root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]) -> None:
     """Write a file under a temporary name, look, and rename it."""
     if not final.parent.resolve().is_relative_to(root.resolve()):
         raise FolderError(f"{final.parent} is a link out of {root}, and nothing is written through it")

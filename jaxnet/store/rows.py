@@ -157,7 +157,7 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
         if strange := strange_file(file.metadata, file.schema_arrow):
             raise TornError(f"not a row file of ours: {strange}")
         return file.read(columns)
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
+from jaxnet.store.tables import csv_text
 from jaxnet.view.columns import Column, as_frame, split_constant
 
 LATEX_ESCAPES = str.maketrans(
@@ -34,7 +35,7 @@ def columns_of(table: pd.DataFrame) -> list[Column]:
 
 def csv(columns: Sequence[Column]) -> str:
     """Return a table as CSV, with all digits."""
-    return as_frame(columns).to_csv(index=False)
+    return csv_text(as_frame(columns))
 
 
 def markdown(columns: Sequence[Column]) -> str:
