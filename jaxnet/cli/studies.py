@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 import jaxnet
+from jaxnet.cli.echo import echo
 from jaxnet.cli.errors import user_errors
 from jaxnet.lazy import LazyModule
 
@@ -115,7 +116,7 @@ def init(file: str, yes: bool, **given: str | int | None) -> None:
         content = starter.starter_config(file, answers)
         with Path(file).open("x", encoding="utf-8") as opened:
             opened.write(content)
-        click.echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
+        echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
 
 
 def on_terminal() -> bool:
@@ -182,14 +183,14 @@ def run_command(
         if shard is not None:
             part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
-            click.echo(tables.part_text(part), err=True)
+            echo(tables.part_text(part), err=True)
         else:
             results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
-            click.echo(tables.summary_text(results))
+            echo(tables.summary_text(results))
             done = tables.nothing_to_do_text if results.found_all else tables.written_text
             said = [done(results), tables.failures_text(results), tables.next_command(results)]
-            click.echo("\n".join(filter(None, said)), err=True)
+            echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -223,8 +224,8 @@ def search_command(
         results = jaxnet.run(study, out, fresh, True, *machines)
         with progress.report_steps() as told:
             files = [str(file) for file in writing.write_search(results, told, *machines)]
-        click.echo(worst.search_text(results))
-        click.echo("\n".join(f"wrote {file}" for file in files), err=True)
+        echo(worst.search_text(results))
+        echo("\n".join(f"wrote {file}" for file in files), err=True)
 
 
 @click.command()
@@ -233,7 +234,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate a config; print its cells and what is known of them before anything moves."""
     with user_errors():
         study = jaxnet.load(config, overrides)
-        click.echo(checks.check_text(study))
+        echo(checks.check_text(study))
 
 
 @click.command("sensitivity")
@@ -265,12 +266,12 @@ def sensitivity_command(
         metric = metric or cells.judged_metric(study.cells)
         if metric not in known:
             raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
-        click.echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
+        echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
         with progress.report_steps() as told:
             written = list(writing.write_sensitivity(study, samples, out, told))
-        click.echo(indices.indices_text(stored.read_table(written[0]), study, metric))
+        echo(indices.indices_text(stored.read_table(written[0]), study, metric))
         for path in written:
-            click.echo(f"wrote {path}", err=True)
+            echo(f"wrote {path}", err=True)
 
 
 @click.command("rare")
@@ -287,11 +288,11 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
         study = jaxnet.load(config, overrides)
         with progress.report_steps() as told:
             written = writing.write_rare(study, points, out, told)
-        click.echo(analyses.rare_text(stored.read_table(written)))
-        click.echo(f"wrote {written}", err=True)
+        echo(analyses.rare_text(stored.read_table(written)))
+        echo(f"wrote {written}", err=True)
 
 
 @click.command("schema")
 def schema_command() -> None:
     """Print the config's JSON schema, for editors."""
-    click.echo(schema.schema_text(), nl=False)
+    echo(schema.schema_text(), nl=False)

@@ -132,7 +132,10 @@ class CellSearch:
 
     def stamp(self) -> str:
         """Return a hash of everything that determines the search."""
-        identity = json.dumps([SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number])
+        counted = self.settings.maximise == "unrecovered"
+        over = [to_plain(self.study.recovery)] if counted and self.study.recovery else []
+        told = [SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number, *over]
+        identity = json.dumps(told)
         return hashlib.sha256(identity.encode()).hexdigest()
 
     def load(self) -> dict[str, np.ndarray]:

@@ -27,6 +27,7 @@ from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
+from jaxnet.store.admission import changed_settings
 from jaxnet.store.folder import (
     DERIVED,
     Folder,
@@ -36,6 +37,7 @@ from jaxnet.store.folder import (
     digest,
     modules_of,
     samples_of_cells,
+    settings_of,
     versions,
 )
 from jaxnet.store.layout import Shard
@@ -43,6 +45,7 @@ from jaxnet.store.tables import write_table
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
+SEARCHED = ("search.csv", "worst.csv", "worst.yaml", "worst")  # jaxnet search goes on from search/
 CHOSEN_STORE = "trajectories.zarr"
 
 
@@ -78,6 +81,7 @@ class Run:
         looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
         tally = self.tally(sum(ahead[-1] for ahead in looks))
         self.folder.remove_torn()
+        self.clear_settings()
         self.folder.write_study(self.study)
         simulated, samples = 0, [0] * len(self.cells)
         while any(looks):
@@ -136,6 +140,7 @@ class Run:
             "cell_samples": list(samples) if min(samples) < max(samples) else None,
             "shard_size": self.size,
             "save": to_plain(self.study.save),
+            "settings": settings_of(self.study),
         }
 
     def begin(self, samples: Sequence[int]) -> None:
@@ -199,13 +204,21 @@ class Run:
         tally.record(found)
         self.progress(tally)
 
-    def clear_derived(self) -> None:
-        """Remove the files that were made of the earlier rows, with a warning."""
-        if taken := [name for name in DERIVED if (self.folder.path / name).exists()]:
+    def clear_settings(self) -> None:
+        """Remove what was made with other settings than the study's."""
+        if not (changed := changed_settings(self.before, self.study)):
+            return
+        counted = self.study.search is not None and self.study.search.maximise == "unrecovered"
+        searched = "search" in changed or ("recovery" in changed and counted)
+        told = f"made with another {' and '.join(changed)}"
+        self.clear_derived(told, (*DERIVED, *(SEARCHED if searched else ())))
+
+    def clear_derived(self, told: str = "made of the rows before", names: Sequence[str] = DERIVED) -> None:
+        """Remove `cells.csv`, and with a warning these files, which are no longer those of the study."""
+        if taken := [name for name in names if (self.folder.path / name).exists()]:
+            again = "jaxnet report makes it again"
             warnings.warn(
-                f"{self.folder.path}: removing what was made of the rows before: {', '.join(taken)}"
-                " (jaxnet report makes it again)",
-                stacklevel=2,
+                f"{self.folder.path}: removing what was {told}: {', '.join(taken)} ({again})", stacklevel=2
             )
         self.folder.clear((*taken, "cells.csv"))
 

@@ -31,6 +31,7 @@ from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__
 
 UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")  # keys that change no row
+EVALUATED = ("name", "recovery", "search", "labels")  # those of them that tables, figures and pages show
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
 OURS = (
     "study.yaml",
@@ -79,6 +80,7 @@ class Manifest(TypedDict):
     cell_samples: list[int] | None  # of each cell where these numbers differ, else None
     shard_size: int  # samples of a whole shard
     save: dict[str, object]
+    settings: dict[str, object]  # with which tables, figures and pages are made
     finished: bool
     lanes: LaneCounts
     wall_seconds: float
@@ -114,6 +116,12 @@ def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None 
         kept["modules"] = modules
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def settings_of(config: Config) -> dict[str, object]:
+    """Return the keys that change no row, but tables, figures and pages, as JSON data."""
+    data = to_plain(config)
+    return json.loads(json.dumps({key: data[key] for key in EVALUATED}))
 
 
 def modules_of(config: Config) -> dict[str, Provenance]:
@@ -204,13 +212,14 @@ ENTRIES: dict[str, Any] = {  # of a manifest, and their types
     "samples": int,
     "shard_size": int,
     "save": dict,
+    "settings": dict,
     "finished": bool,
     "lanes": {"total": int, "ok": int, "failed": int},
     "wall_seconds": float,
 }
 MOST = {"seed": 2**64, "chunk": 2**32, "samples": 2**32, "cells": 10**6, "shard_size": 2**20}
 MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
-OF_A_RUN = {*ENTRIES} - {"kinds", "modules", "chunk"}  # what that of a finished run has
+OF_A_RUN = {*ENTRIES} - {"kinds", "modules", "chunk", "settings"}  # what that of a finished run has
 
 
 def wrong_entries(found: object) -> Iterator[str]:
@@ -304,7 +313,7 @@ class Folder:
         self.look()
         try:
             if isinstance(final, Path):
-                put_file(self.path, final, write, self.look)
+                put_file(Path(str(self.path)), final, write, self.look)
             else:
                 content = io.BytesIO()
                 write(content)

@@ -10,6 +10,7 @@ import os
 import stat
 from collections.abc import Container, Iterator
 from pathlib import Path
+from typing import Any
 
 from upath import UPath
 
@@ -32,7 +33,7 @@ class FolderError(ValueError):
 
 
 def refuse_strange(root: UPath, names: Container[str]) -> None:
-    """Raise FolderError for a link, a pipe or a device that has one of these names, or is in such a folder."""
+    """Raise FolderError for a link, pipe or device that has one of these names, or is in such a folder."""
     if not isinstance(root, Path) or not root.is_dir():
         return
     ahead = [entry for entry in os.scandir(root) if entry.name in names]
@@ -61,7 +62,8 @@ def read_bytes(file: UPath, most: int = MOST_TEXT) -> bytes:
             refuse_irregular(file)
         if (size := file.stat().st_size) > most:
             raise FolderError(f"{file} has {size:,} bytes, and {most:,} at most are due")
-        return file.fs.cat_file(file.path)
+        content: Any = file.fs.cat_file(file.path)
+        return content
 
 
 @contextlib.contextmanager

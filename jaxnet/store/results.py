@@ -17,7 +17,7 @@ from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
 from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import admit_made, changed_modules, refuse_edited
+from jaxnet.store.admission import admit_made, changed_modules, changed_settings, refuse_edited
 from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest, samples_of_cells
 from jaxnet.store.layout import Shard
 from jaxnet.store.looking import Looking, MissingKindError
@@ -35,7 +35,7 @@ COLUMNS = {  # that a reader of a table needs
     "violations.csv": "cell sample bound tail_max limit command",
     "search.csv": "cell generation phase lanes best generation_best generation_median failed",
     "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear lanes",
-    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high samples",
+    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high threshold",
     "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
 }
 TEXTS = {"metric", "model", "parameter", "bound", "vehicle", "command", "attacked", "phase", "quantity"}
@@ -78,6 +78,11 @@ class Results:
         )
         if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
             refuse_edited(Folder(self.path), study.config)
+        if changed := changed_settings(self.manifest, study.config):
+            raise FolderError(
+                f"{self.path}/study.yaml has another {changed[0]} than the tables beside it were made with:"
+                " jaxnet run makes them again"
+            )
         for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.place} were made", stacklevel=2)
         return study
@@ -284,7 +289,7 @@ class Results:
         strange = [each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])]
         if len(found) and strange:
             raise FolderError(f"{file} is not a table of ours ({strange[0]} holds text)")
-        numbers = found.get("cell", pd.Series(range(len(found) if name == "cells.csv" else 0)))
+        numbers = found["cell"] if "cell" in needed else range(cells)
         if not set(numbers) <= set(range(cells)) or (name == "cells.csv" and len(found) != cells):
             raise FolderError(f"{file} is not a table of ours (the study has {cells} cells)")
         return found
@@ -524,5 +529,5 @@ def written_into(results: Results, out: str | Path | UPath) -> Results:
     Raises FolderError if the folder holds files made of other rows.
     """
     made = Folder(out)
-    admit_made(made, results.manifest)
+    admit_made(made, results.manifest, results.study.config)
     return Results(results.path, made, results.trust, results.config)

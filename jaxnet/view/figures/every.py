@@ -61,6 +61,7 @@ def styled(draw: Drawing) -> Drawing:
             made = draw(self, *given, **named)
         if not note:
             multiples.drop_note(made)
+        multiples.show_unparsed(made)
         made.style = self.style
         return made
 
