@@ -52,12 +52,12 @@ def refuse_irregular(file: Path) -> None:
         raise FolderError(f"{file} is {KINDS.get(kind, 'a device')}, and only files and folders count here")
 
 
-def read_bytes(file: UPath, most: int = MOST_TEXT) -> bytes:
+def read_bytes(file: UPath, most: int = MOST_TEXT, fault: str = "cannot be read") -> bytes:
     """Read a file at once, since another process may replace it.
 
     Raises FileNotFoundError, or FolderError for a file that is irregular or has more than `most` bytes.
     """
-    with reading(file):
+    with reading(file, fault):
         if isinstance(file, Path):
             refuse_irregular(file)
         if (size := file.stat().st_size) > most:

@@ -70,15 +70,23 @@ DIMENSIONS = {  # unit and meaning of the labels along each dimension
 }
 
 
-def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
-    """Return the labels along each dimension."""
+def sizes(cells: Sequence[Cell]) -> dict[str, int]:
+    """Return the sizes of the dimensions that have one size in all stores of a study."""
     scenario = cells[0].scenario
     outputs = round(scenario.horizon / scenario.output_step)
+    states, inputs = len(scenario.vehicle.states), len(scenario.vehicle.inputs)
+    found = {"cell": len(cells), "time": outputs + 1, "vehicle": scenario.vehicles, "axis": 2}
+    return found | {"state": states, "input": inputs}
+
+
+def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
+    """Return the labels along each dimension."""
+    scenario, known = cells[0].scenario, sizes(cells)
     return {
-        "cell": np.arange(len(cells)),
+        "cell": np.arange(known["cell"]),
         "sample": np.arange(samples),
-        "time": np.arange(outputs + 1) * scenario.output_step,
-        "vehicle": np.arange(1, scenario.vehicles + 1),
+        "time": np.arange(known["time"]) * scenario.output_step,
+        "vehicle": np.arange(1, known["vehicle"] + 1),
         "slot": np.arange(slots_of(cells)),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),

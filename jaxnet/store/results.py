@@ -20,7 +20,7 @@ from jaxnet.store import arrays, layout, rows
 from jaxnet.store.admission import admit_made, changed_modules, changed_settings, refuse_edited
 from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest, samples_of_cells
 from jaxnet.store.layout import Shard
-from jaxnet.store.looking import Looking, MissingKindError
+from jaxnet.store.looking import Looking, MissingKindError, known_or
 from jaxnet.store.tables import read_table
 
 if TYPE_CHECKING:
@@ -433,8 +433,9 @@ class Results:
         """
         if not (self.path / name).exists():
             raise FolderError(f"{self.place} has no {name}: run it with {remedy}")
-        filled = name in layout.filled_stores(self.study.cells, self.study.config.save)
-        if not (filled and self.manifest["finished"]):
+        save = self.study.config.save
+        filled = {"errors.zarr": save.errors, "vehicles.zarr": save.vehicles}
+        if not (filled.get(name, save.trajectories == "all") and self.manifest["finished"]):
             return arrays_at(self.path / name, self.sizes)
         size, samples = self.manifest["shard_size"], self.samples
         sizes = self.sizes | {"sample": max(samples)}
@@ -443,8 +444,7 @@ class Results:
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Sizes of the dimensions of arrays that are equal in all stores."""
-        coords = layout.coordinates(self.study.cells, 0)
-        return {dim: len(coords[dim]) for dim in coords if dim not in ("sample", "slot")}
+        return known_or({}, lambda: layout.sizes(self.study.cells))
 
 
 class Part(NamedTuple):

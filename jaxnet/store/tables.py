@@ -7,7 +7,7 @@ before it, and read without it. A number is no text.
 import io
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
@@ -25,7 +25,7 @@ def csv_text(table: pd.DataFrame) -> str:
     return changed_text(table, guard_text).to_csv(index=False)
 
 
-def write_table(table: pd.DataFrame, file: BinaryIO) -> None:
+def write_table(table: pd.DataFrame, file: IO[bytes] | io.BytesIO) -> None:
     """Write a table into a binary file as CSV."""
     changed_text(table, guard_text).to_csv(file, index=False)
 
@@ -39,7 +39,7 @@ def read_table(
     Raises FolderError for a file that is no table.
     """
     fault = "is not a table of ours"
-    content = gate.read_bytes(path, gate.MOST_TEXT + ROW_TEXT * lanes)
+    content = gate.read_bytes(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
     with gate.reading(path, fault):
         found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
     if missing := [name for name in needed if name not in found]:
