@@ -210,6 +210,12 @@ def test_a_chunk_is_what_its_store_promises(content, folder):
         ("study.yaml", "tau: 0.25", "tau: 0.5", "study.yaml has another recovery than the tables beside it"),
         ("manifest.json", '"jaxnet": "', '"jaxnot": "', "not a manifest of ours: versions is"),
         ("manifest.json", '"wall_seconds"', '"wall"', "not a manifest of ours: it has no wall_seconds"),
+        (
+            "manifest.json",
+            '"samples": 4',
+            '"samples": 2147483648',
+            "lanes/00002.parquet (cell 0, samples 4096 to",
+        ),
         ("manifest.json", '"cells": 2', '"cells": 1', "its manifest tells of 1 cells, and its study has 2"),
         ("manifest.json", "{", "\x00{", "manifest.json is not a manifest ("),
     ],

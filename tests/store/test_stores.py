@@ -345,7 +345,9 @@ def test_rows_of_another_study_that_arrive_late_are_not_counted(url, study):
     other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), f"{url}-other")
     late = "lanes/00001.parquet"
     (results.path / late).write_bytes((other.path / late).read_bytes())
-    with pytest.raises(FolderError, match=r"00001\.parquet \(cell 1, .*\) holds lanes of another study; jaxnet run"):
+    with pytest.raises(
+        FolderError, match=r"00001\.parquet \(cell 1, .*\) holds lanes of another study; jaxnet run"
+    ):
         _ = jaxnet.open(url).lanes
     with pytest.warns(UserWarning, match="another study or version"):
         jaxnet.run(study, url)
