@@ -1,4 +1,4 @@
-"""A finished folder that lost something, or that a stranger made: told in a line, and nothing outside changes."""
+"""A finished folder that lost something, or that a stranger made: told in a line; nothing outside changes."""
 
 import json
 import os

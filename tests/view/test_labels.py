@@ -80,7 +80,7 @@ def test_a_spreadsheet_computes_no_label(results):
     st.lists(st.text(st.sampled_from("=+-@'a1.e\t")) | st.sampled_from(["-1.5", "'=x", "''-"]), min_size=1)
 )
 def test_a_table_reads_back_as_it_was(texts):
-    """Text and titles, however many apostrophes they begin with; no text that is no number begins a formula."""
+    """Text and titles, however many apostrophes they begin with; text begins no formula."""
     texts = [f"{text}|" for text in texts]
     table = pd.DataFrame({"=title": texts, "number": -1.5})
     file = UPath("memory://labels/table.csv")
