@@ -142,7 +142,7 @@ def test_who_is_attacked_in_a_lane_is_marked_in_its_pictures(tmp_path):
         wanted = (np.flatnonzero(sets[:, each.sample]) + 1).tolist()
         shown = film_of_sample(results, each.sample)
         page = trajectories.lane_data(results, each, 5)
-        assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays()) == wanted
+        assert shown.liars == page["attacked"] == attacked_vehicles(cell, each.arrays(results)) == wanted
         said = [(i, j) for i, j, false in page["links"] if false]
         assert said == [(i + 1, int(j)) for i, j in shown.links.T[shown.attacked]]
         assert {j for _, j in said} == set(wanted)

@@ -343,7 +343,7 @@ def test_rows_unlike_ours_are_not_read(change, wrong, results):
     columns = {name: each for name, each in {**COLUMNS, **change}.items() if each is not None}
     pq.write_table(pa.table(columns), "lanes/00000.parquet")
     with pytest.raises(TornError, match=re.escape(wrong)):
-        read_rows(jaxnet.open(".").path / "lanes/00000.parquet")
+        read_rows(UPath("lanes/00000.parquet"))
     assert wrong in one_line("figure", ".", "tails")
 
 

@@ -25,7 +25,8 @@ from jaxnet.statistics.steps import no_progress
 from jaxnet.store import results as stored
 from jaxnet.store.admission import admit
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import Part, read_table, whole_number
+from jaxnet.store.results import Part, whole_number
+from jaxnet.store.tables import read_table
 from jaxnet.view.text import progress as reports
 
 if TYPE_CHECKING:

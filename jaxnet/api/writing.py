@@ -1,5 +1,6 @@
 """What the command line writes. A function yields the path of each file as soon as the file is whole."""
 
+import functools
 import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ from jaxnet.store.admission import claim
 from jaxnet.store.folder import Folder
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
+from jaxnet.store.tables import write_table
 from jaxnet.view.figures import SENSITIVITY, ULTIMATE
 
 if TYPE_CHECKING:
@@ -83,7 +85,7 @@ def write_comparison(found: "pairs.Comparison", out: AnyPath) -> Iterator[UPath]
     folder = Folder(out)
     pages = {"differences.csv": found.cells, "changed.csv": found.changed, "failed.csv": found.failed}
     for name, table in pages.items():
-        yield folder.put(name, lambda file, table=table: table.to_csv(file, index=False))
+        yield folder.put(name, functools.partial(write_table, table))
     yield folder.put("compare.html", lambda file: file.write(comparison.comparison_page(found).encode()))
 
 

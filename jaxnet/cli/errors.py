@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from jaxnet.cli.echo import echo
 from jaxnet.lazy import LazyModule
 from jaxnet.version import __version__
 
@@ -89,22 +90,22 @@ def user_errors() -> Iterator[None]:
     came: list[int] = []
     try:
         with interrupts() as came, warnings.catch_warnings(), blame.blaming():
-            warnings.showwarning = lambda message, *_: click.echo(f"warning: {message}", err=True)
+            warnings.showwarning = lambda message, *_: echo(f"warning: {message}", err=True)
             yield
     except KeyboardInterrupt:
         number = came[0] if came else signal.SIGINT
-        click.echo(f"{STOPPED[number]}; {cluster.KEPT}", err=True)
+        echo(f"{STOPPED[number]}; {cluster.KEPT}", err=True)
         sys.stdout.flush()
         os._exit(128 + number)  # not to wait for programs under way, whose lanes nobody will take
     except OSError as error:
         if error.errno not in DISK_FAULTS and not isinstance(error, folder.UnwrittenError | PermissionError):
             raise
-        click.echo("; ".join(filter(None, (str(error), remedy()))), err=True)
+        echo("; ".join(filter(None, (str(error), remedy()))), err=True)
         sys.exit(2)
     except (document.ConfigError, folder.FolderError, cluster.ClusterError, modules.KindError) as error:
-        click.echo(str(error), err=True)
+        echo(str(error), err=True)
         if isinstance(error, document.ConfigError) and len(error.problems) > 1:
-            click.echo(f"{len(error.problems)} errors", err=True)
+            echo(f"{len(error.problems)} errors", err=True)
         sys.exit(2)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 import jaxnet
+from jaxnet.cli.echo import echo
 from jaxnet.cli.errors import user_errors
 from jaxnet.cli.results import out_option, results_argument, takes_code
 from jaxnet.lazy import LazyModule
@@ -46,8 +47,8 @@ def replay_command(
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
         again = opened.replay(cell, sample, engine)
-        click.echo(tables.lane_text(opened, again.row))
-        click.echo(f"wrote {again.path}", err=True)
+        echo(tables.lane_text(opened, again.row))
+        echo(f"wrote {again.path}", err=True)
 
 
 @click.command()
@@ -65,4 +66,4 @@ def animate(results: str, cell: int, sample: int, out: str | None, trust: bool, 
         opened = jaxnet.open(results, trust=trust, config=config)
         with progress.report_steps() as told:
             path = writing.write_film(opened, cell, sample, out, told)
-        click.echo(f"wrote {path}", err=True)
+        echo(f"wrote {path}", err=True)

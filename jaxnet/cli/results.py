@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 import jaxnet
+from jaxnet.cli.echo import echo
 from jaxnet.cli.errors import user_errors
 from jaxnet.lazy import LazyModule
 from jaxnet.view.figures import COLUMN_WIDTHS, FIGURE_NAMES, HEAT
@@ -111,14 +112,14 @@ def show(
         if form == "text":
             most = None if whole or not sys.stdout.isatty() else width.MOST_ROWS
             table = tables.summary_text(opened, *chosen, most) if opened.has_run else ""
-            click.echo("\n\n".join(filter(None, [table, analyses.analyses_text(opened)])))
+            echo("\n\n".join(filter(None, [table, analyses.analyses_text(opened)])))
         elif opened.has_run:
             asked = tables.asked_columns(opened, *chosen)
             notes = [*tables.summary_notes(opened, asked), tables.setting_note(opened)]
-            click.echo(formats.in_format(summary.pivoted(asked, pivot) if pivot else asked, form, notes))
+            echo(formats.in_format(summary.pivoted(asked, pivot) if pivot else asked, form, notes))
         else:
             found = [getattr(opened, name) for name in opened.analyses]
-            click.echo("\n\n".join(formats.in_format(formats.columns_of(each), form) for each in found))
+            echo("\n\n".join(formats.in_format(formats.columns_of(each), form) for each in found))
 
 
 @click.command("list")
@@ -131,9 +132,9 @@ def list_results(folder: str) -> None:
     """
     with user_errors():
         if lines := folders.folders_text(folder):
-            click.echo(lines)
+            echo(lines)
         else:
-            click.echo(f"no results in {folder}", err=True)
+            echo(f"no results in {folder}", err=True)
 
 
 @click.command()
@@ -149,8 +150,8 @@ def fit(results: str, out: str | None, trust: bool, config: Path | None) -> None
         opened = jaxnet.open(results, out, trust, config)
         with progress.report_steps() as told:
             for path in writing.write_fits(opened, told):
-                click.echo(f"wrote {path}", err=True)
-        click.echo(slopes.fit_text(opened))
+                echo(f"wrote {path}", err=True)
+        echo(slopes.fit_text(opened))
 
 
 @click.command()
@@ -174,7 +175,7 @@ def report(
         opened = jaxnet.open(results, out, trust, config)
         with progress.report_steps() as told:
             for path in writing.write_report(opened, told, not no_replay):
-                click.echo(f"wrote {path}", err=True)
+                echo(f"wrote {path}", err=True)
         if shown:
             show_page(opened.folder.path / "report.html")
 
@@ -182,7 +183,7 @@ def report(
 def show_page(page: "UPath") -> None:
     """Open a page in the browser, or print that there is no browser."""
     if not webbrowser.open(page.absolute().as_uri()):
-        click.echo(f"no browser opens {page}", err=True)
+        echo(f"no browser opens {page}", err=True)
 
 
 @click.command("figure")
@@ -244,7 +245,7 @@ def figure_command(
     with user_errors():
         opened = jaxnet.open(results, out, trust, config)
         for path in writing.write_figure(opened, name, wanted(where), column, chosen, plain, not no_note):
-            click.echo(f"wrote {path}", err=True)
+            echo(f"wrote {path}", err=True)
 
 
 def wanted(words: tuple[str, ...]) -> dict[str, list[str]]:
@@ -273,11 +274,11 @@ def compare_command(a: str, b: str, form: str, out: str | None) -> None:
     with user_errors():
         found = jaxnet.compare(a, b)
         for path in writing.write_comparison(found, out or neighbour_of(b, f"{Path(a).name}-{Path(b).name}")):
-            click.echo(f"wrote {path}", err=True)
+            echo(f"wrote {path}", err=True)
         if form == "text":
-            click.echo(comparison.comparison_text(found))
+            echo(comparison.comparison_text(found))
         else:
-            click.echo(formats.in_format(formats.columns_of(comparison.comparison_rows(found)), form))
+            echo(formats.in_format(formats.columns_of(comparison.comparison_rows(found)), form))
 
 
 def neighbour_of(folder: str, name: str) -> "UPath":
@@ -310,4 +311,4 @@ def export(results: str, mat: str | None, csv: str | None) -> None:
     with user_errors():
         opened = jaxnet.open(results)
         for form, out in chosen.items():
-            click.echo(f"wrote {opened.export(out or None, form)}", err=True)
+            echo(f"wrote {opened.export(out or None, form)}", err=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 import jaxnet
+from jaxnet.cli.echo import echo
 from jaxnet.cli.errors import user_errors
 from jaxnet.lazy import LazyModule
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from jaxnet.explore import sensitivity
     from jaxnet.runs import shards
     from jaxnet.store import folder
-    from jaxnet.store import results as stored
+    from jaxnet.store import tables as stored
     from jaxnet.view.text import analyses, progress, tables, worst
     from jaxnet.view.text import check as checks
     from jaxnet.view.text import sensitivity as indices
@@ -35,7 +36,7 @@ else:
     sensitivity = LazyModule("jaxnet.explore.sensitivity")
     shards = LazyModule("jaxnet.runs.shards")
     starter = LazyModule("jaxnet.config.starter")
-    stored = LazyModule("jaxnet.store.results")
+    stored = LazyModule("jaxnet.store.tables")
     tables = LazyModule("jaxnet.view.text.tables")
     worst = LazyModule("jaxnet.view.text.worst")
     writing = LazyModule("jaxnet.api.writing")
@@ -119,7 +120,7 @@ def init(file: str, yes: bool, **given: str | int | None) -> None:
         content = starter.starter_config(file, answers)
         with Path(file).open("x", encoding="utf-8") as opened:
             opened.write(content)
-        click.echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
+        echo(f"wrote {file}\nnext: jaxnet check {file}", err=True)
 
 
 def on_terminal() -> bool:
@@ -186,14 +187,14 @@ def run_command(
         if shard is not None:
             part = jaxnet.run_part(study, *shard, out, True, devices, chunk)
             failed = part.failed
-            click.echo(tables.part_text(part), err=True)
+            echo(tables.part_text(part), err=True)
         else:
             results = jaxnet.run(study, out, fresh, True, devices, chunk, workers, cluster)
             failed = results.manifest["lanes"]["failed"]
-            click.echo(tables.summary_text(results))
+            echo(tables.summary_text(results))
             done = tables.nothing_to_do_text if results.found_all else tables.written_text
             said = [done(results), tables.failures_text(results), tables.next_command(results)]
-            click.echo("\n".join(filter(None, said)), err=True)
+            echo("\n".join(filter(None, said)), err=True)
     if failed and strict:
         sys.exit(FAILED_LANES)
 
@@ -227,8 +228,8 @@ def search_command(
         results = jaxnet.run(study, out, fresh, True, *machines)
         with progress.report_steps() as told:
             files = [str(file) for file in writing.write_search(results, told, *machines)]
-        click.echo(worst.search_text(results))
-        click.echo("\n".join(f"wrote {file}" for file in files), err=True)
+        echo(worst.search_text(results))
+        echo("\n".join(f"wrote {file}" for file in files), err=True)
 
 
 @click.command()
@@ -239,7 +240,7 @@ def check(config: Path, overrides: tuple[str, ...]) -> None:
         study = jaxnet.load(config, overrides)
         if study.config.scope.known:
             shards.try_kinds(study.config, study.cells, batch.EVERYTHING)
-        click.echo(checks.check_text(study))
+        echo(checks.check_text(study))
 
 
 @click.command("sensitivity")
@@ -271,12 +272,12 @@ def sensitivity_command(
         metric = metric or cells.judged_metric(study.cells)
         if metric not in known:
             raise click.BadParameter(f"one of {', '.join(known)} (got {metric})", param_hint="--metric")
-        click.echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
+        echo(indices.plan_text(sensitivity.lanes_needed(study, samples), samples), err=True)
         with progress.report_steps() as told:
             written = list(writing.write_sensitivity(study, samples, out, told))
-        click.echo(indices.indices_text(stored.read_table(written[0]), study, metric))
+        echo(indices.indices_text(stored.read_table(written[0]), study, metric))
         for path in written:
-            click.echo(f"wrote {path}", err=True)
+            echo(f"wrote {path}", err=True)
 
 
 @click.command("rare")
@@ -293,11 +294,11 @@ def rare_command(config: Path, overrides: tuple[str, ...], points: int, out: str
         study = jaxnet.load(config, overrides)
         with progress.report_steps() as told:
             written = writing.write_rare(study, points, out, told)
-        click.echo(analyses.rare_text(stored.read_table(written)))
-        click.echo(f"wrote {written}", err=True)
+        echo(analyses.rare_text(stored.read_table(written)))
+        echo(f"wrote {written}", err=True)
 
 
 @click.command("schema")
 def schema_command() -> None:
     """Print the config's JSON schema, for editors."""
-    click.echo(schema.schema_text(), nl=False)
+    echo(schema.schema_text(), nl=False)

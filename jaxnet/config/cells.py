@@ -23,6 +23,7 @@ from jaxnet.config.document import (
     PlainMapping,
     Problem,
     dotted_key,
+    escape_controls,
     set_value,
     split_key,
 )
@@ -100,7 +101,7 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
     known = KnownKeys(document.data, values)
     wrong = list(refuse_sweep(settled, values, known))
     problems += [Problem(document.place(("sweep", key)), f"sweep.{key}", m) for key, m in wrong]
-    names = {} if settled is None else settled.labels
+    names = {} if settled is None else {k: escape_controls(each) for k, each in settled.labels.items()}
     problems += [
         Problem(document.place(("labels", key)), f"labels.{key}", "unknown key")
         for key in names
@@ -385,11 +386,11 @@ def value_labels(key: str, listed: list[Plain]) -> list[Plain]:
         if all(isinstance(value, int | float) for value in listed):
             fits = all(isinstance(value, float) or -(2**63) <= value < 2**63 for value in listed)
             return listed if fits else list(map(float, listed))  # integers in columns have 64 bits
-        return [own_label(value) or wording.value_text(value) for value in listed]
+        return [escape_controls(own_label(value) or wording.value_text(value)) for value in listed]
     family = INNER_KINDS.get(key, key)
     kinds = [full_kind(family, with_kind(family, value)) for value in listed]
     telling = telling_keys(kinds)
-    return [kind_label(kind, telling) for kind in kinds]
+    return [escape_controls(kind_label(kind, telling)) for kind in kinds]
 
 
 def own_label(value: Plain) -> str:

@@ -24,8 +24,15 @@ PlainMapping = Mapping[Any, Any]
 Spot = tuple[str, ...]  # keys as text, because pydantic reports a key 1.5 as text
 
 LONGEST_PART = 2000  # characters of each part of a problem's line
-CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")  # also of direction
 NO_CHARACTERS = re.compile("[\x00\ud800-\udfff]")  # characters that no file name and no UTF-8 text contains
+
+
+def escape_controls(text: str, but: str = "") -> str:
+    """Return text whose control characters, but for some, are escape sequences that a reader sees."""
+    return CONTROLS.sub(
+        lambda found: found[0] if found[0] in but else found[0].encode("unicode_escape").decode(), text
+    )
 
 
 class Problem(NamedTuple):
@@ -40,7 +47,7 @@ class Problem(NamedTuple):
         line = ": ".join(
             part if len(part) <= LONGEST_PART else part[:LONGEST_PART] + "…" for part in self if part
         )
-        return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), line)
+        return escape_controls(line)
 
 
 class ConfigError(ValueError):

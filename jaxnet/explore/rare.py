@@ -1,5 +1,6 @@
 """Probability of rare failures of the defence, by subset simulation: `rare.csv`, one row per cell."""
 
+import functools
 import math
 from typing import Any
 
@@ -18,7 +19,8 @@ from jaxnet.lanes.uniforms import Keyed
 from jaxnet.statistics.recovery import same_thresholds, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import read_table
+from jaxnet.store.results import COLUMNS
+from jaxnet.store.tables import read_table, write_table
 
 RARE_FILE = "rare.csv"
 REPEATS = 10  # independent runs of subset simulation
@@ -40,7 +42,7 @@ def count_rare(
         if cell.number not in known and threshold(cell, study.config.recovery) > 0:
             rows.append({"cell": cell.number, **cell.labels, **rare_row(study, cell, points, machine)})
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(RARE_FILE, lambda file, table=table: table.to_csv(file, index=False))
+            folder.put(RARE_FILE, functools.partial(write_table, table))
     return folder.path / RARE_FILE
 
 
@@ -48,7 +50,7 @@ def known_rare_rows(study: Study, folder: Folder, points: int) -> list[dict[str,
     """Return the stored rows with the same number of points and the same thresholds."""
     if not (folder.path / RARE_FILE).exists():
         return []
-    table: Any = read_table(folder.path / RARE_FILE)
+    table: Any = read_table(folder.path / RARE_FILE, needed=COLUMNS[RARE_FILE].split())
     return table[(table["points"] == points) & same_thresholds(study, table)].to_dict("records")
 
 

@@ -6,6 +6,7 @@ samples, and the first samples again with one quantity of the later samples at a
 for every value of `draws`.
 """
 
+import functools
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -26,7 +27,8 @@ from jaxnet.statistics.indices import sobol_indices
 from jaxnet.statistics.recovery import same_thresholds, threshold
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.results import read_table
+from jaxnet.store.results import COLUMNS
+from jaxnet.store.tables import read_table, write_table
 
 SENSITIVITY_FILE = "sensitivity.csv"
 FAILURES_NAMED = 5  # failed lanes of a cell in a warning
@@ -69,7 +71,7 @@ def write_indices(
             )
             rows += index_rows(cell, names, outcomes, threshold(cell, study.config.recovery))
             table = pd.DataFrame(rows).sort_values("cell", kind="stable")
-            folder.put(SENSITIVITY_FILE, lambda file, table=table: table.to_csv(file, index=False))
+            folder.put(SENSITIVITY_FILE, functools.partial(write_table, table))
     return folder.path / SENSITIVITY_FILE
 
 
@@ -77,7 +79,8 @@ def known_index_rows(study: Study, folder: Folder, samples: int) -> list[dict[st
     """Return the stored rows with the same number of samples and the same thresholds."""
     if not (folder.path / SENSITIVITY_FILE).exists():
         return []
-    table: Any = read_table(folder.path / SENSITIVITY_FILE)
+    needed = COLUMNS[SENSITIVITY_FILE].split()
+    table: Any = read_table(folder.path / SENSITIVITY_FILE, needed=needed)
     return table[(table["samples"] == samples) & same_thresholds(study, table)].to_dict("records")
 
 

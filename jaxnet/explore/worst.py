@@ -37,9 +37,10 @@ from jaxnet.runs.replay import with_engine
 from jaxnet.statistics import limits, recovery
 from jaxnet.statistics.reach import scenario_gain
 from jaxnet.statistics.steps import Steps
-from jaxnet.store import rows
+from jaxnet.store import gate, rows
 from jaxnet.store.folder import Folder, FolderError, digest, modules_of
 from jaxnet.store.results import Results
+from jaxnet.store.tables import write_table
 
 CHECKPOINT = 10.0  # [s] between checkpoints, at least
 WRITING = 0.05  # share of the time for checkpoints, at most
@@ -131,7 +132,10 @@ class CellSearch:
 
     def stamp(self) -> str:
         """Return a hash of everything that determines the search."""
-        identity = json.dumps([SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number])
+        counted = self.settings.maximise == "unrecovered"
+        over = [to_plain(self.study.recovery)] if counted and self.study.recovery else []
+        told = [SEARCH_VERSION, digest(self.study), to_plain(self.settings), self.cell.number, *over]
+        identity = json.dumps(told)
         return hashlib.sha256(identity.encode()).hexdigest()
 
     def load(self) -> dict[str, np.ndarray]:
@@ -143,7 +147,7 @@ class CellSearch:
         if not path.exists():
             return {}
         try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+            with np.load(io.BytesIO(gate.read_bytes(path)), allow_pickle=False) as stored:
                 return dict(stored) if str(stored["stamp"]) == self.stamp() else {}
         except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
             raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error
@@ -272,7 +276,7 @@ def search_each(
         yield folder.put(name, functools.partial(alone.write_config, choice, name))
         tables = {"search.csv": pd.DataFrame(generations), "worst.csv": worst_table(found, study.cells)}
         for name, table in tables.items():
-            folder.put(name, functools.partial(table.to_csv, index=False))
+            folder.put(name, functools.partial(write_table, table))
     yield from (results.path / name for name in ("search.csv", "worst.csv"))
 
 

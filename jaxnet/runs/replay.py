@@ -65,7 +65,7 @@ def trajectory_of(results: Results, cell: int, sample: int) -> tuple[xr.Dataset,
     lane = stored_trajectory(results, cell, sample)
     if lane is None:
         path, _ = replay(results, cell, sample)
-        lane = open_store(path).isel(lane=0)
+        lane = open_store(path, results.sizes).isel(lane=0)
     scenario = results.study.cells[cell].scenario
     one = job(scenario, source_of(results.study.config, scenario), [sample])
     sources, weights = one.network.hearing.sources, one.inputs.lane.weights[0]
@@ -76,7 +76,7 @@ def stored_trajectory(results: Results, cell: int, sample: int) -> xr.Dataset | 
     """Return a lane's trajectory by the study's own engine, from a replay or the study's store, or None."""
     path = results.file(store_of(results, cell, sample))
     if (path / "zarr.json").exists():
-        return open_store(path).isel(lane=0)
+        return open_store(path, results.sizes).isel(lane=0)
     if not (results.path / "trajectories.zarr").exists():
         return None
     data = results.trajectories

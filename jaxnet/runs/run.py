@@ -4,6 +4,7 @@ The executor simulates the shards, in this process (`shards`) or in others (`clu
 need the rows of one cell in memory at a time.
 """
 
+import functools
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from jaxnet.runs.shards import Assignment
 from jaxnet.runs.tally import Done, Tally
 from jaxnet.statistics import recovery, summary
 from jaxnet.store import arrays, lane_store, layout, rows
+from jaxnet.store.admission import changed_settings
 from jaxnet.store.folder import (
     DERIVED,
     Folder,
@@ -35,13 +37,15 @@ from jaxnet.store.folder import (
     digest,
     modules_of,
     samples_of_cells,
+    settings_of,
     versions,
 )
 from jaxnet.store.layout import Shard
+from jaxnet.store.tables import write_table
 
 ReportTally = Callable[[Tally], None]
 Executor = Callable[[Assignment, Sequence[Shard], Callable[[int], None]], Iterator[Done]]
-READERS = 16  # files looked over at a time
+SEARCHED = ("search.csv", "worst.csv", "worst.yaml", "worst")  # jaxnet search goes on from search/
 CHOSEN_STORE = "trajectories.zarr"
 
 
@@ -77,6 +81,7 @@ class Run:
         looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
         tally = self.tally(sum(ahead[-1] for ahead in looks))
         self.folder.remove_torn()
+        self.clear_settings()
         self.folder.write_study(self.study)
         simulated, samples = 0, [0] * len(self.cells)
         while any(looks):
@@ -135,6 +140,7 @@ class Run:
             "cell_samples": list(samples) if min(samples) < max(samples) else None,
             "shard_size": self.size,
             "save": to_plain(self.study.save),
+            "settings": settings_of(self.study),
         }
 
     def begin(self, samples: Sequence[int]) -> None:
@@ -172,7 +178,7 @@ class Run:
 
     def simulate(self, wanted: Sequence[Shard], work: Assignment, tally: Tally) -> int:
         """Simulate and store the missing lanes of these shards; return the number of incomplete shards."""
-        with ThreadPoolExecutor(READERS) as pool:
+        with ThreadPoolExecutor(rows.READERS) as pool:
             found = list(pool.map(lambda shard: shards.find_done(work, shard), wanted))
         missing = [work.missing(shard, done) for shard, done in zip(wanted, found, strict=True)]
         todo = [shard for shard in missing if shard is not None]
@@ -200,13 +206,21 @@ class Run:
         tally.record(found)
         self.progress(tally)
 
-    def clear_derived(self) -> None:
-        """Remove the files that were made of the earlier rows, with a warning."""
-        if taken := [name for name in DERIVED if (self.folder.path / name).exists()]:
+    def clear_settings(self) -> None:
+        """Remove what was made with other settings than the study's."""
+        if not (changed := changed_settings(self.before, self.study)):
+            return
+        counted = self.study.search is not None and self.study.search.maximise == "unrecovered"
+        searched = "search" in changed or ("recovery" in changed and counted)
+        told = f"made with another {' and '.join(changed)}"
+        self.clear_derived(told, (*DERIVED, *(SEARCHED if searched else ())))
+
+    def clear_derived(self, told: str = "made of the rows before", names: Sequence[str] = DERIVED) -> None:
+        """Remove `cells.csv`, and with a warning these files, which are no longer those of the study."""
+        if taken := [name for name in names if (self.folder.path / name).exists()]:
+            again = "jaxnet report makes it again"
             warnings.warn(
-                f"{self.folder.path}: removing what was made of the rows before: {', '.join(taken)}"
-                " (jaxnet report makes it again)",
-                stacklevel=2,
+                f"{self.folder.path}: removing what was {told}: {', '.join(taken)} ({again})", stacklevel=2
             )
         self.folder.clear((*taken, "cells.csv"))
 
@@ -222,7 +236,7 @@ class Run:
             if missing:
                 self.store_chosen(chosen)
         table = summary.summarise(self.folder, every, self.cells, self.study, samples)
-        self.folder.put("cells.csv", lambda file: table.to_csv(file, index=False))
+        self.folder.put("cells.csv", functools.partial(write_table, table))
         total, failed = (int(np.sum(table[name])) for name in ("lanes", "failed"))
         for taken in self.folder.path.glob("lanes/*.npz"):  # of parts that saved what is not asked for now
             self.folder.remove(f"lanes/{taken.name}")

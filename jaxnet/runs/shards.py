@@ -209,6 +209,9 @@ def find_done(work: Assignment, shard: Shard) -> Done | None:
             raise TornError("holds lanes of another study or version, or is parted otherwise")
         if table.column_names != rows.column_names(shard.cell, work.isolation):
             raise TornError("has other columns")
+        there = range(work.first(shard), work.first(shard) + min(table.num_rows, work.rows_of(shard)))
+        if wrong := rows.wrong_rows(table, shard.cell.number, there):
+            raise TornError(wrong)
         table = table.slice(0, work.rows_of(shard))
         if not has_arrays(work, shard, table, stamp):
             return None

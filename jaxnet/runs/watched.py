@@ -31,9 +31,9 @@ class Watched(NamedTuple):
     engine: str | None
     path: UPath
 
-    def arrays(self) -> xr.Dataset:
+    def arrays(self, of: Results) -> xr.Dataset:
         """Return states, the navigator's path, the attack and the kept weights over time."""
-        data = open_store(self.path)
+        data = open_store(self.path, of.sizes)
         if "lane" not in data.dims:
             return data.isel(cell=self.cell, sample=self.sample)
         mine = (data["cell"].values == self.cell) & (data["sample"].values == self.sample)
@@ -111,7 +111,7 @@ def stored_lanes(results: Results) -> Iterator[Watched]:
     path = results.path / "trajectories.zarr"
     if not path.exists():
         return
-    data = open_store(path)
+    data = open_store(path, results.sizes)
     cells, samples = (data[name].values.tolist() for name in ("cell", "sample"))
     chosen = "lane" in data.dims
     for cell, sample in zip(cells, samples, strict=True) if chosen else product(cells, samples):

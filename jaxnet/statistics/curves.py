@@ -18,6 +18,7 @@ from jaxnet.model.wording import orders_in_words
 from jaxnet.statistics.groups import Group, Label, attacked_groups, labels_without_magnitude
 from jaxnet.store import rows
 from jaxnet.store.results import Results
+from jaxnet.store.tables import read_table
 
 MOST_PANELS = 24  # of one figure
 LOG_FLOOR = 1e-9  # [m] smaller errors are rounding
@@ -168,9 +169,7 @@ def stored_table(results: Results, name: str) -> GroupTable:
     if not file.exists():
         empty = pd.DataFrame(columns=[*keys, *STORED_COLUMNS[name]])
         return GroupTable(empty.astype({key: CURVE_COLUMN_TYPES[key] for key in STORED_COLUMNS[name]}), keys)
-    with file.open("rb") as held:
-        rows = pd.read_csv(held, dtype=CURVE_COLUMN_TYPES, keep_default_na=False, na_values=[""])
-    return GroupTable(rows, keys)
+    return GroupTable(read_table(file, 0, [*keys, *STORED_COLUMNS[name]], CURVE_COLUMN_TYPES), keys)
 
 
 def canonical_value(value: object) -> str:

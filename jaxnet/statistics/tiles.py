@@ -16,7 +16,7 @@ from jaxnet.model.wording import count_between, counted
 from jaxnet.statistics.axes import Axes, choose_axes, numeric, ordered_values, panels_of
 from jaxnet.statistics.curves import SHARE_COLUMNS, cell_magnitudes, configured_magnitude, failed_kinds
 from jaxnet.statistics.groups import Label
-from jaxnet.statistics.recovery import confidence_told
+from jaxnet.statistics.recovery import confidence_told, share_definition
 from jaxnet.store.results import Results
 
 NO_CELL = -1
@@ -96,7 +96,8 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & found[metric].notna()]
     words = [f"{count_between(known['ok'].astype(int).tolist(), 'lane')} a tile"]
-    if metric == "unrecovered":
+    if metric == "unrecovered" and (asked := results.study.config.recovery) is not None:
+        words.insert(0, share_definition(asked, results.study.cells))
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         half = max((high - middle).max(), (middle - low).max())

@@ -1,5 +1,6 @@
 """Ultimate error against the attack's magnitude: tables of bounds, violations and fits."""
 
+import functools
 from collections.abc import Callable, Iterator
 
 import pandas as pd
@@ -12,6 +13,7 @@ from jaxnet.statistics.groups import attacked_groups
 from jaxnet.statistics.steps import Steps, no_progress
 from jaxnet.store.looking import known_or
 from jaxnet.store.results import Results
+from jaxnet.store.tables import write_table
 
 
 def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Iterator[UPath]:
@@ -31,7 +33,7 @@ def write_ultimate_error(results: Results, progress: Steps = no_progress) -> Ite
         frame = known_or(None, table)
         if frame is None:
             continue
-        yield results.folder.put(name, lambda file, frame=frame: frame.to_csv(file, index=False))
+        yield results.folder.put(name, functools.partial(write_table, frame))
 
 
 def has_fixed_magnitude(results: Results) -> bool:

@@ -7,8 +7,12 @@ from textwrap import shorten
 from jaxnet.config.cells import to_plain
 from jaxnet.config.document import Document
 from jaxnet.config.keys import Config
-from jaxnet.store import rows
+from jaxnet.store import gate, rows
 from jaxnet.store.folder import (
+    DERIVED,
+    DERIVED_FROM,
+    EVALUATED,
+    MANIFEST,
     OURS,
     Folder,
     FolderError,
@@ -16,14 +20,13 @@ from jaxnet.store.folder import (
     describe_kinds,
     digest,
     modules_of,
+    settings_of,
     unhashed,
     versions,
 )
 from jaxnet.version import __version__
 
-MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
 ANOTHER_FOLDER = "give another folder with --out, or replace its results with --fresh"
-DERIVED_FROM = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
 LANES = re.compile(r"\..*|\d{5,}\.(parquet|npz)")  # what may be in lanes/
 
 
@@ -46,7 +49,9 @@ def admit(folder: Folder, config: Config, fresh: bool = False) -> None:
 def claim(folder: Folder, config: Config) -> None:
     """Admit a study; mark an empty folder as this study's before any run."""
     admit(folder, config)
-    if not folder.manifest:
+    manifest = folder.manifest
+    if not manifest or (not manifest["samples"] and changed_settings(manifest, config)):
+        folder.clear(DERIVED)
         folder.write_study(config)
         folder.write_manifest(
             hash=digest(config),
@@ -54,32 +59,35 @@ def claim(folder: Folder, config: Config) -> None:
             kinds=describe_kinds(config),
             modules={name: made._asdict() for name, made in modules_of(config).items()},
             save=to_plain(config.save),
+            settings=settings_of(config),
             samples=0,
             finished=False,
         )
 
 
-def admit_made(folder: Folder, manifest: Manifest) -> None:
-    """Mark a folder as holding files made of the rows that a manifest describes.
+def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
+    """Mark a folder as holding files made of the rows that a manifest describes, with a config's settings.
 
-    Raises FolderError if the folder holds files made of other rows, or cannot be written.
+    Raises FolderError if the folder holds files made of other rows or settings, or cannot be written.
     """
+    folder.refuse_strange()
     entries = ("hash", "samples", "cell_samples")
-    rows_of = {entry: manifest[entry] for entry in entries if manifest.get(entry) is not None}
+    rows_of: dict[str, object] = {each: manifest[each] for each in entries if manifest.get(each) is not None}
     rows_of["jaxnet"] = manifest["versions"]["jaxnet"]
     file = folder.path / DERIVED_FROM
     if file.exists():
-        try:
-            same = json.loads(file.read_text()) == rows_of
-        except ValueError:
-            same = False
-        if not same:
+        with gate.reading(file, "does not tell of which rows it was made"):
+            made = dict(json.loads(gate.read_bytes(file)))
+        settings = made.pop("settings", settings_of(config))
+        if made != rows_of or settings != settings_of(config):
+            what = "rows" if made != rows_of else "settings"
             raise FolderError(
-                f"{folder.path} holds what was made of other rows: give another folder with --out"
+                f"{folder.path} holds what was made of other {what}: give another folder with --out"
             )
         return
     if taken := [name for name in OURS if (folder.path / name).exists()]:
         raise FolderError(f"{folder.path} holds {taken[0]} of something else: give another folder with --out")
+    rows_of["settings"] = settings_of(config)
     folder.put(DERIVED_FROM, lambda file: file.write((json.dumps(rows_of) + "\n").encode()))
 
 
@@ -148,6 +156,12 @@ def changed_modules(folder: Folder, config: Config) -> list[str]:
     """Return the names of the kinds' modules that have changed since the rows were made."""
     theirs, ours = folder.manifest.get("modules", {}), modules_of(config)
     return [name for name in theirs if name in ours and ours[name].sha256 != theirs[name]["sha256"]]
+
+
+def changed_settings(manifest: Manifest, config: Config) -> list[str]:
+    """Return the keys with which the tables of a folder were not made, as far as its manifest tells them."""
+    made, now = manifest.get("settings"), settings_of(config)
+    return [] if made is None else [key for key in EVALUATED if made.get(key) != now[key]]
 
 
 def flatten_keys(value: object, prefix: str = "") -> dict[str, object]:

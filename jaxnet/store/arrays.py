@@ -20,6 +20,7 @@ from jaxnet.config import naming
 from jaxnet.config.cells import Cell
 from jaxnet.config.scenario import sources_of
 from jaxnet.lazy import LazyModule
+from jaxnet.store import gate
 from jaxnet.store.foreign import refuse_foreign
 from jaxnet.store.layout import DIMENSIONS, CellLabel, Variable, cell_variables, coordinates
 
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
     import zarr.errors
     import zarr.storage
     from zarr.abc.store import Store
+
+    from jaxnet.store import chunks
 else:
+    chunks = LazyModule("jaxnet.store.chunks")
     xarray = LazyModule("xarray")
     zarr = LazyModule("zarr")
 
@@ -92,16 +96,26 @@ def open_for_writing(path: UPath, names: Sequence[str] = (), mark: str = IDENTIT
     return group if mark in group.attrs else None
 
 
-def open_store(path: UPath) -> "xarray.Dataset":
-    """Open the store at a path for reading. All its coordinates can select."""
-    refuse_foreign(path)
-    data = xarray.open_zarr(store_at(path), zarr_format=3)
-    labels = [str(name) for name in data.coords if name not in data.xindexes]
-    if "lane" in data.dims:
-        return data.set_xindex(labels, xarray.indexes.PandasMultiIndex)
-    for name in labels:
-        data = data.set_xindex(name)
-    return data
+def open_store(
+    path: UPath, sizes: Mapping[str, int] | None = None, due: "chunks.Due | None" = None
+) -> "xarray.Dataset":
+    """Open the store at a path for reading. All its coordinates can select.
+
+    `sizes` are those of dimensions, and `due` tells which chunks are in the store.
+    Raises FolderError for a store that is not ours, or where a chunk turns out to be corrupt.
+    """
+    promises = refuse_foreign(path, sizes)
+    with gate.reading(path):
+        store: Any = store_at(path)
+        store = zarr.storage.LocalStore(store) if isinstance(store, str) else store
+        store = chunks.GatedStore(store, str(path), promises, due)
+        data = xarray.open_zarr(store, zarr_format=3)
+        labels = [str(name) for name in data.coords if name not in data.xindexes]
+        if "lane" in data.dims:
+            return data.set_xindex(labels, xarray.indexes.PandasMultiIndex)
+        for name in labels:
+            data = data.set_xindex(name)
+        return data
 
 
 def store_at(path: UPath) -> "str | Store":

@@ -25,11 +25,13 @@ from jaxnet.config.cells import to_plain
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import Yaml12Dumper
 from jaxnet.outside.provenance import Provenance, provenance
-from jaxnet.store import lock
+from jaxnet.store import gate, lock
+from jaxnet.store.gate import FolderError
 from jaxnet.store.looking import describe_outside
 from jaxnet.version import __version__
 
 UNHASHED = ("name", "save", "samples", "recovery", "search", "labels")  # keys that change no row
+EVALUATED = ("name", "recovery", "search", "labels")  # those of them that tables, figures and pages show
 DERIVED = ("fit.csv", "bounds.csv", "violations.csv", "figures", "report.html")  # from rows, made when asked
 OURS = (
     "study.yaml",
@@ -49,6 +51,8 @@ OURS = (
     "worst.yaml",
     *DERIVED,
 )
+DERIVED_FROM = "made-of.json"  # in a folder beside the results: of which rows it holds what was made
+GATED = frozenset((*OURS, DERIVED_FROM, ".lock", "results.mat", "csv"))  # what jaxnet reads and writes
 ANSWER = 10  # [s] in which a store must answer at first; later it may take as many tries as it likes
 PACKAGES = ("jax", "jaxlib", "diffrax", "numpy")
 
@@ -76,23 +80,10 @@ class Manifest(TypedDict):
     cell_samples: list[int] | None  # of each cell where these numbers differ, else None
     shard_size: int  # samples of a whole shard
     save: dict[str, object]
+    settings: dict[str, object]  # with which tables, figures and pages are made
     finished: bool
     lanes: LaneCounts
     wall_seconds: float
-
-
-class FolderError(ValueError):
-    """A results folder that cannot be used for the request.
-
-    Examples
-    --------
-    >>> import jaxnet
-    >>> try:
-    ...     jaxnet.open("nowhere")
-    ... except jaxnet.FolderError as error:
-    ...     print(error)
-    nowhere is not a results folder: it has no manifest.json
-    """
 
 
 class UnwrittenError(OSError, FolderError):
@@ -125,6 +116,12 @@ def digest(config: Config, modules: Mapping[str, tuple[str, str | None]] | None 
         kept["modules"] = modules
     kept["sweep"] = list(kept["sweep"].items())  # its order numbers the cells
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
+def settings_of(config: Config) -> dict[str, object]:
+    """Return the keys that change no row, but tables, figures and pages, as JSON data."""
+    data = to_plain(config)
+    return json.loads(json.dumps({key: data[key] for key in EVALUATED}))
 
 
 def modules_of(config: Config) -> dict[str, Provenance]:
@@ -185,8 +182,10 @@ def reach(path: UPath) -> None:
         raise FolderError(f"{path}: {error}") from error
 
 
-def put_file(final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]) -> None:
+def put_file(root: Path, final: Path, write: Callable[[BinaryIO], object], look: Callable[[], None]) -> None:
     """Write a file under a temporary name, look, and rename it."""
+    if not final.parent.resolve().is_relative_to(root.resolve()):
+        raise FolderError(f"{final.parent} is a link out of {root}, and nothing is written through it")
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}")
     try:
@@ -204,19 +203,23 @@ def put_file(final: Path, write: Callable[[BinaryIO], object], look: Callable[[]
 ENTRIES: dict[str, Any] = {  # of a manifest, and their types
     "hash": str,
     "seed": int,
-    "versions": dict,
+    "versions": {"jaxnet": str},
     "kinds": dict,
     "modules": dict,
     "device": str,
+    "chunk": int,
     "cells": int,
     "samples": int,
     "shard_size": int,
     "save": dict,
+    "settings": dict,
     "finished": bool,
     "lanes": {"total": int, "ok": int, "failed": int},
     "wall_seconds": float,
 }
-MOST = {"samples": 2**32, "cells": 10**6, "shard_size": 2**32}
+MOST = {"seed": 2**64, "chunk": 2**32, "samples": 2**32, "cells": 10**6, "shard_size": 2**20}
+MANIFEST = {"versions", "hash", "save", "samples", "finished"}  # what every manifest has
+OF_A_RUN = {*ENTRIES} - {"kinds", "modules", "chunk", "settings"}  # what that of a finished run has
 
 
 def wrong_entries(found: object) -> Iterator[str]:
@@ -229,8 +232,11 @@ def wrong_entries(found: object) -> Iterator[str]:
         number = value if name in MOST else 0
         if value is not None and not (has_type(value, kind) and 0 <= number <= MOST.get(name, 0)):
             yield f"{name} is {json.dumps(value)[:60]}"
-    if found.get("shard_size") == 0:
-        yield "shard_size is 0"
+    for name in ("shard_size", "chunk"):
+        if found.get(name) == 0:
+            yield f"{name} is 0"
+    if found.get("finished") and (lacking := OF_A_RUN - {*found}):
+        yield f"it has no {min(lacking)}"
     if not are_samples(found.get("cell_samples"), found):
         yield f"cell_samples is {json.dumps(found['cell_samples'])[:60]}"
     for name, made in found.get("modules", {}).items():
@@ -281,14 +287,17 @@ class Folder:
         """Content of `manifest.json`; empty before a run."""
         file = self.path / "manifest.json"
         try:
-            found = json.loads(file.fs.cat_file(file.path))  # at once: it may be rewritten meanwhile
+            with gate.reading(file, "is not a manifest"):
+                found = json.loads(gate.read_bytes(file))
         except (FileNotFoundError, NotADirectoryError):
             return cast(Manifest, {})
-        except (ValueError, RecursionError) as error:
-            raise FolderError(f"{file}: not a manifest: {error}") from error
         if wrong := next(wrong_entries(found), ""):
             raise FolderError(f"{file}: not a manifest of ours: {wrong}")
         return found
+
+    def refuse_strange(self) -> None:
+        """Raise FolderError if a link, a pipe or a device has the place of a file or folder of ours."""
+        gate.refuse_strange(self.path, GATED)
 
     def write_manifest(self, **entries: object) -> None:
         """Change entries of the manifest."""
@@ -304,7 +313,7 @@ class Folder:
         self.look()
         try:
             if isinstance(final, Path):
-                put_file(final, write, self.look)
+                put_file(Path(str(self.path)), final, write, self.look)
             else:
                 content = io.BytesIO()
                 write(content)
@@ -324,6 +333,7 @@ class Folder:
         or the folder cannot be written.
         """
         before = self.holds
+        self.refuse_strange()
         with contextlib.ExitStack() as stack:
             try:
                 hold = stack.enter_context(lock.hold_folder(self.path, alone))

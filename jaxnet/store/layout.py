@@ -71,15 +71,23 @@ DIMENSIONS = {  # unit and meaning of the labels along each dimension
 }
 
 
-def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
-    """Return the labels along each dimension."""
+def sizes(cells: Sequence[Cell]) -> dict[str, int]:
+    """Return the sizes of the dimensions that have one size in all stores of a study."""
     scenario = cells[0].scenario
     outputs = round(scenario.horizon / scenario.output_step)
+    states, inputs = len(scenario.vehicle.states), len(scenario.vehicle.inputs)
+    found = {"cell": len(cells), "time": outputs + 1, "vehicle": scenario.vehicles, "axis": 2}
+    return found | {"state": states, "input": inputs}
+
+
+def coordinates(cells: Sequence[Cell], samples: int) -> dict[str, np.ndarray]:
+    """Return the labels along each dimension."""
+    scenario, known = cells[0].scenario, sizes(cells)
     return {
-        "cell": np.arange(len(cells)),
+        "cell": np.arange(known["cell"]),
         "sample": np.arange(samples),
-        "time": np.array(multiples(scenario.output_step, range(outputs + 1))),
-        "vehicle": np.arange(1, scenario.vehicles + 1),
+        "time": np.array(multiples(scenario.output_step, range(known["time"]))),
+        "vehicle": np.arange(1, known["vehicle"] + 1),
         "slot": np.arange(slots_of(cells)),
         "axis": np.array(["x", "y"], dtype=object),
         "state": np.array(scenario.vehicle.states, dtype=object),
@@ -119,8 +127,14 @@ def shards_of(cells: Sequence[Cell], samples: Sequence[int], size: int) -> list[
 
 def shard_of(cells: Sequence[Cell], samples: Sequence[int], size: int, number: int) -> Shard:
     """Return the shard of a number; a shard beyond the samples of its cell has none."""
-    block, cell = divmod(number, len(cells))
-    return Shard(number, cells[cell], range(block * size, min((block + 1) * size, samples[cell])))
+    cell, held = samples_of_shard(samples, size, number)
+    return Shard(number, cells[cell], held)
+
+
+def samples_of_shard(samples: Sequence[int], size: int, number: int) -> tuple[int, range]:
+    """Return the number of a shard's cell, and its samples; `samples` are the numbers of the cells."""
+    block, cell = divmod(number, len(samples))
+    return cell, range(block * size, min((block + 1) * size, samples[cell]))
 
 
 def shard_size(cells: Sequence[Cell], study: keys.Config) -> int:

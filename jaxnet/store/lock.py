@@ -34,6 +34,7 @@ from typing import Any, NamedTuple
 from upath import UPath
 
 BEAT, SILENCE = 5.0, 20.0  # [s]
+MOST_LOCK = 2**12  # bytes of a lock
 PARTS = "parts"  # the token that all writers of parts share on a disk
 
 
@@ -89,7 +90,7 @@ def this_process() -> str:
 @contextlib.contextmanager
 def hold_file(file: UPath, alone: bool) -> Iterator[Hold]:
     """Hold a file's system lock, which ends with this process."""
-    lock = os.open(str(file), os.O_RDWR | os.O_CREAT, 0o666)
+    lock = os.open(str(file), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         try:
             fcntl.flock(lock, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
@@ -175,8 +176,9 @@ def remove_silent(file: UPath) -> bool:
 
 def read_lock(file: UPath) -> bytes:
     """Return the bytes of the lock; empty without one."""
+    most = {"start": 0, "end": MOST_LOCK} if isinstance(file, Path) else {}
     try:
-        content: Any = file.fs.cat_file(file.path)  # at once: what is opened may be another when it is read
+        content: Any = file.fs.cat_file(file.path, **most)  # at once: it may be replaced meanwhile
         return content
     except (FileNotFoundError, NotADirectoryError):
         return b""

@@ -2,7 +2,7 @@
 
 import shlex
 import warnings
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -10,19 +10,35 @@ from typing import TYPE_CHECKING, Any, NamedTuple, SupportsInt
 
 import pandas as pd
 import pyarrow.dataset as ds
+from pandas.api.types import is_numeric_dtype
 from upath import UPath
 
 from jaxnet.config.document import Document
 from jaxnet.config.study import Study, read_study
+from jaxnet.kinds.metrics import CONTRACT
 from jaxnet.store import arrays, layout, rows
-from jaxnet.store.admission import admit_made, changed_modules, refuse_edited
-from jaxnet.store.folder import Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.admission import admit_made, changed_modules, changed_settings, refuse_edited
+from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest, samples_of_cells
 from jaxnet.store.layout import Shard
-from jaxnet.store.looking import Looking, MissingKindError
+from jaxnet.store.looking import Looking, MissingKindError, known_or
+from jaxnet.store.tables import read_table
 
 if TYPE_CHECKING:
     import xarray
 
+    from jaxnet.store import chunks
+
+STATISTICS = ("mean", "low", "high", "median", "q05", "q95", "max")  # of a metric in cells.csv
+COLUMNS = {  # that a reader of a table needs
+    "fit.csv": "metric model quantile parameter estimate low high",
+    "bounds.csv": "bound vehicle slope",
+    "violations.csv": "cell sample bound tail_max limit command",
+    "search.csv": "cell generation phase lanes best generation_best generation_median failed",
+    "worst.csv": "cell found late until greatest magnitude attacked random bound fresh nonlinear lanes",
+    "sensitivity.csv": "cell metric quantity first first_low first_high total total_low total_high threshold",
+    "rare.csv": "cell share low high levels lanes failed plain_lanes points threshold",
+}
+TEXTS = {"metric", "model", "parameter", "bound", "vehicle", "command", "attacked", "phase", "quantity"}
 ANALYSES = ("sensitivity", "rare")  # what a folder may hold without a run, each with a table of its name
 
 
@@ -62,6 +78,11 @@ class Results:
         )
         if not (isinstance(study.config.scope, Looking) and study.config.scope.missing):
             refuse_edited(Folder(self.path), study.config)
+        if changed := changed_settings(self.manifest, study.config):
+            raise FolderError(
+                f"{self.path}/study.yaml has another {changed[0]} than the tables beside it were made with:"
+                " jaxnet run makes them again"
+            )
         for name in changed_modules(Folder(self.path), study.config):
             warnings.warn(f"{name} was changed since the rows in {self.place} were made", stacklevel=2)
         return study
@@ -220,7 +241,11 @@ class Results:
     @cached_property
     def samples(self) -> list[int]:
         """Number of samples of each cell: they differ where cells end by a criterion."""
-        return samples_of_cells(self.manifest, len(self.study.cells))
+        cells = len(self.study.cells)
+        if self.manifest.get("cells", cells) != cells:
+            told = f"its manifest tells of {self.manifest['cells']} cells, and its study has {cells}"
+            raise FolderError(f"{self.place} is not what a run left: {told}")
+        return samples_of_cells(self.manifest, cells)
 
     @cached_property
     def shards(self) -> list[Shard]:
@@ -243,10 +268,31 @@ class Results:
         self.need_run()
         if not (self.manifest["finished"] and (self.path / "cells.csv").exists()):
             raise FolderError(f"{self.place} holds an unfinished run: the command that began it goes on")
-        table = read_table(self.path / "cells.csv")
-        if missing := {"lanes", "ok", "failed"} - {*table.columns}:
-            raise FolderError(f"{self.path}/cells.csv is not a table of ours (no column {min(missing)})")
-        return table
+        return self.checked("cells.csv", self.path / "cells.csv")
+
+    def needed(self, name: str) -> list[str]:
+        """Return the columns that a reader of a table needs."""
+        if name != "cells.csv":
+            return COLUMNS[name].split()
+        config = self.study.config
+        own = (metric.name for metric in config.measured()[len(CONTRACT) :])
+        found = [f"{metric}_{each}" for metric in ("tail_mean", "tail_max", *own) for each in STATISTICS]
+        alone = any(cell.scenario.leaderless for cell in self.study.cells)
+        shares = [*["unrecovered"] * (config.recovery is not None), *["in_hull"] * alone]
+        found += [f"{share}{end}" for share in shares for end in ("", "_low", "_high")]
+        return ["lanes", "ok", "failed", *found]
+
+    def checked(self, name: str, file: UPath) -> pd.DataFrame:
+        """Read a table; raise FolderError if a reader's columns, numbers or cells are not there."""
+        needed, cells = self.needed(name), len(self.study.cells)
+        found = read_table(file, sum(self.samples) if self.manifest["finished"] else 0, needed)
+        strange = [each for each in needed if each not in TEXTS and not is_numeric_dtype(found[each])]
+        if len(found) and strange:
+            raise FolderError(f"{file} is not a table of ours ({strange[0]} holds text)")
+        numbers = found["cell"] if "cell" in needed else range(cells)
+        if not set(numbers) <= set(range(cells)) or (name == "cells.csv" and len(found) != cells):
+            raise FolderError(f"{file} is not a table of ours (the study has {cells} cells)")
+        return found
 
     @property
     def fits(self) -> pd.DataFrame:
@@ -309,7 +355,7 @@ class Results:
             if not self.in_memory:
                 made = f"jaxnet fit {self.path} makes it, or Results.fit()"
             raise FolderError(f"{self.place} has no {name}: {remedy or made}")
-        return read_table(file)
+        return self.checked(name, file)
 
     def replay_command(self, cell: SupportsInt, sample: SupportsInt, engine: str | None = None) -> str:
         """Return the shell command that simulates one lane again, or Python's call for results in memory.
@@ -387,7 +433,18 @@ class Results:
         """
         if not (self.path / name).exists():
             raise FolderError(f"{self.place} has no {name}: run it with {remedy}")
-        return arrays_at(self.path / name)
+        save = self.study.config.save
+        filled = {"errors.zarr": save.errors, "vehicles.zarr": save.vehicles}
+        if not (filled.get(name, save.trajectories == "all") and self.manifest["finished"]):
+            return arrays_at(self.path / name, self.sizes)
+        size, samples = self.manifest["shard_size"], self.samples
+        sizes = self.sizes | {"sample": max(samples)}
+        return arrays_at(self.path / name, sizes, lambda cell, block: block * size < samples[cell])
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the dimensions of arrays that are equal in all stores."""
+        return known_or({}, lambda: layout.sizes(self.study.cells))
 
 
 class Part(NamedTuple):
@@ -429,22 +486,12 @@ def whole_number(name: str, number: SupportsInt) -> int:
     return found
 
 
-def arrays_at(path: UPath) -> "xarray.Dataset":
+def arrays_at(
+    path: UPath, sizes: Mapping[str, int] | None = None, due: "chunks.Due | None" = None
+) -> "xarray.Dataset":
     """Open a store; load a store in memory at once, since its memory is freed with its Results."""
-    found = arrays.open_store(path)
+    found = arrays.open_store(path, sizes, due)
     return found.load() if path.protocol == "memory" else found
-
-
-def read_table(path: UPath) -> pd.DataFrame:
-    """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text.
-
-    Raises FolderError for a file that is no table.
-    """
-    try:
-        with path.open("rb") as file:
-            return pd.read_csv(file, keep_default_na=False, na_values=[""])
-    except (IsADirectoryError, ValueError) as error:
-        raise FolderError(f"{path} is not a table of ours ({str(error).splitlines()[0]})") from error
 
 
 def open_folder(
@@ -460,11 +507,16 @@ def open_folder(
     if config is not None and not config.exists():
         raise FolderError(f"{config}: there is no such config")
     folder = Folder(path)
-    rows_there = any(folder.path.glob("lanes/*.parquet"))
-    if not folder.manifest and not rows_there:
+    folder.refuse_strange()
+    manifest, rows_there = folder.manifest, any(folder.path.glob("lanes/*.parquet"))
+    if not manifest and not rows_there:
         raise FolderError(f"{path} is not a results folder: it has no manifest.json")
+    if manifest and (lacking := MANIFEST - {*manifest}):
+        raise FolderError(f"{path}/manifest.json: not a manifest of ours: it has no {min(lacking)}")
+    if manifest.get("finished"):
+        rows.refuse_lost(folder, manifest)
     found = Results(folder.path, None, trust, config)
-    if not folder.manifest or not (rows_there or found.analyses):
+    if not manifest or not (rows_there or found.analyses):
         raise FolderError(
             f"{path} holds an unfinished run: the command that began it, without --shard, goes on"
         )
@@ -477,5 +529,5 @@ def written_into(results: Results, out: str | Path | UPath) -> Results:
     Raises FolderError if the folder holds files made of other rows.
     """
     made = Folder(out)
-    admit_made(made, results.manifest)
+    admit_made(made, results.manifest, results.study.config)
     return Results(results.path, made, results.trust, results.config)

@@ -7,6 +7,8 @@ import itertools
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,8 +24,9 @@ from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.scenario import interval_of
 from jaxnet.config.spacings import multiples
 from jaxnet.lazy import LazyModule
-from jaxnet.store.folder import Folder, FolderError
-from jaxnet.store.layout import CellLabel, Shard
+from jaxnet.store import gate
+from jaxnet.store.folder import MOST, Folder, FolderError, Manifest, samples_of_cells
+from jaxnet.store.layout import CellLabel, Shard, samples_of_shard
 
 if TYPE_CHECKING:
     from jaxnet.engine import status
@@ -32,6 +35,8 @@ else:
     status = LazyModule("jaxnet.engine.status")
 
 STAMP = b"jaxnet.shard"  # in a file's metadata
+MOST_ROWS, MOST_FILE = MOST["shard_size"], 2**28  # of a file, the latter in bytes
+READERS = 16  # files looked over at a time
 OK: ds.Expression = ds.field("status") == "ok"
 
 
@@ -143,23 +148,84 @@ def write_rows(folder: Folder, number: int, rows: pa.Table, stamp: Stamp) -> Non
 
 
 def read_rows(path: UPath) -> tuple[pa.Table, Stamp]:
-    """Read a row file and its stamp, and verify every page.
+    """Read a row file and its stamp, and verify every page; raise as `read_columns` does."""
+    rows = read_columns(path)
+    try:
+        return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        raise TornError("not a row file of ours") from error
+
+
+def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read some columns of a row file, by default all, and verify their pages.
 
     Raises FileNotFoundError, TornError, or FolderError for a folder in place of the file.
     """
+    if isinstance(path, Path) and path.is_dir():
+        raise FolderError(f"{path} is a folder, where a file of rows is due")
+    content = gate.read_bytes(path, MOST_FILE)
     try:
-        content = pa.BufferReader(path.fs.cat_file(path.path))
-    except IsADirectoryError as error:
-        raise FolderError(f"{path} is a folder, where a file of rows is due") from error
-    try:
-        rows = pq.read_table(content, page_checksum_verification=True)
-        if strange := strange_columns(rows.schema):
+        file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
+        if strange := strange_file(file.metadata, file.schema_arrow):
             raise TornError(f"not a row file of ours: {strange}")
-        return rows, Stamp(**json.loads((rows.schema.metadata or {})[STAMP]))
-    except (pa.ArrowException, OSError) as error:
+        return file.read(columns)
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise TornError(f"torn ({str(error).rstrip('.').splitlines()[0]})") from error
-    except (KeyError, ValueError, TypeError) as error:
-        raise TornError("not a row file of ours") from error
+
+
+def strange_file(metadata: pq.FileMetaData, schema: pa.Schema) -> str:
+    """Return what is wrong with a row file, before its rows are decompressed; "" if nothing is."""
+    bytes_of = sum(metadata.row_group(number).total_byte_size for number in range(metadata.num_row_groups))
+    if metadata.num_rows > MOST_ROWS or bytes_of > MOST_FILE:
+        return f"it has {metadata.num_rows:,} rows in {bytes_of:,} bytes"
+    return strange_columns(schema)
+
+
+def refuse_lost(folder: Folder, manifest: Manifest) -> None:
+    """Raise FolderError unless the folder of a finished run has the rows that its manifest promises.
+
+    Each sample of each cell stands once, in the file of its shard. Further samples of the cell do not count:
+    a part of a run with more samples may have added them.
+    """
+    samples, size = samples_of_cells(manifest, manifest["cells"]), manifest["shard_size"]
+    numbers = range(-(-max(samples, default=0) // size) * len(samples))
+    due = ((number, *samples_of_shard(samples, size, number)) for number in numbers)
+    there = {path.name for path in folder.path.glob("lanes/*")}
+    parts: list[tuple[int, int, range]] = []
+
+    def lost(part: tuple[int, int, range]) -> str:
+        number, cell, wanted = part
+        try:
+            rows = read_columns(folder.path / row_file(number), ("cell", "sample"))
+            foreign = is_foreign(rows.schema.metadata, manifest["hash"])
+            why = "holds lanes of another study" if foreign else wrong_rows(rows, cell, wanted)
+        except (FileNotFoundError, NotADirectoryError):
+            why = "is missing"
+        except TornError as error:
+            why = f"is {error}"
+        return why and f"{row_file(number)} (cell {cell}, samples {wanted[0]} to {wanted[-1]}) {why}"
+
+    for part in (part for part in due if part[-1]):
+        parts.append(part)
+        if Path(row_file(part[0])).name not in there:  # a manifest may promise more than any folder holds
+            break
+    with ThreadPoolExecutor(READERS) as pool:
+        found = list(filter(None, pool.map(lost, parts)))
+    if found:
+        more = f" and {len(found) - 3} more files" if len(found) > 3 else ""
+        told = f"{folder.path} lacks rows of its run: {'; '.join(found[:3])}{more}"
+        raise FolderError(f"{told}; jaxnet run simulates them again")
+
+
+def wrong_rows(rows: pa.Table, cell: int, wanted: range) -> str:
+    """Return what is wrong with a shard's rows if they lack a sample of the cell or have one twice; or ""."""
+    samples = rows["sample"].to_numpy()
+    if (rows["cell"].to_numpy() != cell).any():
+        return "holds rows of another cell"
+    samples = np.sort(samples[samples < wanted.stop])
+    if len(samples) < len(wanted):
+        return f"lost {len(wanted) - len(samples)} of {len(wanted)} rows"
+    return "" if np.array_equal(samples, wanted) else "lost samples, or has some twice"
 
 
 TEXT_TYPES = {pa.string(), pa.large_string()}  # the latter if other programs have written a file again
@@ -224,16 +290,29 @@ def scan_cells(
         batches = (batch for batch in found if batch.num_rows)
         for cell, mine in itertools.groupby(batches, lambda batch: batch["cell"][0].as_py()):
             yield cell, pa.Table.from_batches(mine).to_pandas()
-    except (pa.ArrowException, OSError) as error:
-        raise FolderError(f"{folder.path}: {error}; jaxnet run simulates again what is torn") from error
+    except (pa.ArrowException, OSError, ValueError) as error:
+        if isinstance(error, FolderError):
+            raise
+        reason = str(error).splitlines()[0]
+        raise FolderError(
+            f"{folder.path}/lanes: {reason}; jaxnet run simulates again what is torn"
+        ) from error
 
 
 def checked_batch(study: str | None, found: ds.TaggedRecordBatch) -> pa.RecordBatch:
     """Return the rows of a scanned batch; raise FolderError if their file belongs to another study."""
-    stamp = (found.fragment.metadata.metadata or {}).get(STAMP)
-    if study is not None and stamp is not None and json.loads(stamp)["study"] != study:
+    if study is not None and is_foreign(found.fragment.metadata.metadata, study):
         raise FolderError(f"{found.fragment.path} holds lanes of another study; jaxnet run replaces them")
     return found.record_batch
+
+
+def is_foreign(metadata: Mapping[bytes, bytes] | None, study: str) -> bool:
+    """Return whether a row file has the stamp of another study than that of this hash."""
+    stamp = (metadata or {}).get(STAMP)
+    try:
+        return stamp is not None and json.loads(stamp)["study"] != study
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return True
 
 
 def read_lanes(folder: Folder, shards: Sequence[Shard]) -> pd.DataFrame:

@@ -6,23 +6,29 @@ from typing import cast
 
 from upath import UPath
 
-from jaxnet.store.admission import MANIFEST
-from jaxnet.store.folder import Folder, FolderError, Manifest
+from jaxnet.store.folder import MANIFEST, Folder, FolderError, Manifest
 
 
-def find_results(root: str | Path | UPath) -> Iterator[tuple[UPath, Manifest]]:
+def find_results(
+    root: str | Path | UPath, entered: set[Path] | None = None
+) -> Iterator[tuple[UPath, Manifest]]:
     """Yield the results folders at or below a folder, sorted by name, and their manifests.
 
-    The search does not enter a results folder. The manifest is empty where only parts of a run exist.
+    The search does not enter a results folder, nor a folder twice, whatever links lead there. The manifest is
+    empty where only parts of a run exist.
     """
-    path = Folder(root).path
+    path, entered = Folder(root).path, set() if entered is None else entered
     manifest = manifest_of(path)
     if manifest or any(path.glob("lanes/*.parquet")):
         yield path, manifest
     elif path.is_dir():
+        if isinstance(path, Path):
+            if (here := path.resolve()) in entered:
+                return
+            entered.add(here)
         inside = (each for each in path.iterdir() if each.is_dir() and not each.name.startswith("."))
         for each in sorted(inside, key=lambda each: each.name):
-            yield from find_results(each)
+            yield from find_results(each, entered)
 
 
 def manifest_of(path: UPath) -> Manifest:

@@ -3,6 +3,7 @@
 Columns: cell, sample, the swept keys, time [s], vehicle, then states, inputs, attack signal and navigator.
 """
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from upath import UPath
 from jaxnet.config.cells import Cell
 from jaxnet.store.folder import Folder
 from jaxnet.store.results import Results
+from jaxnet.store.tables import write_table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,9 +31,7 @@ def write_csv(results: Results, out: str | Path | UPath | None = None) -> UPath:
     folder = Folder(results.folder.path / "csv" if out is None else out)
     for cell, sample, lane in stored_lanes_of(results):
         table = trajectory_table(results.study.cells[cell], sample, lane)
-        folder.put(
-            f"cell-{cell}-sample-{sample}.csv", lambda file, table=table: table.to_csv(file, index=False)
-        )
+        folder.put(f"cell-{cell}-sample-{sample}.csv", functools.partial(write_table, table))
     return folder.path
 
 

@@ -13,7 +13,16 @@ import pandas as pd
 
 from jaxnet.config.cells import Cell, is_leaderless
 from jaxnet.config.keys import Config
-from jaxnet.config.naming import MAGNITUDE, is_kind, own_name, quantity, unit, value_alone, value_name
+from jaxnet.config.naming import (
+    MAGNITUDE,
+    is_kind,
+    key_name,
+    own_name,
+    quantity,
+    unit,
+    value_alone,
+    value_name,
+)
 from jaxnet.kinds.metrics import AGREEMENT, CONTRACT
 from jaxnet.statistics.amplitude import magnitude_of, reduced_amplitudes
 from jaxnet.statistics.choice import Where, select_cells
@@ -47,7 +56,16 @@ LATEX_SYMBOLS = {
 # Of ā, or [m] where no ā is known. Doubles carry 1e-16 of positions of tens of metres through thousands of
 # ticks, some 1e-12 m: smaller errors are rounding, and far below any error that a robot has.
 ROUNDING_ERROR = 1e-9
-UNITS = {"%": r"\%", "m/s²": "m/s$^2$", "m/s³": "m/s$^3$"}
+UNITS = {"m/s²": "m/s$^2$", "m/s³": "m/s$^3$"}
+LATEX_ESCAPES = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "\N{NO-BREAK SPACE}": "~",
+        **{character: f"\\{character}" for character in "&%$#_{}"},
+    }
+)
 
 
 class Column(NamedTuple):
@@ -263,7 +281,7 @@ def default_columns(study: Config, table: pd.DataFrame, cells: Sequence[Cell]) -
 def key_column(key: str, labels: Iterable[Any]) -> Column:
     """Return the column of a swept key."""
     name = LATEX_SYMBOLS.get(key) if own_name(key) is None else None
-    words = latex_title(name or quantity(key).partition(" [")[0], unit(key))
+    words = latex_title(name or key_name(key).translate(LATEX_ESCAPES), unit(key))
     return Column(key, quantity(key), words, list(labels), key=key)
 
 
@@ -287,7 +305,7 @@ def statistic_column(name: str, rows: pd.DataFrame, study: Config, cells: Sequen
     metric, statistic = metric_and_statistic(study, stem if end in ("low", "high") else name)
     which = STATISTIC_TITLES.get(end, end)
     words = TITLES.get(name, f"{metric.name.replace('_', ' ')}, {which}")
-    symbol = LATEX_SYMBOLS.get(metric.name, metric.name.replace("_", r"\_"))
+    symbol = LATEX_SYMBOLS.get(metric.name, metric.name.translate(LATEX_ESCAPES))
     told = symbol if name in TITLES else f"{symbol}, {which}"
     ends = None
     if statistic == "mean" and end == "mean":
@@ -303,7 +321,7 @@ def interval_ends(low: Any, high: Any) -> tuple[list[float], list[float]] | None
 
 def latex_title(words: str, of: str) -> str:
     """Return a title in LaTeX with its unit."""
-    return f"{words} [{UNITS.get(of, of)}]" if of else words
+    return f"{words} [{UNITS.get(of, of.translate(LATEX_ESCAPES))}]" if of else words
 
 
 def split_constant(columns: Sequence[Column]) -> tuple[list[Column], str]:

@@ -172,7 +172,7 @@ def test_what_is_not_ours_is_left_alone(url, study):
         jaxnet.open(f"{url}/thesis")
     for name in ("lanes/00000.parquet", "errors.zarr/tracking/c/0/0/0", "cells.csv", "notes/mine.txt"):
         ours.put(name, lambda file: file.write(b"something"))
-    ours.write_manifest(versions={"jaxnet": "0"}, hash="another", save={}, samples=1, finished=True)
+    ours.write_manifest(versions={"jaxnet": "0"}, hash="another", save={}, samples=1, finished=False)
     with pytest.raises(FolderError, match=r"written by jaxnet 0"):
         admit(ours, study.config)
     admit(ours, study.config, fresh=True)
@@ -345,7 +345,9 @@ def test_rows_of_another_study_that_arrive_late_are_not_counted(url, study):
     other = jaxnet.run(jaxnet.load(STUDY, {"seed": 1}), f"{url}-other")
     late = "lanes/00001.parquet"
     (results.path / late).write_bytes((other.path / late).read_bytes())
-    with pytest.raises(FolderError, match=r"00001\.parquet holds lanes of another study; jaxnet run"):
+    with pytest.raises(
+        FolderError, match=r"00001\.parquet \(cell 1, .*\) holds lanes of another study; jaxnet run"
+    ):
         _ = jaxnet.open(url).lanes
     with pytest.warns(UserWarning, match="another study or version"):
         jaxnet.run(study, url)

@@ -24,7 +24,7 @@ from jaxnet.statistics.tiles import tile_table, tiling
 from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.folder import FolderError
 from jaxnet.store.looking import MissingKindError
-from jaxnet.store.results import Results, read_table
+from jaxnet.store.results import Results
 from jaxnet.view.figures import (
     COLUMN_WIDTHS,
     FIGURE_NAMES,
@@ -61,6 +61,7 @@ def styled(draw: Drawing) -> Drawing:
             made = draw(self, *given, **named)
         if not note:
             multiples.drop_note(made)
+        multiples.show_unparsed(made)
         made.style = self.style
         return made
 
@@ -283,8 +284,8 @@ def over_two_keys(results: Results, metric: str, cells: Sequence[Cell], width: f
 
 def parts_of_variance(results: Results, metric: str, cells: Sequence[Cell], width: float) -> Figure:
     """Draw Sobol's indices of a metric."""
-    file = results.path / SENSITIVITY_FILE
-    table: Any = read_table(file) if file.exists() else pd.DataFrame({"metric": [], "cell": []})
+    there = results.file(SENSITIVITY_FILE).exists()
+    table: Any = results.sensitivity if there else pd.DataFrame({"metric": [], "cell": []})
     wanted = (table["metric"] == metric) & table["cell"].isin([cell.number for cell in cells])
     if not wanted.any():
         raise LackingError(

@@ -8,7 +8,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cbook import is_math_text
 from matplotlib.font_manager import FontProperties
+from matplotlib.mathtext import MathTextParser
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jaxnet.config.naming import labels_title
@@ -53,6 +56,18 @@ def log_ticks(axis: Axis) -> None:
 def escape_dollars(words: str) -> str:
     """Escape dollar signs, so that matplotlib reads no formula."""
     return words.replace("$", r"\$")
+
+
+def show_unparsed(drawn: Figure) -> None:
+    """Have a figure show text as it is where matplotlib cannot read it as a formula."""
+    parser = MathTextParser("path")
+    for text in drawn.findobj(Text):
+        try:
+            for line in text.get_text().split("\n"):
+                if is_math_text(line):
+                    parser.parse(line)
+        except (ValueError, RecursionError):
+            text.set_parse_math(False)
 
 
 def write_left_out(drawn: Figure, *parts: tuple[int, int, str], where: str) -> None:

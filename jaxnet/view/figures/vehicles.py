@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from jaxnet.config.cells import Cell
 from jaxnet.config.keys import Recovery
 from jaxnet.statistics.curves import LOG_FLOOR
-from jaxnet.statistics.recovery import threshold
+from jaxnet.statistics.recovery import share_definition, threshold
 from jaxnet.view.figures import multiples, style
 from jaxnet.view.figures.style import Figure
 
@@ -46,8 +46,9 @@ def vehicles_figure(
         Line2D([], [], color=style.SKY, linewidth=3, label="5 to 95 %"),
         Line2D([], [], label="maximum", **GREATEST),
     ]
-    if np.isfinite(limits).any():
+    if recovery is not None and np.isfinite(limits).any():
         handles.append(Line2D([], [], label="threshold of recovery", **LIMIT))
+        multiples.write_note(drawn, share_definition(recovery, cells))
     drawn.legend(handles=handles, loc="outside lower center", ncols=multiples.legend_columns(width, 5))
     multiples.write_left_out(drawn, (len(shown), len(cells), "cells"), where="vehicles.zarr")
     return drawn

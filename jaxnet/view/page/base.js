@@ -33,7 +33,8 @@ function measured(value, size = 1) {
 
 function csv(rows) {
   const cell = (value) => {
-    const text = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);
+    const given = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);
+    const text = /^'*[=+\-@\t\r]/.test(given) && Number.isNaN(Number(given)) ? `'${given}` : given; // no formula
     return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
   };
   return rows.map((row) => row.map(cell).join(",") + "\n").join("");

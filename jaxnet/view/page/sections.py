@@ -31,7 +31,7 @@ from jaxnet.statistics.recovery import share_name
 from jaxnet.statistics.tiles import tiling
 from jaxnet.statistics.vehicles import vehicle_table
 from jaxnet.store.looking import MissingKindError, known_or
-from jaxnet.store.results import Results, read_table
+from jaxnet.store.results import Results
 from jaxnet.view import columns
 from jaxnet.view.page import findings, networks, plots, trajectories
 from jaxnet.view.page.elements import folded_text, sortable_table
@@ -378,7 +378,7 @@ def violations_section(results: Results) -> Section:
     name, file = "Violations of bounds", results.file("violations.csv")
     if not file.exists():
         return Section("violations", name, f"<p>Not looked for yet: <code>{fit_command(results)}</code></p>")
-    rows = read_table(file)
+    rows = results.violations
     if not len(rows):
         words = "None: no lane is above a bound that claims to hold for it."
         if unchecked := unchecked_words(results.study.cells):

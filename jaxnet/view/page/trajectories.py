@@ -76,7 +76,7 @@ def frame_bytes(cell: Cell) -> float:
 
 def lane_data(results: Results, one: Watched, most: int) -> dict[str, object]:
     """Return a lane with at most `most` frames and the last one."""
-    cell, data = results.study.cells[one.cell], one.arrays()
+    cell, data = results.study.cells[one.cell], one.arrays(results)
     outputs = np.arange(data.sizes["time"])
     data = data.isel(time=np.union1d(outputs[:: -(-len(outputs) // most)], outputs[-1:])).load()
     attacked, graph = attacked_vehicles(cell, data), lane_graph(results, one, cell)

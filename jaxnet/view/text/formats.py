@@ -6,23 +6,14 @@ from collections.abc import Callable, Sequence
 
 import pandas as pd
 
-from jaxnet.view.columns import Column, as_frame, split_constant
-
-LATEX_ESCAPES = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "\N{NO-BREAK SPACE}": "~",
-        **{character: f"\\{character}" for character in "&%$#_{}"},
-    }
-)
+from jaxnet.store.tables import csv_text
+from jaxnet.view.columns import LATEX_ESCAPES, Column, as_frame, split_constant
 
 
 def in_format(columns: Sequence[Column], name: str, notes: Sequence[str] = ()) -> str:
     """Return a table in the named format; LaTeX has the notes as comments."""
     first, *lines = FORMAT_WRITERS[name](columns).rstrip("\n").split("\n")
-    comments = [f"% {each}" for each in notes] if name == "latex" else []
+    comments = [f"% {' '.join(each.split())}" for each in notes] if name == "latex" else []
     return "\n".join([first, *comments, *lines])
 
 
@@ -34,7 +25,7 @@ def columns_of(table: pd.DataFrame) -> list[Column]:
 
 def csv(columns: Sequence[Column]) -> str:
     """Return a table as CSV, with all digits."""
-    return as_frame(columns).to_csv(index=False)
+    return csv_text(as_frame(columns))
 
 
 def markdown(columns: Sequence[Column]) -> str:
@@ -58,7 +49,7 @@ def latex(columns: Sequence[Column]) -> str:
     head = [r"% \usepackage{booktabs}", *([f"% {constant}"] if constant else [])]
     titles = [latex_text(each.latex) if each.across else each.latex for each in shown]
     start, end = rf"\begin{{tabular}}{{{sides}}}", r"\end{tabular}"
-    top = [start, r"\toprule", *spanning_titles(shown), f"{' & '.join(titles)} \\\\", r"\midrule"]
+    top = [start, r"\toprule", *spanning_titles(shown), tabular_line(titles), r"\midrule"]
     return "\n".join([*head, *top, *grouped_rows(shown), r"\bottomrule", end])
 
 
@@ -72,7 +63,13 @@ def spanning_titles(shown: Sequence[Column]) -> list[str]:
         entries += [rf"\multicolumn{{{width}}}{{c}}{{{title}}}"] if title else [""] * width
         rules += [rf"\cmidrule(lr){{{place}-{place + width - 1}}}"] if title else []
         place += width
-    return [f"{' & '.join(entries)} \\\\", " ".join(rules)]
+    return [tabular_line(entries), " ".join(rules)]
+
+
+def tabular_line(entries: Sequence[str]) -> str:
+    """Return a line of a table, whose start no command before it takes for its option."""
+    line = " & ".join(entries)
+    return f"{'{}' * line.startswith(('[', '*'))}{line} \\\\"
 
 
 def grouped_rows(shown: Sequence[Column]) -> list[str]:
@@ -88,7 +85,7 @@ def grouped_rows(shown: Sequence[Column]) -> list[str]:
             same += 1
         if before and keys > 1 and not same:
             rows.append(r"\addlinespace")
-        rows.append(f"{' & '.join([''] * same + list(row[same:]))} \\\\")
+        rows.append(tabular_line([""] * same + list(row[same:])))
         before = row
     return rows
 

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from jaxnet.config.cells import is_leaderless
+from jaxnet.statistics.recovery import criterion_words
 from jaxnet.store.results import Results
 from jaxnet.view.text.width import MOST_ROWS, fit_terminal, table_text, terminal_width
 
@@ -73,7 +74,9 @@ def metric_with_unit(results: Results) -> str:
     """Return the maximised metric, with its unit if it has one."""
     asked = results.study.config.search
     assert asked is not None
-    return f"{asked.maximise} [{metric_unit(results)}]".removesuffix(" []")
+    told = f"{asked.maximise} [{metric_unit(results)}]".removesuffix(" []")
+    criterion = results.study.config.recovery if asked.maximise == "unrecovered" else None
+    return f"{told} ({criterion_words(criterion, results.study.cells)})" if criterion else told
 
 
 def metric_unit(results: Results) -> str:

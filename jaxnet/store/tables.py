@@ -1,0 +1,76 @@
+"""Tables as CSV files, for spreadsheets and for reading again.
+
+A spreadsheet computes text that begins with `=`, `+`, `-` or `@`. Such text is written with an apostrophe
+before it, and read without it. A number is no text.
+"""
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from typing import IO, Any
+
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+from upath import UPath
+
+from jaxnet.store import gate
+from jaxnet.store.gate import FolderError
+
+FORMULA = re.compile(r"'*[=+\-@\t\r]")
+ROW_TEXT = 2**12  # bytes of a lane in a table, at most
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    """Return a table as CSV."""
+    return changed_text(table, guard_text).to_csv(index=False)
+
+
+def write_table(table: pd.DataFrame, file: IO[bytes] | io.BytesIO) -> None:
+    """Write a table into a binary file as CSV."""
+    changed_text(table, guard_text).to_csv(file, index=False)
+
+
+def read_table(
+    path: UPath, lanes: int = 0, needed: Sequence[str] = (), types: Mapping[str, type] | None = None
+) -> pd.DataFrame:
+    """Read a CSV table. Blank entries are not-a-number, and labels like NA and None are text.
+
+    `lanes` are those that the table may tell of, `needed` its columns.
+    Raises FolderError for a file that is no table.
+    """
+    fault = "is not a table of ours"
+    content = gate.read_bytes(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
+    with gate.reading(path, fault):
+        found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
+    if missing := [name for name in needed if name not in found]:
+        raise FolderError(f"{path} {fault} (no column {missing[0]})")
+    return changed_text(found, bare_text)
+
+
+def changed_text(table: pd.DataFrame, change: Any) -> pd.DataFrame:
+    """Return a table whose titles and texts are changed."""
+    found = table.rename(columns=lambda name: change(name) if isinstance(name, str) else name)
+    for place, name in enumerate(found):
+        column = found.iloc[:, place]
+        if is_numeric_dtype(column):
+            continue
+        texts = {each: change(each) for each in column.unique() if isinstance(each, str)}
+        if new := {old: text for old, text in texts.items() if text != old}:
+            found = found.assign(**{str(name): column.replace(new)})
+    return found
+
+
+def guard_text(text: str) -> str:
+    """Return text that no spreadsheet computes."""
+    if not FORMULA.match(text):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def bare_text(text: str) -> str:
+    """Return text without the apostrophe that guards it."""
+    return text[1:] if text.startswith("'") and FORMULA.match(text) else text
