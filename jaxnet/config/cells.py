@@ -42,6 +42,7 @@ from jaxnet.config.keys import (
 from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
 from jaxnet.kinds.fields import MARK, Record
+from jaxnet.kinds.graphs import ByIdentity, Graph
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 
@@ -135,9 +136,17 @@ def gives(document: Document, root: str) -> bool:
 
 
 def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
-    """Return the scenario with the numbers that follow from its kinds where the user gives none."""
+    """Return the scenario with what follows from its kinds: its network's nodes, and numbers not given."""
+    if not scenario.navigator.present:
+        scenario = scenario.model_copy(update={"topology": without_leader(ByIdentity(scenario.topology))})
     scenario = scenario if gives(document, "vehicles") else settle_vehicles(scenario)
     return scenario if gives(document, "gain") else settle_gain(scenario)
+
+
+@functools.lru_cache(maxsize=64)
+def without_leader(itself: ByIdentity) -> Graph:
+    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
+    return itself.one.leaderless()
 
 
 def settle_gain(scenario: AnyScenario) -> AnyScenario:
@@ -453,7 +462,7 @@ class CellParts:
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
         self.shared = settle(DEFAULT_SCENARIO.model_copy(update=right), document)
-        self.follows = not self.swept.keys().isdisjoint(("topology", "vehicle"))
+        self.follows = not self.swept.keys().isdisjoint(("topology", "vehicle", "navigator"))
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """Return a cell's scenario by the indices of its swept values, or None and all problems.

@@ -82,6 +82,10 @@ class Switching(DrawsAtTicks, Graph):
         total = sum(sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links)
         return graph.of_matrix(total / len(each))
 
+    def leaderless(self) -> Graph:
+        """The networks of a fleet without a navigator."""
+        return self.model_copy(update={"networks": [each.leaderless() for each in self.networks]})
+
     def turns(self) -> list[Graph]:
         """Return the networks in the order of the config."""
         return self.networks
