@@ -223,10 +223,12 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
 
 def fastest_motion(scenario: Scenario) -> float:
     """Return the rate of a vehicle's own motion [1/s]: that of the law, times the strongest row above 1."""
-    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
-    strength = scenario.topology.strength(rows, leads) if scenario.law.local else None
-    factor = 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
-    return max(1.0, factor) * fastest_rate(scenario)
+    factors = [1.0]
+    for each in scenario.topology.turns() if scenario.law.local else ():
+        rows = scenario_graph(scenario.model_copy(update={"topology": each})).weights.T[None]
+        strength = each.strength(rows, scenario.navigator.present)
+        factors += [] if strength is None else [float(strength.of(np.ones((1, *rows.shape[::2]))).max())]
+    return max(factors) * fastest_rate(scenario)
 
 
 def tells_motion(scenario: Scenario) -> bool:

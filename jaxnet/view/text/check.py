@@ -345,7 +345,7 @@ def reach_text(scenario: Scenario) -> str:
 def lost_text(scenario: Scenario) -> str:
     """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
     lost = scenario.channel.loss.of_whole_ticks()
-    if scenario.channel.late or scenario.channel.missing != "drop":
+    if not one_live_network(scenario) or scenario.channel.missing != "drop":
         return ""
     if (
         lost is None
