@@ -25,6 +25,7 @@ from jaxnet.config.document import (
     dotted_key,
     set_value,
     split_key,
+    spot,
 )
 from jaxnet.config.keys import (
     INNER_KINDS,
@@ -41,6 +42,7 @@ from jaxnet.config.keys import (
 )
 from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
+from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import MARK, Record
 from jaxnet.kinds.graphs import ByIdentity, Graph
 from jaxnet.kinds.kind import Fault, Kind, KindError
@@ -56,6 +58,7 @@ SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
+FOLLOWED = ("topology", "vehicle", "navigator", "vehicles", "attack")  # other keys may follow from these
 RECORDS: dict[str, type[Record]] = {"initial": Initial, "channel": Channel}
 UNLABELLED_KEYS = ("kind", "label", "edges", "content", "names")  # keys of kinds that labels leave out
 
@@ -118,10 +121,10 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
             cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None and judges:
-        problems += [
-            located(fault, document.place)
-            for fault in faults.study_faults(settled, [cell.scenario for cell in cells])
-        ]
+        scenarios = [cell.scenario for cell in cells]
+        swept = [key for key in values if not document.settled and spot(split_key(key)) in document.places]
+        found = [*faults.study_faults(settled, scenarios), *faults.replaced_faults(settled, swept, scenarios)]
+        problems += [located(fault, document.place) for fault in found]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
@@ -140,6 +143,7 @@ def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
     if not scenario.navigator.present:
         scenario = scenario.model_copy(update={"topology": without_leader(ByIdentity(scenario.topology))})
     scenario = scenario if gives(document, "vehicles") else settle_vehicles(scenario)
+    scenario = scenario if gives_usual_targets(document) else settle_targets(scenario)
     return scenario if gives(document, "gain") else settle_gain(scenario)
 
 
@@ -147,6 +151,29 @@ def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
 def without_leader(itself: ByIdentity) -> Graph:
     """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
     return itself.one.leaderless()
+
+
+def gives_usual_targets(document: Document) -> bool:
+    """Return whether the user wrote the list of vehicles that are attacked by default.
+
+    A stored study with fewer vehicles has this list from the default alone.
+    """
+    data, swept = document.data, document.data.get("sweep")
+    swept = swept if isinstance(swept, dict) else {}
+    listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
+    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
+    if registry.scope().judges and (not document.settled or "attack.vehicles" in document.overridden):
+        attacks = [data.get("attack"), *attacks]
+    given = [each.get("vehicles") for each in attacks if isinstance(each, dict)]
+    return registry.scope().judges and USUAL_TARGETS in [*given, *lists]
+
+
+def settle_targets(scenario: AnyScenario) -> AnyScenario:
+    """Return the scenario with the usual attacked vehicles that exist, where those are attacked."""
+    attack, usual = scenario.attack, usual_targets(scenario.vehicles)
+    if usual == USUAL_TARGETS or getattr(attack, "vehicles", None) != USUAL_TARGETS:
+        return scenario
+    return scenario.model_copy(update={"attack": attack.on(usual)})
 
 
 def settle_gain(scenario: AnyScenario) -> AnyScenario:
@@ -462,7 +489,7 @@ class CellParts:
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
         self.shared = settle(DEFAULT_SCENARIO.model_copy(update=right), document)
-        self.follows = not self.swept.keys().isdisjoint(("topology", "vehicle", "navigator"))
+        self.follows = not self.swept.keys().isdisjoint(FOLLOWED)
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """Return a cell's scenario by the indices of its swept values, or None and all problems.

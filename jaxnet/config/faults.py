@@ -43,6 +43,30 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
     yield from metric_faults(study)
 
 
+def replaced_faults(study: Config, swept: Sequence[str], cells: Sequence[Scenario]) -> Iterator[Fault]:
+    """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
+
+    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its own number.
+    """
+    for key in swept:
+        root, *inside = key.split(".")
+        if root not in KINDS or root == "topology" or len(inside) > 1:
+            continue
+        base, found = getattr(study, root), list[Fault]()
+        for cell in cells:
+            kind = getattr(cell, root) if inside else base
+            if inside and type(kind) is type(base):
+                kind = kind.model_copy(update={inside[0]: getattr(base, inside[0])})
+            wrong = kind_faults(root, kind, cell.model_copy(update={root: kind}))
+            found = [each for each in wrong if f"{each.keys[0]}.".startswith(f"{key}.")]
+            found = [
+                each for each in found if {part.split(".")[0] for part in each.keys} <= {root, "vehicles"}
+            ]
+            if not found:
+                break
+        yield from found
+
+
 def metric_faults(study: Config) -> Iterator[Fault]:
     """Yield a fault if two columns of a row have the same name, or a name is no identifier."""
     own = [metric.name for metric in study.measured()]

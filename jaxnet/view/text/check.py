@@ -9,6 +9,7 @@ from time import monotonic
 import numpy as np
 
 from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import (
@@ -65,6 +66,8 @@ def check_text(study: Study) -> str:
     amplitude = wrap_lines(amplitude_note(study.cells) + amplitude_advice(study))
     parts = [study_head(study), cell_list(study.cells), amplitude]
     parts += [*network_texts(study.cells), guarantees(study.cells)]
+    if idle := idle_keys(study):
+        parts.append(wrap_lines(network_text("keys without effect", idle)))
     return "\n\n".join(part for part in parts if part)
 
 
