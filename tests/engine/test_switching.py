@@ -88,12 +88,23 @@ def test_trust_counts_in_the_network_in_force():
 
 
 def test_a_random_order_is_drawn_at_each_change():
-    """Each network stays for its time, and all appear about equally often."""
+    """Each network stays for its time, and all appear about equally often; a drawn period is a lane's own."""
     networks = [{"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)]
     keys = LINE | {"horizon": 300.0, "defence": "none", "attack": "none"}
     keys["topology"] = {"kind": "switching", "networks": networks, "every": 3.0, "order": "random"}
-    kept = systems.simulate(systems.lanes(systems.study(**keys), 4)).series["kept"][:, :-1]
-    number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
+
+    def numbers(every):
+        one = systems.lanes(systems.study(**keys | {"topology": keys["topology"] | {"every": every}}), 4)
+        kept = systems.simulate(one).series["kept"][:, :-1]
+        number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
+        return np.asarray(one.inputs.lane.turns.schedule.every), number
+
+    for period, lane in zip(*numbers({"uniform": [2, 9]}), strict=True):
+        turn = np.arange(300) // period
+        assert 2 < period < 9
+        assert (np.diff(turn)[np.diff(lane) != 0] == 1).all()
+        assert (np.diff(lane) != 0).sum() > 10
+    _, number = numbers(3.0)
     turns = number.reshape(4, 100, 3)
     assert (turns == turns[:, :, :1]).all()
     assert np.abs(np.bincount(turns[:, :, 0].ravel(), minlength=3) / 400 - 1 / 3).max() < 0.08
@@ -107,6 +118,7 @@ def test_a_random_order_is_drawn_at_each_change():
         ({"every": 1.0, "at": [2.0]}, "either every or at"),
         ({"at": [2.0, 1.0]}, "ascending"),
         ({"every": 1.0, "own_weight": 1.0}, "own_weight to each"),
+        ({"every": {"uniform": [0, 1]}}, "greater than 0, whatever is drawn"),
         ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]}, "networks.1"),
         ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]}, "without draws"),
         ({"every": 1.0, "defence": {"kind": "trusted_only", "trusted": {"nearest": 1}}}, "who is nearest"),
