@@ -352,6 +352,11 @@ SAVE = [
 # --- several keys together ------------------------------------------------------------------------
 
 TIMES = [
+    Bad(
+        "→horizon: 20\noutput_step: 1e-7\ntick: 1e-7",
+        "horizon",
+        "must be at most 100,000,000 times output_step",
+    ),
     Bad("→tick: 0.03", "output_step", "must be a multiple of tick = 0.03 (got 0.1)"),
     Bad("tick: 0.03\n→output_step: 0.1", "output_step", "must be a multiple of tick = 0.03"),
     Bad("tail: 0\n→horizon: 0.25", "horizon", "must be a multiple of output_step = 0.1 (got 0.25)"),
@@ -475,7 +480,7 @@ SCENARIOS = [
     Bad("attack: {→vehicles: [2, 13]}", "attack.vehicles", "vehicles are 1 to 12 (got 13)"),
     Bad("attack: {→vehicles: [0]}", "attack.vehicles", "vehicles are 1 to 12 (got 0)"),
     Bad("attack: {→vehicles: [2, 5, 2]}", "attack.vehicles", "twice (got [2, 5, 2])"),
-    Bad("→vehicles: 9", "attack.vehicles", "vehicles are 1 to 9 (got 11)"),
+    Bad("vehicles: 9\nattack: {→vehicles: [2, 11]}", "attack.vehicles", "vehicles are 1 to 9 (got 11)"),
     Bad("defence: {→trusted: {13: [1]}}", "defence.trusted", "vehicles are 1 to 12 (got 13)"),
     Bad("defence: {→trusted: {1: [2, 13]}}", "defence.trusted", "sources are 0 to 12 (got 13)"),
     Bad("defence: {→theta: {13: 1}}", "defence.theta", "vehicles are 1 to 12 (got 13)"),

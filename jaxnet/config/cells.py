@@ -26,6 +26,7 @@ from jaxnet.config.document import (
     escape_controls,
     set_value,
     split_key,
+    spot,
 )
 from jaxnet.config.keys import (
     INNER_KINDS,
@@ -42,7 +43,9 @@ from jaxnet.config.keys import (
 )
 from jaxnet.config.naming import Key
 from jaxnet.kinds import registry
+from jaxnet.kinds.attacks import USUAL_TARGETS, usual_targets
 from jaxnet.kinds.fields import MARK, Record
+from jaxnet.kinds.graphs import ByIdentity, Graph
 from jaxnet.kinds.kind import Fault, Kind, KindError
 from jaxnet.kinds.metrics import AGREEMENT, DETECTION
 
@@ -56,6 +59,7 @@ SINGLE_KEY_MODELS: dict[str, type[BaseModel]] = {  # a model for each key
     key: create_model(key, __base__=Record, **{key: (field.annotation, field)})  # pyright: ignore
     for key, field in Scenario.model_fields.items()
 }
+FOLLOWED = ("topology", "vehicle", "navigator", "vehicles", "attack")  # other keys may follow from these
 RECORDS: dict[str, type[Record]] = {"initial": Initial, "channel": Channel}
 UNLABELLED_KEYS = ("kind", "label", "edges", "content", "names")  # keys of kinds that labels leave out
 
@@ -118,10 +122,10 @@ def read_document(document: Document) -> tuple[Config, tuple[Cell, ...]]:
             cells, found = cells_of(document, base, spanned, known=set(problems))
         problems += found
     if settled is not None and judges:
-        problems += [
-            located(fault, document.place)
-            for fault in faults.study_faults(settled, [cell.scenario for cell in cells])
-        ]
+        scenarios = [cell.scenario for cell in cells]
+        swept = [key for key in values if not document.settled and spot(split_key(key)) in document.places]
+        found = [*faults.study_faults(settled, scenarios), *faults.replaced_faults(settled, swept, scenarios)]
+        problems += [located(fault, document.place) for fault in found]
     if settled is None or problems:
         raise ConfigError(sorted(problems, key=line_order))
     return settled, cells
@@ -136,9 +140,41 @@ def gives(document: Document, root: str) -> bool:
 
 
 def settle(scenario: AnyScenario, document: Document) -> AnyScenario:
-    """Return the scenario with the numbers that follow from its kinds where the user gives none."""
+    """Return the scenario with what follows from its kinds: its network's nodes, and numbers not given."""
+    if not scenario.navigator.present:
+        scenario = scenario.model_copy(update={"topology": without_leader(ByIdentity(scenario.topology))})
     scenario = scenario if gives(document, "vehicles") else settle_vehicles(scenario)
+    scenario = scenario if gives_usual_targets(document) else settle_targets(scenario)
     return scenario if gives(document, "gain") else settle_gain(scenario)
+
+
+@functools.lru_cache(maxsize=64)
+def without_leader(itself: ByIdentity) -> Graph:
+    """Return the leaderless graph; the cache keeps one object for the cells of a sweep."""
+    return itself.one.leaderless()
+
+
+def gives_usual_targets(document: Document) -> bool:
+    """Return whether the user wrote the list of vehicles that are attacked by default.
+
+    A stored study with fewer vehicles has this list from the default alone.
+    """
+    data, swept = document.data, document.data.get("sweep")
+    swept = swept if isinstance(swept, dict) else {}
+    listed = [swept.get(key) for key in ("attack", "attack.vehicles")]
+    attacks, lists = (each if isinstance(each, list) else [] for each in listed)
+    if registry.scope().judges and (not document.settled or "attack.vehicles" in document.overridden):
+        attacks = [data.get("attack"), *attacks]
+    given = [each.get("vehicles") for each in attacks if isinstance(each, dict)]
+    return registry.scope().judges and USUAL_TARGETS in [*given, *lists]
+
+
+def settle_targets(scenario: AnyScenario) -> AnyScenario:
+    """Return the scenario with the usual attacked vehicles that exist, where those are attacked."""
+    attack, usual = scenario.attack, usual_targets(scenario.vehicles)
+    if usual == USUAL_TARGETS or getattr(attack, "vehicles", None) != USUAL_TARGETS:
+        return scenario
+    return scenario.model_copy(update={"attack": attack.on(usual)})
 
 
 def settle_gain(scenario: AnyScenario) -> AnyScenario:
@@ -454,7 +490,7 @@ class CellParts:
         self.wrong = {root for root, (_, wrong) in fixed.items() if wrong}
         right = {root: value for root, (value, wrong) in fixed.items() if not wrong}
         self.shared = settle(DEFAULT_SCENARIO.model_copy(update=right), document)
-        self.follows = not self.swept.keys().isdisjoint(("topology", "vehicle"))
+        self.follows = not self.swept.keys().isdisjoint(FOLLOWED)
 
     def scenario(self, chosen: Mapping[str, int]) -> tuple[Scenario | None, list[Problem]]:
         """Return a cell's scenario by the indices of its swept values, or None and all problems.

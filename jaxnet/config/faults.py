@@ -15,7 +15,7 @@ from jaxnet.outside import blame
 from jaxnet.theory import exact
 
 MULTIPLE_TOLERANCE = 1e-9  # relative tolerance
-MOST_MULTIPLE = 1e8
+MOST_MULTIPLE = 10**8
 MOST_LATE = 200  # ticks by which words may be late
 MOST_RATE = 0.5  # of a time constant in a tick over which a motion is a power series: errs by under 1e-7
 LEAST_CHOICES = 100  # choices that a search tries at least
@@ -42,6 +42,30 @@ def study_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
             ("save", "sweep.topology"), "stores arrays of one size: all networks need as many vehicles"
         )
     yield from metric_faults(study, cells)
+
+
+def replaced_faults(study: Config, swept: Sequence[str], cells: Sequence[Scenario]) -> Iterator[Fault]:
+    """Yield the faults of given values that a sweep replaces, where they are wrong in every cell.
+
+    They are those of a kind alone, or of a kind and the number of vehicles. A network brings its own number.
+    """
+    for key in swept:
+        root, *inside = key.split(".")
+        if root not in KINDS or root == "topology" or len(inside) > 1:
+            continue
+        base, found = getattr(study, root), list[Fault]()
+        for cell in cells:
+            kind = getattr(cell, root) if inside else base
+            if inside and type(kind) is type(base):
+                kind = kind.model_copy(update={inside[0]: getattr(base, inside[0])})
+            wrong = kind_faults(root, kind, cell.model_copy(update={root: kind}))
+            found = [each for each in wrong if f"{each.keys[0]}.".startswith(f"{key}.")]
+            found = [
+                each for each in found if {part.split(".")[0] for part in each.keys} <= {root, "vehicles"}
+            ]
+            if not found:
+                break
+        yield from found
 
 
 def metric_faults(study: Config, cells: Sequence[Scenario]) -> Iterator[Fault]:
@@ -210,8 +234,7 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
         if not tick / 2 <= low <= high <= MOST_LATE * tick:
             told = f"a drawn delay is at least half a tick, {tick / 2:.12g} s, and at most {MOST_LATE} ticks"
             yield Fault(("channel.delay", "tick"), f"{told} (got {shorten_value(delay)})")
-    elif not is_multiple(delay, tick) or round(delay / tick) > MOST_LATE:
-        told = f"must be a multiple of tick = {tick:.12g}, at most {MOST_LATE} ticks (got {delay:.12g})"
+    elif told := multiple_fault(delay, "tick", tick, MOST_LATE):
         yield Fault(("channel.delay", "tick"), told)
     elif tells_motion(scenario) and tick * fastest_motion(scenario) > MOST_RATE:
         told = f"late motions need ticks of at most {MOST_RATE:g} of the law's fastest time constant"
@@ -226,10 +249,12 @@ def delay_faults(scenario: Scenario) -> Iterator[Fault]:
 
 def fastest_motion(scenario: Scenario) -> float:
     """Return the rate of a vehicle's own motion [1/s]: that of the law, times the strongest row above 1."""
-    rows, leads = scenario_graph(scenario).weights.T[None], scenario.navigator.present
-    strength = scenario.topology.strength(rows, leads) if scenario.law.local else None
-    factor = 1.0 if strength is None else float(strength.of(np.ones((1, *rows.shape[::2]))).max())
-    return max(1.0, factor) * fastest_rate(scenario)
+    factors = [1.0]
+    for each in scenario.topology.turns() if scenario.law.local else ():
+        rows = scenario_graph(scenario.model_copy(update={"topology": each})).weights.T[None]
+        strength = each.strength(rows, scenario.navigator.present)
+        factors += [] if strength is None else [float(strength.of(np.ones((1, *rows.shape[::2]))).max())]
+    return max(factors) * fastest_rate(scenario)
 
 
 def tells_motion(scenario: Scenario) -> bool:
@@ -271,25 +296,25 @@ def kind_faults(key: str, kind: Kind, scenario: Scenario) -> list[Fault]:
 
 def is_multiple(value: float, of: float) -> bool:
     """Return whether one duration is a whole multiple of another, up to rounding."""
-    if not of / 2 < value < of * MOST_MULTIPLE:
-        return False
-    return abs(value - round(value / of) * of) <= MULTIPLE_TOLERANCE * value
+    return of / 2 < value and abs(value - round(value / of) * of) <= MULTIPLE_TOLERANCE * value
+
+
+def multiple_fault(value: float, name: str, of: float, most: int = MOST_MULTIPLE) -> str:
+    """Return what is wrong with a duration that is to be 1 to `most` times another, "" if nothing is."""
+    if value / of > most + 0.5:
+        return f"must be at most {most:,} times {name} = {of:.12g} (got {value:.12g})"
+    return "" if is_multiple(value, of) else f"must be a multiple of {name} = {of:.12g} (got {value:.12g})"
 
 
 def time_faults(scenario: Scenario) -> Iterator[Fault]:
     """Yield faults of ticks, output times, tail and horizon that do not fit into each other."""
     tick, step, horizon, tail = scenario.tick, scenario.output_step, scenario.horizon, scenario.tail
-    if tick > 0 and not is_multiple(step, tick):
-        yield Fault(("output_step", "tick"), f"must be a multiple of tick = {tick:.12g} (got {step:.12g})")
-    if not is_multiple(horizon, step):
-        yield Fault(
-            ("horizon", "output_step"),
-            f"must be a multiple of output_step = {step:.12g} (got {horizon:.12g})",
-        )
-    if tail > 0 and not is_multiple(tail, step):
-        yield Fault(
-            ("tail", "output_step"), f"must be a multiple of output_step = {step:.12g} (got {tail:.12g})"
-        )
+    if tick > 0 and (told := multiple_fault(step, "tick", tick)):
+        yield Fault(("output_step", "tick"), told)
+    if told := multiple_fault(horizon, "output_step", step):
+        yield Fault(("horizon", "output_step"), told)
+    if tail > 0 and (told := multiple_fault(tail, "output_step", step)):
+        yield Fault(("tail", "output_step"), told)
     if tail > horizon:
         yield Fault(("tail", "horizon"), f"must fit into horizon = {horizon:.12g} (got {tail:.12g})")
 

@@ -17,11 +17,12 @@ def network(
     leader: object = None,
     names: Sequence[str] = (),
     label: str | None = None,
+    leads: bool = True,
 ) -> Edges:
     """Make a topology of a matrix, or of a networkx graph with any labels.
 
     A networkx graph, a NumPy array or a SciPy sparse array is a topology as it is, by the defaults of this
-    function.
+    function, and with `leads` False where the study has `navigator: none`.
 
     Parameters
     ----------
@@ -39,6 +40,8 @@ def network(
         Names of the m vehicles. Default: the labels of the nodes, where they are no numbers.
     label
         Name of the topology in a sweep. Default: the name of the networkx graph.
+    leads
+        Whether one node is the navigator. False: every node is a vehicle, for `navigator: none`.
 
     Returns
     -------
@@ -55,13 +58,15 @@ def network(
     >>> adjacency = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0]])  # node 2 hears nodes 0 and 1
     >>> jaxnet.network(adjacency, names=["ann", "bob"]).edges
     [(1, 0, 1.0), (2, 0, 1.0), (2, 1, 2.0)]
+    >>> jaxnet.network(np.eye(3, k=1) + np.eye(3, k=-2), leads=False).edges  # a ring of three vehicles
+    [(1, 2, 1.0), (2, 3, 1.0), (3, 1, 1.0)]
     """
     try:
         found = object_network(given, first)
         if found is None:
             raise KindError(f"a network is a matrix or a networkx graph (got {type(given).__name__})")
         chosen = None if leader is None else label_of(leader)
-        numbered = number_nodes(found, direction, first, chosen, names)
-        return edges_of_network(numbered, label or network_label(given))
+        numbered = number_nodes(found, direction, first, chosen, names, leads)
+        return edges_of_network(numbered, label or network_label(given), leads)
     except KindError as error:
         raise ConfigError([Problem("", "topology", str(error))]) from error

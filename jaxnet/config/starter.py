@@ -11,6 +11,7 @@ from jaxnet.config.document import ConfigError, Document, Plain, Problem
 from jaxnet.config.keys import Config, Scenario
 from jaxnet.config.study import yaml_of
 from jaxnet.kinds import registry
+from jaxnet.kinds.attacks import usual_targets
 from jaxnet.kinds.kind import Kind, KindError
 
 ASKED_FAMILIES = ("topology", "attack", "defence")
@@ -74,7 +75,7 @@ def keys_of_kind(kind: type[Kind], given: Mapping[str, Plain]) -> dict[str, Plai
         if key != "label" and not field.is_required()
     }
     if "vehicles" in keys:
-        keys["vehicles"] = [one for one in keys["vehicles"] if one <= given["vehicles"]] or [1]
+        keys["vehicles"] = usual_targets(given["vehicles"])
     return keys
 
 

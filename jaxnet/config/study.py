@@ -1,5 +1,6 @@
 """A study: what a YAML file, a mapping or a script asks jaxnet to simulate."""
 
+import contextlib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,11 +16,22 @@ from upath import UPath
 
 from jaxnet.config import cells
 from jaxnet.config.cells import Cell
-from jaxnet.config.document import ConfigError, Document, Keys, Plain, Problem, dotted_key
+from jaxnet.config.document import (
+    ConfigError,
+    Document,
+    Keys,
+    Plain,
+    PlainMapping,
+    Problem,
+    Reader,
+    dotted_key,
+    set_value,
+    split_key,
+)
 from jaxnet.config.keys import Config
 from jaxnet.config.yaml12 import LONGEST_INT, MOST_DEPTH, TOO_DEEP, Yaml12Dumper
 from jaxnet.kinds import registry
-from jaxnet.kinds.graphs.edges import adopt_network
+from jaxnet.kinds.graphs.edges import Edges, adopt_network
 from jaxnet.kinds.kind import Kind, KindError
 from jaxnet.kinds.metrics import Metric
 
@@ -72,6 +84,7 @@ class Study:
 
 
 StudySource = Study | str | Path | UPath | Mapping[str, Any]
+Overrides = dict[str, Any] | list[str]
 
 
 def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = ()) -> Study:
@@ -105,32 +118,67 @@ def load(source: StudySource, overrides: Mapping[str, object] | Iterable[str] = 
     (2, 6)
     """
     written = not isinstance(overrides, Mapping)
-    if isinstance(overrides, Mapping):
-        overrides = [f"{key}={yaml_of(native(value, key), inline=True)}" for key, value in overrides.items()]
-    overrides = list(overrides)
+    given = dict(overrides) if isinstance(overrides, Mapping) else [str(word) for word in overrides]
     if isinstance(source, Study):
-        if not overrides:
+        if not given:
             return source
         with source.config.scope():
-            return read_mapping(cells.to_plain(source.config), overrides, written, settled=True)
+            return read_mapping(cells.to_plain(source.config), given, written, settled=True)
     if isinstance(source, Mapping):
-        return read_mapping(source, overrides, written)
+        return read_mapping(source, given, written)
     document = Document.read(source)
     with registry.Scope(Path(str(source)).resolve().parent)() as scope:
-        return read_study(document, overrides, scope, written)
+        return read_study(document, words_of(given, document.data), scope, written)
+
+
+def words_of(overrides: Overrides, known: PlainMapping) -> list[str]:
+    """Return overrides of a study with these keys as words KEY=VALUE; raise ConfigError."""
+    if isinstance(overrides, list):
+        return overrides
+    leads = has_navigator(known, overrides)
+    return [
+        f"{key}={yaml_of(native(each, key, leads=leads), inline=True)}" for key, each in overrides.items()
+    ]
+
+
+def has_navigator(known: PlainMapping, overrides: Overrides) -> bool | None:
+    """Return whether the cells of a study have a navigator, None if some have.
+
+    A script's network is numbered by that before the study is read.
+    """
+    data: dict[str, Plain] = {key: known[key] for key in ("navigator", "sweep") if known.get(key)}
+    if isinstance(overrides, list):
+        words = {key: value for key, _, value in (word.partition("=") for word in overrides)}
+    else:
+        words = overrides
+    for key, value in words.items():
+        if key.split(".")[0] in ("navigator", "sweep"):
+            with contextlib.suppress(ConfigError, LookupError):  # which are told where the study is read
+                read = Reader("").read(str(value)) if isinstance(overrides, list) else value
+                set_value(data, split_key(key), read)
+    swept = data.get("sweep")
+    listed = swept.get("navigator") if isinstance(swept, Mapping) else None
+    each = listed if isinstance(listed, list) and listed else [data.get("navigator", {})]
+    kinds = [
+        one if isinstance(one, Kind) else cells.model_of("navigator", cells.with_kind("navigator", one))
+        for one in each
+    ]
+    leads = {getattr(kind, "present", True) for kind in kinds}
+    return leads.pop() if len(leads) == 1 else None
 
 
 def read_mapping(
-    source: Mapping[str, Any], overrides: Iterable[str], written: bool, settled: bool = False
+    source: Mapping[str, Any], overrides: Overrides, written: bool, settled: bool = False
 ) -> Study:
     """Return the study of a script's mapping; raise ConfigError.
 
     `settled` says whether the mapping is a study's config, in which `vehicles` follows from the network.
     """
     with registry.Scope(known=registry.scope().known)() as scope:
-        document = Document(yaml_of(native({"name": "study", **source}), inline=False), "")
+        plain = native({"name": "study", **source}, leads=has_navigator(source, overrides))
+        document = Document(yaml_of(plain, inline=False), "")
         document.settled = settled
-        return read_study(document, overrides, scope, written)
+        return read_study(document, words_of(overrides, source), scope, written)
 
 
 def read_study(
@@ -153,12 +201,13 @@ def yaml_of(data: Plain, inline: bool) -> str:
     return text.removesuffix("...\n").rstrip("\n")
 
 
-def native(value: object, *keys: str | int) -> Plain:
+def native(value: object, *keys: str | int, leads: bool | None = True) -> Plain:
     """Return plain data of a script's value at these keys: arrays and tuples become lists, paths become text.
 
-    Raises ConfigError for a value that YAML cannot express, and beyond the limits of `yaml12`.
+    `leads` says whether a node of a network is the navigator, None if in some cells only. Raises ConfigError
+    for a value that YAML cannot express, and beyond the limits of `yaml12`.
     """
-    return Native().plain(value, keys)
+    return Native(leads).plain(value, keys)
 
 
 @runtime_checkable
@@ -173,8 +222,8 @@ class Listable(Protocol):
 class Native:
     """Converts a script's values to plain data, and counts them."""
 
-    def __init__(self):
-        self.count = 0
+    def __init__(self, leads: bool | None):
+        self.count, self.leads = 0, leads
 
     def plain(self, value: object, keys: Keys) -> Plain:
         """Return plain data of the value at these keys; raise ConfigError."""
@@ -183,7 +232,7 @@ class Native:
             raise refusal(keys, f"more than {MOST_VALUES:,} values")
         if type(value) in SCALAR_TYPES:
             return plain_scalar(value, keys)
-        value = config_form(value, keys)
+        value = config_form(value, keys, self.leads)
         value = value.tolist() if isinstance(value, Listable) else value
         if isinstance(value, Mapping | list | tuple | range) and len(keys) >= MOST_DEPTH:
             raise refusal(keys, TOO_DEEP)
@@ -194,12 +243,16 @@ class Native:
         return plain_scalar(value, keys)
 
 
-def config_form(value: object, keys: Keys) -> object:
+def config_form(value: object, keys: Keys, leads: bool | None) -> object:
     """Return a kind, a kind's class, a metric or a network in the form of a config.
 
     A network is a graph of networkx, or where a topology stands also a matrix of NumPy or SciPy. Other values
     are returned as they are. Raises ConfigError for a network that is no topology.
     """
+    if isinstance(value, Edges) and value.led and leads is False:
+        raise refusal(
+            keys, "a node leads this network, and navigator is none: jaxnet.network(…, leads=False)"
+        )
     if isinstance(value, Kind):
         return {"kind": registry.adopt(type(value)), **cells.without_empty_labels(dict(value))}
     if isinstance(value, Metric) or (isinstance(value, type) and issubclass(value, Kind)):
@@ -207,10 +260,10 @@ def config_form(value: object, keys: Keys) -> object:
     if isinstance(value, np.ndarray) and not is_topology(keys):
         return value
     try:
-        graph = adopt_network(value)
+        graph = adopt_network(value, leads)
     except KindError as error:
         raise refusal(keys, str(error)) from error
-    return value if graph is None else config_form(graph, keys)
+    return value if graph is None else config_form(graph, keys, leads)
 
 
 def is_topology(keys: Keys) -> bool:

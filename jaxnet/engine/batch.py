@@ -29,6 +29,7 @@ Lanes = TypeVar("Lanes")
 TYPICAL_FLEET = 12  # vehicles in the fleet for which an engine states its chunk
 CHOOSING = 16_000  # most vehicles side by side in a plan that chooses at ticks: more gain little
 LEAST_CHUNK = 2
+MOST_LANES = 2**32
 SLOW_CHUNK = 8  # lanes side by side where vehicles decide inside the vector field
 LATE_CHUNK = 64  # most lanes side by side where words are late, for each keeps its last words
 COMPILING = set[int]()  # threads that compile a program
@@ -71,23 +72,23 @@ class Machine(NamedTuple):
             there = there[:1] * cores()
         return there[: self.devices]
 
-    def width(self, plan: Plan, vehicles: int) -> int:
+    def width(self, plan: Plan, vehicles: int, lanes: int = MOST_LANES) -> int:
         """Return the number of lanes side by side: `chunk` if given, else a power of two.
 
-        Above twelve vehicles the number falls as one over the root of the fleet size. The engine's `cached`
-        bounds the number of vehicles side by side.
+        Above twelve vehicles the power falls as one over the root of the fleet size. The engine's `cached`
+        bounds the number of vehicles side by side. A given chunk is cut to the power, or to one that holds
+        all lanes: more would be padding.
         """
-        if self.chunk:
-            return self.chunk
         chunk = SLOW_CHUNK if plan.in_field else plan.engine.chunk
         chunk = min(chunk, LATE_CHUNK) if plan.late else chunk
         cached = min(plan.engine.cached, CHOOSING if plan.choosing else math.inf)
         few = min(chunk * math.sqrt(TYPICAL_FLEET / max(TYPICAL_FLEET, vehicles)), cached / vehicles)
-        return max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
+        own = max(LEAST_CHUNK, 2 ** math.ceil(math.log2(few)))
+        return min(self.chunk, max(own, 2 ** math.ceil(math.log2(lanes)))) if self.chunk else own
 
-    def load_of(self, plan: Plan, network: Network) -> tuple[Plan, int]:
+    def load_of(self, plan: Plan, network: Network, lanes: int) -> tuple[Plan, int]:
         """Return the plan with its width, and the number of lanes of a load."""
-        plan = plan._replace(chunk=self.width(plan, network.hearing.sources.shape[1]))
+        plan = plan._replace(chunk=self.width(plan, network.hearing.sources.shape[1], lanes))
         return plan, plan.chunk * (1 if plan.save else plan.engine.queue)
 
 
@@ -114,7 +115,7 @@ def simulate_each(
     after each load with the number of lanes in that load.
     """
     devices, free, sizes = machine.each(), SimpleQueue[Any](), deque[int]()
-    plan, capacity = machine.load_of(plan, network)
+    plan, capacity = machine.load_of(plan, network, lanes)
     share = max(plan.chunk, -(-lanes // len(devices)))
     for device in devices:
         free.put(device)
@@ -158,7 +159,7 @@ def trace(job: Job, machine: Machine = EVERYTHING) -> None:
     A simulation on the same machine takes the trace from JAX's cache.
     """
     (inputs, network, clock, plan), device = job, machine.each()[0]
-    plan, capacity = machine.load_of(plan, network)
+    plan, capacity = machine.load_of(plan, network, job.size)
     with jax.enable_x64(True), jax.default_device(device):
         try:
             traced: Any = program(device.platform)

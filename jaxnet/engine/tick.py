@@ -734,7 +734,7 @@ def judge(
         lane.defence.observed(received, time),
         before.decision,
         before.memory,
-        surroundings(heard, network, time, before.memory, signals, arrived),
+        surroundings(heard, network, time, before.memory, signals, arrived, lane.weights > 0),
     )
     decision = of_heard(decision, lane)
     if before.reception is not None and before.decision is not None:
@@ -853,6 +853,7 @@ def surroundings(
     memory: Memory,
     signals: SignalJets | None = None,
     arrived: Bool[Array, "slots m lanes"] | None = None,
+    linked: Bool[Array, "slots m lanes"] | None = None,
 ) -> Neighbourhood:
     """Return the inputs of a defence besides the received jets; `signals` are the attacks' jets."""
     heard, trusted = network.hearing, network.trusted
@@ -863,7 +864,7 @@ def surroundings(
         carried = heard.received(sent, control.driven(lane.gain, signals))
         announced = lane.announces.received(heard.sent(sent), carried, attacked, heard.signals, time)
         announced = lane.defence.overheard(announced, heard.sources, time)
-    rest = network.shared, announced, attacked, arrived
+    rest = network.shared, announced, attacked, arrived, lane.weights > 0 if linked is None else linked
     return Neighbourhood(heard.sources, lane.weights, trusted, lane.gain, time, *rest)
 
 

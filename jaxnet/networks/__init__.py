@@ -28,6 +28,7 @@ class NamedNetwork(NamedTuple):
 
     nodes: tuple[str, ...]
     links: LinkList
+    navigator: str | None = None  # the node of column 0 of [a0 | A]; None where nothing says who leads
 
 
 class NumberedNetwork(NamedTuple):
@@ -43,20 +44,22 @@ def write_network(network: NamedNetwork) -> str:
     links = [
         f"{quote(one, safe='')},{quote(other, safe='')},{weight}" for one, other, weight in network.links
     ]
-    return " ".join([*nodes, *links])
+    return " ".join([*nodes, *links, *([] if network.navigator is None else [f"={network.navigator}"])])
 
 
 def parse_network(content: str) -> NamedNetwork:
     """Return the network in text of `write_network`; raise ValueError."""
-    nodes, links = [], []
+    nodes, links, navigator = [], [], None
     for item in content.split():
         first, *others = item.split(",")
-        if others:
+        if item.startswith("="):  # which `quote` writes nowhere
+            navigator = item[1:]
+        elif others:
             second, weight = others
             links.append((unquote(first), unquote(second), parse_weight(weight)))
         else:
             nodes.append(unquote(first))
-    return NamedNetwork(tuple(nodes), links)
+    return NamedNetwork(tuple(nodes), links, navigator)
 
 
 def parse_number(text: str) -> float:
@@ -80,6 +83,7 @@ def number_nodes(
     first: int = 0,
     leader: str | None = None,
     names: Sequence[str] = (),
+    leads: bool = True,
 ) -> NumberedNetwork:
     """Number the nodes of a network: the navigator is 0, the vehicles are 1 … m in the order of the nodes.
 
@@ -95,24 +99,30 @@ def number_nodes(
         Label of the navigator. Default: the node `first`, or a node called 0, navigator or leader.
     names
         Names of the vehicles in place of the labels.
+    leads
+        Whether a node is the navigator; otherwise every node is a vehicle.
 
     Raises
     ------
     KindError
-        If no node is the navigator, if nodes are numbered with gaps, or if the navigator hears a vehicle that
-        does not hear the navigator.
+        If no node is the navigator, if nodes are numbered with gaps, if the navigator hears a vehicle that
+        does not hear the navigator, or if something names the navigator of a network without one.
     """
     labels = list(network.nodes or dict.fromkeys(end for *ends, _ in network.links for end in ends))
     if not network.links:
         raise KindError("the network has no edge")
-    if all(map(NODE_NUMBER.fullmatch, labels)):
+    numbered = all(map(NODE_NUMBER.fullmatch, labels))
+    if not leads:
+        refuse_navigator(network, first, leader)
+        first = min(1, *map(int, labels)) if numbered else 0
+    if numbered:
         labels = range_of_numbers(labels, first, len(network.links))
-        chosen = str(first) if leader is None else leader
-    else:
-        chosen = named_leader(labels) if leader is None else leader
-    if chosen not in labels:
-        raise KindError(f"no node is called {chosen!r}: leader is one of {listed(labels)}")
-    order = [chosen, *(label for label in labels if label != chosen)]
+    order = ["", *labels]  # whose first is no node
+    if leads:
+        chosen = leader if leader is not None else str(first) if numbered else named_leader(labels)
+        if chosen not in labels:
+            raise KindError(f"no node is called {chosen!r}: leader is one of {listed(labels)}")
+        order = [chosen, *(label for label in labels if label != chosen)]
     numbers = {label: number for number, label in enumerate(order)}
     pairs = [(numbers[one], numbers[other], weight) for one, other, weight in network.links]
     if direction == "tells":
@@ -122,6 +132,15 @@ def number_nodes(
     given = tuple(order[1:])
     known = () if given == tuple(map(str, range(1, len(order)))) else given
     return NumberedNetwork(edges, check_names(names, len(given)) or known)
+
+
+def refuse_navigator(network: NamedNetwork, first: int, leader: str | None) -> None:
+    """Raise KindError if a key, or a link from column 0 of `[a0 | A]`, names a navigator."""
+    none = "and there is no navigator (navigator: none)"
+    if first or leader is not None:
+        raise KindError(f"{'first' if first else 'leader'} says which node is the navigator, {none}")
+    if any(source == network.navigator for _, source, _ in network.links):
+        raise KindError(f"column 0 of a matrix m × (m + 1) is what the navigator tells, {none}: give zeros")
 
 
 def range_of_numbers(labels: Iterable[str], first: int, links: int) -> list[str]:

@@ -21,15 +21,16 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
     Parameters
     ----------
     given
-        A matrix (n, n) of n nodes, of which one is the navigator, or [a0 | A], (m, m + 1), whose column 0 is
-        the navigator. A square matrix with a negative entry is a Laplacian: its weights are −l_ij, j ≠ i.
+        A matrix (n, n) of n nodes, of which one may be the navigator, or [a0 | A], (m, m + 1), whose column
+        0 is the navigator. A square matrix with a negative entry is a Laplacian: its weights are −l_ij,
+        j ≠ i.
     first
         Number of the first node of a square matrix.
 
     Raises
     ------
     KindError
-        If the shape or an entry is another.
+        If the shape or an entry is another, or if a node has no edge.
     """
     shape: tuple[int, ...] = given.shape or ()
     if len(shape) != 2 or shape[1] - shape[0] not in (0, 1):
@@ -51,8 +52,11 @@ def matrix_network(given: GivenMatrix, first: int = 0) -> NamedNetwork:
         )
     shift = first if square else 1
     ends = (rows + shift).tolist(), (columns + shift - (not square)).tolist()
+    alone = sorted(set(range(shift, shift + shape[0])).difference(*ends))
+    if alone and len(values):
+        raise KindError(f"node {alone[0]} has no edge")
     links = zip(map(str, ends[0]), map(str, ends[1]), values.tolist(), strict=True)
-    return NamedNetwork((), list(links))
+    return NamedNetwork((), list(links), None if square else "0")
 
 
 def laplacian_links(rows: graph.Row, columns: graph.Row, values: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -80,6 +80,7 @@ class Run:
         there = samples_of_cells(self.before, len(self.cells))
         looks = [looks_of(self.study.samples, each) for each in there]  # that each cell has ahead
         tally = self.tally(sum(ahead[-1] for ahead in looks))
+        self.need_room(sum(ahead[0] for ahead in looks))
         self.folder.remove_torn()
         self.clear_settings()
         self.folder.write_study(self.study)
@@ -94,6 +95,14 @@ class Run:
             simulated += self.simulate(new, self.work(self.prepare(max(samples))), tally)
             looks = self.looks_ahead([ahead[1:] for ahead in looks], samples, tally)
         return self.finish(samples, simulated)
+
+    def need_room(self, lanes: int) -> None:
+        """Raise FolderError if the disk has no room for these lanes, before anything is made of their number.
+
+        Each file of rows counts as a full shard.
+        """
+        there = sum(1 for _ in self.folder.path.glob("lanes/*.parquet")) * self.size
+        self.folder.need(layout.disk_bytes(self.study, self.cells, max(0, lanes - there)))
 
     def looks_ahead(
         self, looks: Sequence[list[int]], samples: Sequence[int], tally: Tally
@@ -120,6 +129,7 @@ class Run:
         if isinstance(self.study.samples, keys.Sequential):
             raise FolderError("a part of the shards needs a number of samples, not a criterion to stop by")
         samples = [self.study.samples] * len(self.cells)
+        self.need_room(sum(samples) // of)
         mine = layout.shards_of(self.cells, samples, self.size)[number::of]
         tally = self.tally(sum(len(shard.samples) for shard in mine))
         simulated = self.simulate(mine, self.work(None), tally)

@@ -83,6 +83,8 @@ def test_larger_fleets_have_fewer_lanes_side_by_side(decides, cached, chunk, mon
     assert all(width == 2 or width * m < 2 * cached for width, m in zip(widths, fleets, strict=True))
     assert widths[-1] == 2
     assert batch.Machine(chunk=5).width(plan, 300) == 5
+    assert batch.Machine(chunk=10**9).width(plan, 12, lanes=3) == chunk
+    assert batch.Machine(chunk=10**9).width(plan, 12, lanes=1000) == 1024
 
 
 def test_an_engine_says_how_many_vehicles_stay_in_a_cache(monkeypatch):

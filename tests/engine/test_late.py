@@ -166,7 +166,7 @@ def test_vehicles_with_late_words_move_as_the_plain_program(engine, late, orders
     ("keys", "words"),
     [
         ({"channel": {"delay": 0.07}}, "multiple of tick = 0.05"),
-        ({"channel": {"delay": 20.0}}, "at most 200 ticks"),
+        ({"channel": {"delay": 20.0}}, "at most 200 times tick"),
         ({"channel": {"delay": 0.1}, "tick": 0.0}, "give a tick"),
         ({"channel": {"delay": 0.1}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),
         ({"channel": {"missing": "hold"}, "law": {"kind": "rounds", "rounds": 2}}, "makes one at a tick"),

@@ -12,6 +12,7 @@ SPARSE = [[1, 2, 1], [3, 5, 1], [6, 2, 0.5]]
 NETWORKS = [{"kind": "edges", "edges": edges} for edges in (RING, PAIRS, SPARSE)]
 LINE = {"vehicles": 6, "vehicle": "single_integrator", "navigator": "none", "law": "local", "gain": [1]}
 LINE |= {"tick": 1.0, "output_step": 1.0, "tail": 0.0, "engine": "exact"}
+CHAIN = [[1, 0, 1], [2, 1, 1]]
 LIAR = {"kind": "own_path", "vehicles": [3], "centre": [-5, 0], "swing": [0, 0]}
 
 
@@ -74,13 +75,36 @@ def test_weights_are_those_of_each_network_under_the_exact_law():
     np.testing.assert_allclose(*ends, rtol=0, atol=1e-4)
 
 
+def test_trust_counts_in_the_network_in_force():
+    """Vehicle 2 hears 0 and 1, or 1 alone: it retains the navigator, or else 1, and is never unheard."""
+    networks = [{"kind": "edges", "edges": edges} for edges in ([[1, 0, 1], [2, 0, 1], [2, 1, 1]], CHAIN)]
+    attack = {"kind": "bias", "magnitude": 10, "vehicles": [1], "links": "neighbour", "direction": 0.0}
+    keys = {"vehicles": 2, "vehicle": "double_integrator", "tick": 0.1, "horizon": 4.0, "tail": 0.0}
+    keys |= {"topology": {"kind": "switching", "networks": networks, "every": 1.0}, "attack": attack}
+    one = systems.lanes(systems.study(**keys, engine="exact", defence="trusted_only"), 1)
+    kept = systems.simulate(one).series["kept"][0, :-1, 1]
+    second = np.arange(40) // 10 % 2 == 1
+    np.testing.assert_array_equal(kept, np.where(second[:, None], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
+
+
 def test_a_random_order_is_drawn_at_each_change():
-    """Each network stays for its time, and all appear about equally often."""
+    """Each network stays for its time, and all appear about equally often; a drawn period is a lane's own."""
     networks = [{"kind": "edges", "edges": [[i, 1 + (i + k) % 6, 1] for i in range(1, 7)]} for k in range(3)]
     keys = LINE | {"horizon": 300.0, "defence": "none", "attack": "none"}
     keys["topology"] = {"kind": "switching", "networks": networks, "every": 3.0, "order": "random"}
-    kept = systems.simulate(systems.lanes(systems.study(**keys), 4)).series["kept"][:, :-1]
-    number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
+
+    def numbers(every):
+        one = systems.lanes(systems.study(**keys | {"topology": keys["topology"] | {"every": every}}), 4)
+        kept = systems.simulate(one).series["kept"][:, :-1]
+        number = np.stack([kept[:, :, 0, 1 + (k + 1) % 6] > 0 for k in range(3)]).argmax(axis=0)
+        return np.asarray(one.inputs.lane.turns.schedule.every), number
+
+    for period, lane in zip(*numbers({"uniform": [2, 9]}), strict=True):
+        turn = np.arange(300) // period
+        assert 2 < period < 9
+        assert (np.diff(turn)[np.diff(lane) != 0] == 1).all()
+        assert (np.diff(lane) != 0).sum() > 10
+    _, number = numbers(3.0)
     turns = number.reshape(4, 100, 3)
     assert (turns == turns[:, :, :1]).all()
     assert np.abs(np.bincount(turns[:, :, 0].ravel(), minlength=3) / 400 - 1 / 3).max() < 0.08
@@ -94,12 +118,15 @@ def test_a_random_order_is_drawn_at_each_change():
         ({"every": 1.0, "at": [2.0]}, "either every or at"),
         ({"at": [2.0, 1.0]}, "ascending"),
         ({"every": 1.0, "own_weight": 1.0}, "own_weight to each"),
+        ({"every": {"uniform": [0, 1]}}, "greater than 0, whatever is drawn"),
         ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "edges", "edges": [[9, 1, 1]]}]}, "networks.1"),
         ({"every": 1.0, "networks": [NETWORKS[0], {"kind": "small_world", "redraw": True}]}, "without draws"),
+        ({"every": 1.0, "defence": {"kind": "trusted_only", "trusted": {"nearest": 1}}}, "who is nearest"),
     ],
 )
 def test_networks_that_cannot_take_turns_are_refused(more, message):
     """With the key that the user may change."""
-    topology = {"kind": "switching", "networks": NETWORKS, **more}
+    keys = {key: more[key] for key in more if key == "defence"}
+    topology = {"kind": "switching", "networks": NETWORKS, **{key: more[key] for key in more.keys() - keys}}
     with pytest.raises(ConfigError, match=message):
-        systems.study(topology=topology, **LINE)
+        systems.study(topology=topology, **LINE, **keys)

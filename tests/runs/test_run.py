@@ -10,6 +10,7 @@ import sys
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -514,6 +515,11 @@ def test_a_run_that_the_disk_has_no_room_for_is_not_begun(config, tmp_path, monk
     with pytest.raises(FolderError, match=r"may need \d+ MiB, and 0 MiB are free there"):
         jaxnet.run(jaxnet.load(config), tmp_path / "full")
     assert not list(tmp_path.glob("full/lanes/*"))
+    more = {"samples": 10**9, "save.trajectories": "all"}  # as many numbers of samples would be 8 GB
+    monkeypatch.setattr(layout, "shards_of", None)
+    for run in (jaxnet.run, partial(jaxnet.run_part, part=0, parts=2)):
+        with pytest.raises(FolderError, match="are free there"):
+            run(jaxnet.load(config, more), out=tmp_path / "full")
 
 
 def test_a_disk_that_fills_up_loses_nothing(config, results, tmp_path, monkeypatch):

@@ -43,11 +43,17 @@ from jaxnet.model.graph import Digraph, Links, hears_vehicles
 from jaxnet.model.signal import ORDERS, Harmonic
 from jaxnet.model.wording import ranges, sets_in_words
 
+USUAL_TARGETS = [2, 5, 8, 11]
 MOMENTS = 1_001  # times at which a signal without bound is sampled
 
 AttackedLinks = Literal["auto", "neighbour", "navigator"]
 Threat = Literal["adds", "replaces"]
 DerivativeOrder = Literal[0, 1, 2, 3]
+
+
+def usual_targets(vehicles: int) -> list[int]:
+    """Return the vehicles that are attacked by default in a fleet: those of 2, 5, 8, 11 that exist, or 1."""
+    return [one for one in USUAL_TARGETS if one <= vehicles] or [1]
 
 
 AnyAttackKind = TypeVar("AnyAttackKind", bound="AnyAttack")
@@ -308,10 +314,11 @@ class Attack(AnyAttack):
         | Annotated[ChangingVehicles, union_member("changing")],
         Discriminator(attacked_tag),
     ] = Field(
-        default=[2, 5, 8, 11],
+        default=USUAL_TARGETS,
         title="attacked vehicles",
         description="attacked vehicles, from 1, or {random: n}, n of them drawn for each lane, or"
-        " {at: [...], sets: [...]}, other vehicles from given times on",
+        " {at: [...], sets: [...]}, other vehicles from given times on; by default those listed that exist,"
+        " or 1",
     )
     links: AttackedLinks = Field(
         default="auto",

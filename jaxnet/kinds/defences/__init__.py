@@ -53,6 +53,8 @@ class Neighbourhood(NamedTuple):
     - `attacked` (slots, m, lanes): the truth, for observations of it that may err
     - `arrived` (slots, m, lanes): the slots whose message arrived; None if every message arrives.
       `weights` are then those of the arrived messages, 0 in other slots
+    - `linked` (slots, m, lanes): the slots with a source in the network in force, whether or not its message
+      arrived
 
     Examples
     --------
@@ -78,6 +80,7 @@ class Neighbourhood(NamedTuple):
     announced: Any = None
     attacked: Any = None
     arrived: Any = None
+    linked: Any = None
 
 
 class AnyDefence(DrawsAtTicks):
@@ -322,8 +325,10 @@ class Defence(AnyDefence):
         yield from unknown_vehicles("defence.trusted", list(listed), scenario.vehicles, first=1)
         sources = [source for trusted in listed.values() for source in trusted]
         yield from unknown_vehicles("defence.trusted", sources, scenario.vehicles, first=0)
-        if isinstance(self.trusted, NearestSources) and scenario.topology.redrawn():
-            message = "who is nearest the navigator is not known where every lane has links of its own"
+        topology = scenario.topology
+        if isinstance(self.trusted, NearestSources) and (topology.redrawn() or len(topology.turns()) > 1):
+            why = "every lane has links of its own" if topology.redrawn() else "networks take turns"
+            message = f"who is nearest the navigator is not known where {why}"
             yield Fault(("defence.trusted", "topology"), message)
         if (self.needs_ticks() or self.draws()) and scenario.tick == 0:
             yield Fault(("defence", "tick"), f"{self.kind} decides at ticks: give a tick")

@@ -1,13 +1,15 @@
 """Only trusted sources are believed: a baseline for comparisons."""
 
 from jaxnet.kinds.defences import Defence, Neighbourhood
-from jaxnet.kinds.shapes import Decision, Memory, SlotJets, SlotMask, VehicleJets
+from jaxnet.kinds.shapes import Decision, Memory, SlotJets, VehicleJets
 from jaxnet.model.graph import Digraph, Links
 from jaxnet.model.retained import DropPolicy
 
 
 class TrustedOnly(Defence):
-    """Retain trusted sources alone; a vehicle that hears no trusted source retains every source.
+    """Retain trusted sources alone; a vehicle without a trusted source retains every source.
+
+    What counts are the links of the network in force, also where a message is lost.
 
     Under any attack a vehicle ends exactly on the navigator if only trusted, honest links join it to the
     navigator.
@@ -23,16 +25,9 @@ class TrustedOnly(Defence):
     def decide(
         self, own: VehicleJets, received: SlotJets, last: Decision, memory: Memory, around: Neighbourhood
     ) -> tuple[Decision, Memory]:
-        """Return the trusted sources, the same at all times."""
-        return self.trusts_of(around) | memory, memory
-
-    def start(self, around: Neighbourhood) -> Memory:
-        """Return the vehicles that trust no source, and retain every source: (1, m, lanes)."""
-        return ~self.trusts_of(around).any(axis=0, keepdims=True)
-
-    def trusts_of(self, around: Neighbourhood) -> SlotMask:
-        """Return the slots of trusted sources."""
-        return (around.weights > 0) & around.trusted[:, :, None]
+        """Return the trusted sources, or everybody where a vehicle has none in the network in force."""
+        trusted = around.linked & around.trusted[:, :, None]
+        return trusted | ~trusted.any(axis=0, keepdims=True), memory
 
     def retained(self, graph: Digraph, trusted: Links) -> DropPolicy:
         """Return that all untrusted sources of a listener with a trusted source are dropped."""

@@ -82,6 +82,10 @@ class Graph(Kind):
         """Return the number of vehicles, None if the graph takes any number."""
         return None
 
+    def leaderless(self) -> "Graph":
+        """The graph of a fleet without a navigator, where that is numbered otherwise; by default this one."""
+        return self
+
     def vehicle_names(self) -> Sequence[str]:
         """Return the names of the vehicles 1 … m, empty if only numbers name them."""
         return ()

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from annotated_types import Len
 from jaxtyping import Float, Int
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from jaxnet.kinds.fields import Number, Within, median
 from jaxnet.kinds.graphs import Graph
@@ -40,6 +40,13 @@ class Edges(Graph):
     ]
     normalised: bool = Field(default=True, description=NORMALISED)
     names: list[str] = Field(default=[], description="of the vehicles 1 … m, or none")
+
+    _led: bool | None = PrivateAttr(default=None)  # whether a node of an object led; None: from no object
+
+    @property
+    def led(self) -> bool:
+        """Whether these edges are of an object, one of whose nodes became the navigator."""
+        return bool(self._led)
 
     def weights(self, vehicles: int) -> Digraph:
         """Return the edges with the medians of their weights."""
@@ -94,20 +101,27 @@ def name_faults(names: Sequence[str], scenario: ScenarioView) -> list[Fault]:
     return []
 
 
-def adopt_network(given: object) -> Edges | None:
+def adopt_network(given: object, leads: bool | None = True) -> Edges | None:
     """Return the graph that a networkx graph or a matrix means, None for another object.
 
-    Raises KindError if the object means no network.
+    `leads` says whether a node is the navigator, None if in some cells only. Raises KindError if the object
+    means no network.
     """
     found = object_network(given)
-    return None if found is None else edges_of_network(number_nodes(found), network_label(given))
+    if found is None:
+        return None
+    if leads is None:
+        raise KindError("navigator is none in some cells only: say by jaxnet.network(…, leads=…) who leads")
+    return edges_of_network(number_nodes(found, leads=leads), network_label(given), leads)
 
 
-def edges_of_network(network: NumberedNetwork, label: str | None) -> Edges:
+def edges_of_network(network: NumberedNetwork, label: str | None, leads: bool) -> Edges:
     """Return the graph of a network with numbers; raise KindError if the network has no edge."""
     if not network.edges:
         raise KindError("the network has no edge (i, j) with i > 0, which means i hears j")
-    return Edges(edges=network.edges, names=list(network.names), label=label)
+    found = Edges(edges=network.edges, names=list(network.names), label=label)
+    found._led = leads
+    return found
 
 
 def network_label(given: object) -> str | None:

@@ -38,13 +38,14 @@ def check_content(content: str) -> str:
 class File(Graph):
     """Any weighted digraph from a file: a list of edges, a matrix, or GraphML.
 
-    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is node 0. The
-    weights of each listener are normalised to sum 1. The content of the file becomes part of the study, so
-    results need no file and belong to one version of it.
+    A link a, b with weight w, or 1 if there is no weight, means that a hears b. The navigator is node 0; with
+    `navigator: none` every node is a vehicle. The weights of each listener are normalised to sum 1. The
+    content of the file becomes part of the study, so results need no file and belong to one version of it.
     """
 
     kind = "file"
     linked_by: ClassVar[str] = "topology.path"
+    leads: ClassVar[bool] = True  # whether a node is the navigator
 
     path: str = Field(
         description="of the file, from the config's folder; .graphml, .npy and .mtx (Matrix Market), other"
@@ -85,8 +86,12 @@ class File(Graph):
         """
         if self.path not in self.content:
             raise KindError(f"{self.path} was not read: a study reads it where topology names it")
-        options = self.direction, self.first, self.leader, tuple(self.names)
+        options = self.direction, self.first, self.leader, tuple(self.names), self.leads
         return numbered_content(self.content[self.path], *options)
+
+    def leaderless(self) -> "File":
+        """The file's network with every node a vehicle."""
+        return LeaderlessFile.filled(vars(self))
 
     def edges(self) -> EdgeList:
         """Return the edges (i, j, w): vehicle i hears source j; raise KindError as `network` does."""
@@ -134,9 +139,21 @@ class File(Graph):
             yield from size_faults(edges, scenario.vehicles) or super().faults(scenario)
 
 
+class LeaderlessFile(File):
+    """A network from a file, of which no node is the navigator; a config calls it `file` too."""
+
+    kind = "file"
+    leads: ClassVar[bool] = False
+
+
 @functools.lru_cache(maxsize=16)
 def numbered_content(
-    content: str, direction: Direction, first: int, leader: str | None, names: tuple[str, ...]
+    content: str,
+    direction: Direction,
+    first: int,
+    leader: str | None,
+    names: tuple[str, ...],
+    leads: bool,
 ) -> NumberedNetwork:
     """Return the edges and names of a stored network. The cache serves the cells of a sweep."""
-    return number_nodes(parse_network(content), direction, first, leader, names)
+    return number_nodes(parse_network(content), direction, first, leader, names, leads)

@@ -10,7 +10,7 @@ from upath import UPath
 
 from jaxnet.kinds import registry
 from jaxnet.kinds.family import KindOf
-from jaxnet.kinds.fields import NotNegative
+from jaxnet.kinds.fields import NotNegative, is_drawn, value_range
 from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.kind import Fault
 from jaxnet.kinds.navigators.none import NoNavigator
@@ -82,6 +82,14 @@ class Switching(DrawsAtTicks, Graph):
         total = sum(sparse.coo_array(link, shape=(vehicles, vehicles + 1)).tocsr() for link in links)
         return graph.of_matrix(total / len(each))
 
+    def leaderless(self) -> Graph:
+        """The networks of a fleet without a navigator."""
+        return self.model_copy(update={"networks": [each.leaderless() for each in self.networks]})
+
+    def differs(self) -> bool:
+        """Return False: lanes may draw when networks change, but have the same networks."""
+        return False
+
     def turns(self) -> list[Graph]:
         """Return the networks in the order of the config."""
         return self.networks
@@ -119,6 +127,8 @@ class Switching(DrawsAtTicks, Graph):
         """Yield faults of the times of changes."""
         if (self.every == 0) == (not self.at):
             yield Fault(("topology.every", "topology"), "give either every or at")
+        if is_drawn(self.every) and value_range(self.every)[0] <= 0:
+            yield Fault(("topology.every",), "must be greater than 0, whatever is drawn")
         if self.at != sorted(set(self.at)) or min(self.at, default=1.0) <= 0:
             yield Fault(("topology.at",), "must be positive times in ascending order")
         if scenario.tick == 0:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from jaxnet.config.cells import Cell, is_leaderless
+from jaxnet.config.idle import idle_keys
 from jaxnet.config.keys import Scenario, Sequential
 from jaxnet.config.naming import format_value
 from jaxnet.config.scenario import (
@@ -68,6 +69,8 @@ def check_text(study: Study) -> str:
     amplitude = wrap_lines(amplitude_note(study.cells) + amplitude_advice(study))
     parts = [study_head(study), cell_list(study.cells), amplitude]
     parts += [*network_texts(study.cells), guarantees(study.cells)]
+    if idle := idle_keys(study):
+        parts.append(wrap_lines(network_text("keys without effect", idle)))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -379,7 +382,8 @@ def reach_text(scenario: Scenario) -> str:
 def lost_text(scenario: Scenario) -> str:
     """Return the stability in mean square of a law by exchanges if whole ticks are lost, "" if not known."""
     lost = scenario.channel.loss.of_whole_ticks()
-    if scenario.channel.late or scenario.channel.missing != "drop" or not scenario.vehicle.flat:
+    channel, one_network = scenario.channel, len(scenario.topology.turns()) == 1
+    if not one_network or channel.late or channel.missing != "drop" or not scenario.vehicle.flat:
         return ""
     if (
         lost is None

@@ -115,7 +115,7 @@ def plain(own, received, weights, trusted, vehicle, lane):
 def test_it_is_the_rule(rule, reference):
     """Weights in force to 1e-12, and to the last slot who has none."""
     own, received, weights, trusted = given = neighbourhoods(1)
-    around = Neighbourhood(None, weights, trusted, None, None, ())
+    around = Neighbourhood(None, weights, trusted, None, None, (), linked=weights > 0)
     last = np.ones(weights.shape, bool)
     decision, _ = rule.decide((own,) * 3, (received,) * 3, last, rule.start(around), around)
     found = np.broadcast_to(retained.in_force(weights, decision), (2, *weights.shape))

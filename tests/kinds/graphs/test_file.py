@@ -12,6 +12,7 @@ from scipy import sparse
 from scipy.io import mmwrite
 
 import jaxnet
+from jaxnet.kinds.graphs import Graph
 from jaxnet.kinds.graphs.erdos_renyi import ErdosRenyi
 from jaxnet.kinds.graphs.grid import Grid
 from jaxnet.store.folder import digest
@@ -539,3 +540,74 @@ def test_names_stand_in_check():
     assert "names 1 robot 1, 2 robot 2, 3 robot 3," in words
     assert "60 robot 60, … (62 vehicles)" in words
     assert "names" not in check_text(jaxnet.load({"attack": "none"}))
+
+
+RING = np.roll(np.eye(8), 1, axis=1) + np.roll(np.eye(8), -1, axis=1)
+DIRECTED = nx.cycle_graph([*"abcdefgh"], create_using=nx.DiGraph)
+ALONE = {"navigator": "none", "vehicle": "single_integrator", "law": "local", "gain": [1.0]}
+ALONE |= {"attack": "none", "defence": "none", "engine": "exact"}
+
+
+@pytest.mark.parametrize(
+    ("given", "weights"),
+    [
+        (RING, RING),
+        (np.diag(RING.sum(axis=1)) - RING, RING),
+        (np.hstack([np.zeros((8, 1)), RING]), RING),
+        (nx.cycle_graph(8), RING),
+        (nx.relabel_nodes(nx.cycle_graph(8), dict(enumerate("abcdefgh"))), RING),
+        (DIRECTED, np.roll(np.eye(8), 1, axis=1)),
+        (jaxnet.network(RING, leads=False), RING),
+    ],
+    ids=["square", "laplacian", "a0 | A", "graph", "named", "directed", "network"],
+)
+def test_without_a_navigator_every_node_is_a_vehicle(given, weights, tmp_path):
+    """Eight vehicles from an object, and from a file of the same network, also where networks take turns."""
+    if isinstance(given, np.ndarray):
+        np.savetxt(tmp_path / "ring.csv", given, fmt="%g", delimiter=",")
+    elif isinstance(given, nx.Graph):
+        ring = list(zip(given, [*list(given)[1:], next(iter(given))], strict=True))
+        rows = [f"{i},{j}\n" for i, j in ring]
+        rows += [] if given.is_directed() else [f"{j},{i}\n" for i, j in ring]
+        (tmp_path / "ring.csv").write_text("".join(rows))
+    topologies = [given]
+    if not isinstance(given, Graph):
+        file = {"kind": "file", "path": str(tmp_path / "ring.csv")}
+        topologies += [file, {"kind": "switching", "networks": [file, file], "every": 1.0}]
+    for topology in topologies:
+        study = jaxnet.load({**ALONE, "topology": topology})
+        assert study.config.vehicles == 8
+        found = matrix_of(study.cells[0].scenario.topology, 8)
+        np.testing.assert_allclose(found, np.hstack([np.zeros((8, 1)), weights / weights.sum(axis=1)]))
+
+
+@pytest.mark.parametrize(
+    ("topology", "says"),
+    [
+        ({"leader": "1"}, "leader says which node is the navigator, and there is no navigator"),
+        ({"first": 1}, "first says which node is the navigator, and there is no navigator"),
+        (np.hstack([np.ones((8, 1)), RING]), "column 0 of a matrix m × (m + 1) is what the navigator tells"),
+        (np.diag(np.arange(3.0) < 2, k=1), "node 3 has no edge"),
+        (jaxnet.network(RING), "a node leads this network, and navigator is none"),
+    ],
+    ids=["leader", "first", "a0 | A", "no edge", "network"],
+)
+def test_without_a_navigator_nothing_names_one(topology, says, tmp_path):
+    """Neither a key, nor a column, nor `jaxnet.network`; no node gets lost."""
+    if isinstance(topology, dict):
+        np.savetxt(tmp_path / "ring.csv", RING, fmt="%g", delimiter=",")
+        topology = {"kind": "file", "path": str(tmp_path / "ring.csv"), **topology}
+    with pytest.raises(jaxnet.ConfigError, match=re.escape(says)):
+        jaxnet.load({**ALONE, "topology": topology})
+
+
+def test_a_cell_without_a_navigator_has_a_vehicle_more(tmp_path):
+    """In a sweep over navigators as alone; an object is asked for who leads."""
+    np.savetxt(tmp_path / "ring.csv", RING, fmt="%g", delimiter=",")
+    keys = {**ALONE, "topology": {"kind": "file", "path": str(tmp_path / "ring.csv")}}
+    swept = {"sweep": {"navigator": ["none", "lissajous"]}}
+    assert [cell.scenario.vehicles for cell in jaxnet.load(keys | swept).cells] == [8, 7]
+    with pytest.raises(jaxnet.ConfigError, match="navigator is none in some cells only"):
+        jaxnet.load(keys | swept | {"topology": RING})
+    assert jaxnet.load(keys | {"topology": RING, "navigator": "lissajous"}, ["navigator=none"]).lanes == 1
+    assert jaxnet.load(jaxnet.load(keys), {"samples": 3}).cells[0].scenario.vehicles == 8
