@@ -288,7 +288,7 @@ def outcome_of(fleet: Fleet, motion: Motion, batch: Batch, series: Series) -> Ou
     status = fail(status, Status.nonfinite, ~metrics.finite(gathered))
     plan = batch.plan
     values = metrics.fleet_values(plan.metrics, gathered, clock.outputs, clock.tail_outputs)
-    status = fail(status, Status.unmeasured, ~metrics.measured(plan.metrics, values))
+    status = fail(status, Status.unmeasured, ~metrics.all_defined(plan.metrics, values))
     ok = status == Status.ok
     found = {name: jnp.where(ok, value, jnp.nan) for name, value in values.items()}
     errors = metrics.vehicle_errors(plan.save, gathered, clock.tail_outputs, ok)

@@ -230,7 +230,7 @@ def fleet_values(
 MAY_BE = {"error": jnp.isfinite, "infinite": lambda x: ~jnp.isnan(x), "blank": lambda x: ~jnp.isinf(x)}
 
 
-def measured(
+def all_defined(
     metrics: Sequence[Metric], values: Mapping[str, Float[Array, "*lanes"]]
 ) -> Bool[Array, "*lanes"]:
     """Return the lanes in which every metric of the fleet is what its `undefined` allows."""

@@ -208,7 +208,9 @@ def decay_text(scenario: Scenario) -> str:
     left = max(np.linalg.norm(expm(exact.companion(gain) * begins), 2) for gain in gains)
     if left <= DIED_AWAY:
         return line
-    return f"{line}; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
+    return (
+        f"{line}; the start has not died away: up to {left:.2g} ‖η(0)‖ when the tail begins, at {begins:g} s"
+    )
 
 
 class NetworkKeys:
