@@ -147,7 +147,7 @@ class CellSearch:
         if not path.exists():
             return {}
         try:
-            with np.load(io.BytesIO(gate.read_bytes(path)), allow_pickle=False) as stored:
+            with np.load(io.BytesIO(gate.read_whole(path)), allow_pickle=False) as stored:
                 return dict(stored) if str(stored["stamp"]) == self.stamp() else {}
         except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
             raise FolderError(f"{path} cannot be read ({error}): remove it to search anew") from error

@@ -96,8 +96,9 @@ def tile_notes(results: Results, numbers: Int[np.ndarray, "..."], metric: str) -
     cells, kinds, found = set(numbers.ravel().tolist()), failed_kinds(results), tile_table(results)
     known: Any = found[found.index.isin(cells) & found[metric].notna()]
     words = [f"{count_between(known['ok'].astype(int).tolist(), 'lane')} a tile"]
-    if metric == "unrecovered" and (asked := results.study.config.recovery) is not None:
-        words.insert(0, share_definition(asked, results.study.cells))
+    if metric == "unrecovered":
+        if asked := results.study.config.recovery:
+            words.insert(0, share_definition(asked, results.study.cells))
         middle, low, high = (known[name] for name in SHARE_COLUMNS)
         sure = 100 * confidence_told(results.study.config.samples)
         half = max((high - middle).max(), (middle - low).max())

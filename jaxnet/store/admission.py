@@ -77,7 +77,7 @@ def admit_made(folder: Folder, manifest: Manifest, config: Config) -> None:
     file = folder.path / DERIVED_FROM
     if file.exists():
         with gate.reading(file, "does not tell of which rows it was made"):
-            made = dict(json.loads(gate.read_bytes(file)))
+            made = dict(json.loads(gate.read_whole(file)))
         settings = made.pop("settings", settings_of(config))
         if made != rows_of or settings != settings_of(config):
             what = "rows" if made != rows_of else "settings"

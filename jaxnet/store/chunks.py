@@ -11,10 +11,10 @@ from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import WrapperStore
 
 from jaxnet.store import gate
+from jaxnet.store.arrays import CHECKSUM
 from jaxnet.store.foreign import Promise
 
-CHECKSUM = 4  # bytes at a chunk's end
-MOST_TEXT = 2**26  # bytes of a chunk of labels
+MOST_LABEL_BYTES = 2**26  # bytes of a chunk of labels
 Due = Callable[[int, int], bool]  # of a cell and a block of samples: whether their chunk is in the store
 
 
@@ -46,7 +46,7 @@ class GatedStore(WrapperStore[Store]):
 
 def most_bytes(promise: Promise) -> int:
     """Return the greatest number of bytes of a compressed chunk (the bound of Zstandard)."""
-    size = MOST_TEXT if promise.size is None else promise.size
+    size = MOST_LABEL_BYTES if promise.size is None else promise.size
     return size + size // 128 + 2**10
 
 
@@ -63,6 +63,6 @@ def check_chunk(file: str, content: bytes, promise: Promise, most: int) -> None:
         if promise.size is not None:
             pa.decompress(body, decompressed_size=promise.size, codec="zstd")
             return
-        text = pa.CompressedInputStream(pa.BufferReader(body), "zstd").read(MOST_TEXT + 1)
-        if len(text) > MOST_TEXT or int.from_bytes(text[:4], "little") != promise.entries:
+        text = pa.CompressedInputStream(pa.BufferReader(body), "zstd").read(MOST_LABEL_BYTES + 1)
+        if len(text) > MOST_LABEL_BYTES or int.from_bytes(text[:4], "little") != promise.entries:
             raise ValueError("it has more labels than are due")

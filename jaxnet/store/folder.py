@@ -288,7 +288,7 @@ class Folder:
         file = self.path / "manifest.json"
         try:
             with gate.reading(file, "is not a manifest"):
-                found = json.loads(gate.read_bytes(file))
+                found = json.loads(gate.read_whole(file))
         except (FileNotFoundError, NotADirectoryError):
             return cast(Manifest, {})
         if wrong := next(wrong_entries(found), ""):

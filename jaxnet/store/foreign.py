@@ -67,7 +67,7 @@ def promise_of(array: dict[str, Any]) -> Promise:
 def metadata(file: UPath) -> dict[str, object]:
     """Read a file of metadata; raise FolderError."""
     with gate.reading(file, "has no metadata of Zarr"):
-        found = json.loads(gate.read_bytes(file, MOST_METADATA))
+        found = json.loads(gate.read_whole(file, MOST_METADATA))
     if not isinstance(found, dict):
         raise FolderError(f"{file}: no metadata of Zarr: it is no mapping")
     return found

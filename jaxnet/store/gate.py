@@ -15,7 +15,7 @@ from typing import Any
 from upath import UPath
 
 MOST_TEXT = 2**28  # bytes of a table or of a manifest
-KINDS = {stat.S_IFLNK: "a link", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+IRREGULAR = {stat.S_IFLNK: "a link", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 
 
 class FolderError(ValueError):
@@ -49,10 +49,12 @@ def refuse_irregular(file: Path) -> None:
     """Raise FolderError for a link, a pipe or a device, without opening it."""
     kind = stat.S_IFMT(file.lstat().st_mode)
     if kind not in (stat.S_IFREG, stat.S_IFDIR):
-        raise FolderError(f"{file} is {KINDS.get(kind, 'a device')}, and only files and folders count here")
+        raise FolderError(
+            f"{file} is {IRREGULAR.get(kind, 'a device')}, and only files and folders count here"
+        )
 
 
-def read_bytes(file: UPath, most: int = MOST_TEXT, fault: str = "cannot be read") -> bytes:
+def read_whole(file: UPath, most: int = MOST_TEXT, fault: str = "cannot be read") -> bytes:
     """Read a file at once, since another process may replace it.
 
     Raises FileNotFoundError, or FolderError for a file that is irregular or has more than `most` bytes.

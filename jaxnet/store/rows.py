@@ -163,7 +163,7 @@ def read_columns(path: UPath, columns: Sequence[str] | None = None) -> pa.Table:
     """
     if isinstance(path, Path) and path.is_dir():
         raise FolderError(f"{path} is a folder, where a file of rows is due")
-    content = gate.read_bytes(path, MOST_FILE)
+    content = gate.read_whole(path, MOST_FILE)
     try:
         file = pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
         if strange := strange_file(file.metadata, file.schema_arrow):

@@ -39,7 +39,7 @@ def read_table(
     Raises FolderError for a file that is no table.
     """
     fault = "is not a table of ours"
-    content = gate.read_bytes(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
+    content = gate.read_whole(path, gate.MOST_TEXT + ROW_TEXT * lanes, fault)
     with gate.reading(path, fault):
         found = pd.read_csv(io.BytesIO(content), dtype=types, keep_default_na=False, na_values=[""])  # pyright: ignore
     if missing := [name for name in needed if name not in found]:
