@@ -2,10 +2,12 @@
 
 import atexit
 import gc
+from typing import Any
 
 import click
 
 from jaxnet.cli import lanes, results, studies
+from jaxnet.cli.errors import prepare_streams
 from jaxnet.version import __version__
 
 SECTIONS = {
@@ -35,6 +37,11 @@ SECTIONS = {
 
 class Sections(click.Group):
     """Commands, listed in the order in which they are used."""
+
+    def main(self, *args: Any, **keys: Any) -> Any:
+        """Run a command with output streams that take what it writes."""
+        prepare_streams()
+        return super().main(*args, **keys)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section of help for each group of commands."""
