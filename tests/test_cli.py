@@ -50,6 +50,46 @@ def jaxnet_does(*words):
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
+@pytest.mark.parametrize(
+    ("before", "command", "after", "says"),
+    [
+        ("", "check", ">&-", "standard output is closed"),
+        ("", "check", "> /dev/full", "cannot write standard output: No space left on device"),
+        (
+            "ulimit -v 400000;",
+            "check",
+            "",
+            "out of memory: ulimit -v allows 0.41 GB of addresses, 0.7 GB are needed",
+        ),
+        (
+            "ulimit -v 2000000;",
+            "run",
+            "",
+            "out of memory: ulimit -v allows 2 GB of addresses, 3.2 GB are needed",
+        ),
+        ("JAX_PLATFORMS=nonsense", "run", "", "JAX: Unable to initialize backend 'nonsense'"),
+    ],
+)
+def test_a_machine_that_cannot_is_told_in_a_line(config, tmp_path, before, command, after, says):
+    """With status 2, and nothing else."""
+    line = f"{before} {sys.executable} -m jaxnet {command} {config} {after}"
+    ended = subprocess.run(["sh", "-c", line], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert ended.returncode == 2, ended.stderr
+    (told,) = ended.stderr.splitlines()
+    assert told.startswith(says)
+
+
+def test_a_terminal_without_our_characters_shows_others(config):
+    """Such as latin-1, which has no ‖."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "jaxnet", "check", config],
+        capture_output=True,
+        check=True,
+        env=os.environ | {"PYTHONIOENCODING": "latin-1"},
+    )
+    assert "exp(-0.101 t) ??(0)?" in ended.stdout.decode("latin-1")
+
+
 def test_looking_and_checking_never_import_jax(config):
     """Nor numpy, for the commands' help."""
     code = "import sys, jaxnet.cli; print(any(name in sys.modules for name in ('jax', 'numpy', 'pydantic')))"

@@ -2,11 +2,12 @@
 
 import atexit
 import gc
+from typing import Any
 
 import click
 
 from jaxnet.cli import lanes, results, studies
-from jaxnet.cli.errors import unforeseen
+from jaxnet.cli.errors import prepare_streams, unforeseen
 from jaxnet.version import __version__
 
 SECTIONS = {
@@ -36,6 +37,11 @@ SECTIONS = {
 
 class Sections(click.Group):
     """Commands, listed in the order in which they are used."""
+
+    def main(self, *args: Any, **keys: Any) -> Any:
+        """Run a command with output streams that take what it writes."""
+        prepare_streams()
+        return super().main(*args, **keys)
 
     def invoke(self, ctx: click.Context) -> object:
         """Run a command; an error that nobody foresaw ends in one line."""

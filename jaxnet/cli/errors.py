@@ -4,6 +4,7 @@ an error of jaxnet's own.
 
 import contextlib
 import errno
+import io
 import os
 import shlex
 import signal
@@ -18,6 +19,7 @@ import click
 
 from jaxnet.cli.echo import echo
 from jaxnet.lazy import LazyModule
+from jaxnet.runs import cache
 from jaxnet.version import __version__
 
 if TYPE_CHECKING:
@@ -34,6 +36,7 @@ else:
 
 STOPPED: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 REPEAT_AFTER = 0.5  # [s]
+NO_PLATFORM = "Unable to initialize backend"  # how JAX begins its error for JAX_PLATFORMS
 DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -100,12 +103,44 @@ def user_errors() -> Iterator[None]:
     except OSError as error:
         if error.errno not in DISK_FAULTS and not isinstance(error, folder.UnwrittenError | PermissionError):
             raise
-        echo("; ".join(filter(None, (str(error), remedy()))), err=True)
+        told = f"cannot write standard output: {error.strerror}" if from_echo(error) else str(error)
+        echo("; ".join(filter(None, (told, remedy()))), err=True)
+        sys.exit(2)
+    except MemoryError as error:
+        echo(f"out of memory{f': {error}' * bool(str(error))}; {cluster.KEPT}", err=True)
+        sys.exit(2)
+    except RuntimeError as error:
+        if not str(error).startswith(NO_PLATFORM):
+            raise
+        echo(f"JAX: {str(error).splitlines()[0]}", err=True)
         sys.exit(2)
     except (document.ConfigError, folder.FolderError, cluster.ClusterError, modules.KindError) as error:
         echo(str(error), err=True)
         if isinstance(error, document.ConfigError) and len(error.problems) > 1:
             echo(f"{len(error.problems)} errors", err=True)
+        sys.exit(2)
+
+
+def from_echo(error: OSError) -> bool:
+    """Return whether an error without a file's name is from a command's own output."""
+    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+    return error.filename is None and any(frame.f_code is click.echo.__code__ for frame in frames)
+
+
+def prepare_streams() -> None:
+    """Have a terminal without our characters show others; exit with status 2 without a standard output, or
+    with too little memory for any command.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    if sys.stdout is None:
+        click.echo("standard output is closed: give it a file, as > /dev/null", err=True)
+        sys.exit(2)
+    try:
+        cache.refuse_low_limit(cache.OF_CHECKS)
+    except MemoryError as error:
+        click.echo(f"out of memory: {error}", err=True)
         sys.exit(2)
 
 

@@ -7,6 +7,8 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+OF_JAX = 3.2e9  # bytes of addresses: 3.1e9 are too few on two cores, 3.4e9 enough
+OF_CHECKS = 0.7e9  # the same without JAX: with 0.5e9 NumPy's libraries hang
 SHORTEST_COMPILATION = 0.1  # [s], of compilations that are kept
 # - Loops that move no more bytes than that are compiled as one function, not operation by operation.
 # - LLVM takes choices out of loops, which then run in vectors: 1.4 times, trimming, loss, 12 vehicles.
@@ -22,7 +24,9 @@ def enable() -> None:
 
     Another cache comes from JAX_COMPILATION_CACHE_DIR or from JAX's config. The function does not import JAX.
     Existing XLA_FLAGS stay. If JAX has compiled before, the flags come too late, and its programs are slower.
+    Raises MemoryError where `ulimit -v` is so low that JAX would end the process without a word.
     """
+    refuse_low_limit(OF_JAX)
     os.environ.setdefault("XLA_FLAGS", FLAGS)
     if "jax" in sys.modules and sys.modules["jax"].config.jax_compilation_cache_dir is not None:
         return
@@ -40,6 +44,19 @@ def enable() -> None:
         jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
         shortest = float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
         jax.config.update("jax_persistent_cache_min_compile_time_secs", shortest)
+
+
+def refuse_low_limit(least: float) -> None:
+    """Raise MemoryError if `ulimit -v` allows the process fewer bytes of addresses."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if allowed != resource.RLIM_INFINITY and allowed < least:
+        raise MemoryError(
+            f"ulimit -v allows {allowed / 1e9:.2g} GB of addresses, {least / 1e9:g} GB are needed"
+        )
 
 
 def processor() -> str:

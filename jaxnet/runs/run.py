@@ -163,8 +163,8 @@ class Run:
         """Make room for these samples in the stores that shards fill; return the stores' identities."""
         identities = {}
         for name, variables in layout.filled_stores(self.cells, self.study.save).items():
-            self.folder.look()
-            store = arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
+            with self.folder.naming(name):
+                store = arrays.prepare(self.folder.path / name, variables, self.cells, samples, self.size)
             identities[name] = arrays.store_identity(store)
         return identities
 
@@ -274,17 +274,18 @@ class Run:
                 f"{path} holds all lanes, and is replaced by one of those that are chosen", stacklevel=2
             )
         self.folder.remove(CHOSEN_STORE)
-        store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
+        with self.folder.naming(CHOSEN_STORE):
+            store = lane_store.create_lanes(arrays.store_at(path), variables, self.cells, lanes)
         first = 0
         for cell, samples in ((self.cells[number], samples) for number, samples in chosen.items() if samples):
             source = source_of(self.study, cell.scenario)
             one = job(cell.scenario, source, samples, layout.series_of(variables))
             series = batch.simulate(one, self.machine).series
-            self.folder.look()
-            lane_store.write_lanes(store, first, cell, variables, series)
+            with self.folder.naming(CHOSEN_STORE):
+                lane_store.write_lanes(store, first, cell, variables, series)
             first += len(samples)
-        self.folder.look()
-        lane_store.seal(store, path, variables, len(lanes))
+        with self.folder.naming(CHOSEN_STORE):
+            lane_store.seal(store, path, variables, len(lanes))
 
 
 def looks_of(samples: int | keys.Sequential, there: int) -> list[int]:

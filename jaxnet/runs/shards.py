@@ -169,10 +169,10 @@ def write_arrays(
     """Write a shard's arrays into the stores; return the checksums of its chunks."""
     samples, checksums = slice(shard.samples.start, shard.samples.stop), {}
     for name, variables in work.stores.items():
-        work.folder.look()
         store = stores[name]
         assert store is not None
-        arrays.write_chunks(store, (shard.cell.number, samples), {key: values[key] for key in variables})
+        with work.folder.naming(name):
+            arrays.write_chunks(store, (shard.cell.number, samples), {key: values[key] for key in variables})
         checksums |= arrays.read_checksums(work.folder.path / name, variables, chunk_of(work, shard))
     return checksums
 

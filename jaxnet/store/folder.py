@@ -310,8 +310,7 @@ class Folder:
         Raises TakenError if another process holds the folder by then, and UnwrittenError.
         """
         final = self.path / name
-        self.look()
-        try:
+        with self.naming(name):
             if isinstance(final, Path):
                 put_file(Path(str(self.path)), final, write, self.look)
             else:
@@ -319,11 +318,21 @@ class Folder:
                 write(content)
                 self.look()
                 final.fs.pipe_file(final.path, content.getvalue())
+        return final
+
+    @contextlib.contextmanager
+    def naming(self, name: str) -> Iterator[None]:
+        """Write a file or store: an OSError within becomes an UnwrittenError that names it.
+
+        Raises TakenError if another process holds the folder before or after the error.
+        """
+        self.look()
+        try:
+            yield
         except OSError as error:
             self.look()
-            reason = f"cannot write {final}: {error.strerror or error}"
+            reason = f"cannot write {self.path / name}: {error.strerror or error}"
             raise UnwrittenError(error.errno, reason) from error
-        return final
 
     @contextlib.contextmanager
     def writing(self, alone: bool = True) -> Iterator[None]:
