@@ -133,10 +133,8 @@ def of_functions(response: ByFunction) -> Vectors:
 
 def combined(vectors: Vectors, functions: Numbers) -> PlaneArray:
     """Return `Σ_b v_jb β_b` (2, m, lanes) for functions (B, lanes)."""
-    total = vectors[:, :, 0] * functions[0][None, None]
-    for b in range(1, vectors.shape[2]):
-        total = total + vectors[:, :, b] * functions[b][None, None]
-    return total
+    each = [vectors[:, :, b] * functions[b][None, None] for b in range(vectors.shape[2])]
+    return sum(each[1:], each[0]) if each else vectors.sum(axis=2)
 
 
 def jets(vectors: Vectors, basis: OrderedJets) -> tuple[PlaneArray, ...]:
