@@ -96,7 +96,8 @@ def stood(
 
     def pace(state: Any) -> tuple[Plane, Plane]:
         now, free, effect = state
-        jets = tuple(a[:, None] + b + c for a, b, c in zip(lane.path(now), driven(effect), free, strict=False))
+        path = (each[:, None] for each in lane.path(now)[: len(free)])
+        jets = plane.plus(plane.plus(free, driven(effect)), tuple(path))
         return standstill.backwards(lane.vehicle, jets, highest)
 
     def go_back(state: Any, step: Durations) -> Any:

@@ -13,6 +13,7 @@ word is the one number that its listener hears at a tick.
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import jax
@@ -427,7 +428,7 @@ def motion_of(
             sensed = plane.plus(sensed, noise)
         asked = drive[:, n] - control.feedback(gain, sensed)
         series[order].append(asked if strength is None else strength * asked)
-        for each, rate in zip(series, series[1:], strict=False):
+        for each, rate in pairwise(series):
             each.append(interval[None, None] * rate[n])
     told = [jnp.stack(each[:DEGREES], axis=1) for each in series]
     if noise is not None:
@@ -443,8 +444,8 @@ def coefficients(
     They are those of the differences from one value, for rounding grows with what is interpolated.
     """
     matrix = jnp.asarray(TO_COEFFICIENTS).reshape(DEGREES, DEGREES, *[1] * (values.ndim - 1))
-    found = sum(matrix[:, n] * (values[n] - values[0])[None] for n in range(1, DEGREES))
-    return found.at[0].add(values[0])
+    found = (matrix[:, n] * (values[n] - values[0])[None] for n in range(1, DEGREES))
+    return sum(found, jnp.zeros_like(values)).at[0].add(values[0])
 
 
 def push(queue: Shaped[Array, "d *some"], last: Shaped[Array, "*some"]) -> Shaped[Array, "d *some"]:

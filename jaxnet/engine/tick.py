@@ -95,8 +95,8 @@ class KnownDrive(NamedTuple):
 
     share: Float[Array, "axes m lanes"] | None  # of the weights of a row whose words are not live; None: 0
     drive: Float[Array, "2 degrees m lanes"]  # z_k [m/s³]
+    interval: Instants  # from tick to tick [s]
     time: Instants | None = None  # of the tick [s]; None where the drive is constant
-    interval: Instants | None = None  # from tick to tick [s]
 
     def at(self, time: Float[Array, "*lanes"]) -> Float[Array, "2 m *lanes"]:
         """Return the drive at a time."""
@@ -630,7 +630,8 @@ def value_at(
 ) -> Float[Array, "2 *some"]:
     """Return the values of polynomials after a share of a tick."""
     powers = signal.powers_of(share, words.shape[1])
-    return sum(late.weighed(words[:, k], each) for k, each in enumerate(powers))
+    higher = (late.weighed(words[:, k], powers[k]) for k in range(1, len(powers)))
+    return sum(higher, words[:, 0])
 
 
 def messages_of(
@@ -777,7 +778,7 @@ def with_known(lane: Lane, network: Network, state: DecisionState, plan: Plan) -
         drive = plus_slots(known.drive, heard, slot_of(reception.words))
     share = heard.sum(axis=1)
     share = share if known.share is None else share + known.share
-    return state._replace(known=KnownDrive(share, drive, reception.time, lane.interval))
+    return state._replace(known=KnownDrive(share, drive, lane.interval, reception.time))
 
 
 def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -> KnownDrive | None:
@@ -796,7 +797,7 @@ def known_now(lane: Lane, state: DecisionState, plan: Plan, live: AxisWeights) -
     share = given.sum(axis=1)
     share = share if known.share is None else share + known.share
     drive = plus_slots(known.drive, given, slot_of(reception.words))
-    return KnownDrive(share, drive, reception.time, lane.interval)
+    return KnownDrive(share, drive, lane.interval, reception.time)
 
 
 def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees: int) -> KnownDrive:
@@ -809,7 +810,7 @@ def constant_drive(lane: Lane, state: DecisionState, heard: AxisWeights, degrees
     if state.link_errors is not None and (reception is None or reception.heard is None):
         drive = drive + (heard * word_errors(lane.gain, state.link_errors)).sum(axis=1)
     rest = jnp.zeros((2, degrees - 1, *drive.shape[1:]))
-    return KnownDrive(share, jnp.concatenate([drive[:, None], rest], axis=1))
+    return KnownDrive(share, jnp.concatenate([drive[:, None], rest], axis=1), lane.interval)
 
 
 def slot_of(words: Words) -> Callable[[LoopIndex], Float[Array, "2 degrees m lanes"]]:
